@@ -34,7 +34,7 @@ class CaseResult:
     layered: Floats | None = None
 
     @property
-    def followed(self) -> Floats:
+    def followed_stress(self) -> Floats:
         """(m, 3, 3) stress that the pattern follows, Pa."""
         return self.sigma if self.layered is None else self.layered
 
@@ -72,7 +72,7 @@ class DiffusionResult:
 
 
 @dataclass(frozen=True, eq=False)
-class Steered:
+class StripeSteering:
     """Directions of stripes that guides or symmetry change.
 
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
@@ -108,7 +108,7 @@ class EvenStripes:
     first: int
     chart: Chart
     symmetry: Symmetry | None = None
-    steered: Steered | None = None
+    steered: StripeSteering | None = None
     forces: Floats | None = None
 
 
@@ -229,10 +229,10 @@ class PatternResult:
 
     def half_width(self, family: str) -> Floats:
         """Return the half-widths (n,) of a family, in periods; 0 for an unused family."""
-        drawn = dict(zip(self.names, self.half_widths, strict=True))
-        return drawn[family] if family in drawn else np.zeros_like(self.half_widths[0])
+        by_family = dict(zip(self.names, self.half_widths, strict=True))
+        return by_family[family] if family in by_family else np.zeros_like(self.half_widths[0])
 
-    def settled(self, preset: Preset) -> Preset:
+    def preset_with_choices(self, preset: Preset) -> Preset:
         """Return the preset with the results of `auto`."""
         return preset.with_pattern(**dict(self.asked)) if self.asked else preset
 

@@ -36,7 +36,7 @@ class Drawn:
         return PatternResult(("major", "minor"), fields, levels, self.d)
 
     def sheet(self):
-        return cut(self.surface, self.pattern.fields, self.pattern.levels).kept()
+        return cut(self.surface, self.pattern.fields, self.pattern.levels).subset()
 
 
 def grid(place, u, v, shake=0.2):

@@ -79,7 +79,7 @@ def here(monkeypatch):
     found: list = []
 
     def drawn(program, path, folder, *how, seconds):
-        return step_triangles.written(path, folder, *how)
+        return step_triangles.write_results(path, folder, *how)
 
     def said(program, path, folder, deflection, limit, look=None):
         judge = piece_check.whole_findings if look else piece_check.solid_findings

@@ -87,9 +87,9 @@ def sliced(preset: Preset) -> Design:
     """The design of a preset, cut."""
     path = Path(os.environ[FOLDER], sha256(preset.model_dump_json().encode()).hexdigest())
     if not path.exists():
-        made = Design.of(preset).until("slicing")
+        made = Design.from_preset(preset).until("slicing")
         state = {name: value for name, value in made.__getstate__().items() if name != "preset"}
         partial = path.with_suffix(f".{os.getpid()}")
         partial.write_bytes(pickle.dumps(state))
         partial.replace(path)
-    return Design.known(preset, **pickle.loads(path.read_bytes()))
+    return Design.from_results(preset, **pickle.loads(path.read_bytes()))

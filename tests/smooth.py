@@ -21,7 +21,7 @@ def thickened(surface: Surface, sheet: Sheet) -> Solid:
 def holed(surface: Surface, centres: list[list[float]], radius: float) -> Sheet:
     """The surface with round holes; the edge is linear over each face."""
     away = np.linalg.norm(surface.V[:, None] - np.array(centres), axis=2).min(axis=1)
-    return cut(surface, [away - radius], [np.array([0.0])]).kept()
+    return cut(surface, [away - radius], [np.array([0.0])]).subset()
 
 
 def written(surface, sheet, path, step="smooth"):

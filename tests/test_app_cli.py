@@ -208,9 +208,9 @@ def test_bench_prints_the_table_and_json_with_the_agreed_keys(capsys):
     code, out, err = run(capsys, *arguments, "--json")
     assert (code, err) == (0, "")
     (row,) = json.loads(out)
-    assert list(row) == ["preset", "vertices", "triangles", *bench_module.ROWS, "peak_mb", "compliance"]
+    assert list(row) == ["preset", "vertices", "triangles", *bench_module.TIMING_COLUMNS, "peak_mb", "compliance"]
     assert row["stripes"] is None  # they are on modes
-    assert all(row[key] >= 0 for key in bench_module.ROWS if key != "stripes")
+    assert all(row[key] >= 0 for key in bench_module.TIMING_COLUMNS if key != "stripes")
     assert row["total"] >= sum(row[key] for key in ("membrane", "statics", "modes", "slicing"))
     assert row["peak_mb"] > 50
     evenly = (
@@ -479,11 +479,11 @@ def test_a_folder_named_like_a_preset_shadows_nothing(capsys, tmp_path, monkeypa
     assert (tmp_path / "outputs" / "dome" / "dome.ply").is_file()
     assert not (tmp_path / "dome" / "dome.ply").exists()
     assert load_preset("dome").name == "dome"
-    monkeypatch.setattr("dsfab.app.listing._made", lambda name, source, picture: {"made of": name})
+    monkeypatch.setattr("dsfab.app.listing._measured_facts", lambda name, source, picture: {"made of": name})
     monkeypatch.setattr("dsfab.app.listing.fabrication_lines", lambda built: [str(built)])
     assert run(capsys, "inspect", "dome")[1].strip() == "{'made of': 'dome'}"
     assert "no design.json" in refused(capsys, "inspect", "./dome")
     assert "preset.toml is not valid TOML" in refused(capsys, "export", "./dome", "--to", "stl")
     assert "unknown key nothing" in refused(capsys, "sweep", "dome", "--vary", "nothing=1,2")
     assert "sweep.toml" in refused(capsys, "sweep", "dome")
-    assert Expected().of("dome").name == "dome"
+    assert Expected().read_preset("dome").name == "dome"

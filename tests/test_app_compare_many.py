@@ -8,8 +8,8 @@ import pytest
 
 from dsfab.app import compare
 from dsfab.app.cli import main
-from dsfab.report.comparison_files import summary_page
-from dsfab.report.html_pages import page
+from dsfab.report.comparison_files import summary_document
+from dsfab.report.html_pages import document_html
 
 COARSE = ["--level", "quick", "--against", "thinner", "--set", "surface.edge=0.1", "--no-report"]
 THREE = ["compare", "cantilever", "domme", "cantilever_light", *COARSE]
@@ -70,7 +70,7 @@ def test_resuming_makes_what_is_missing_or_was_asked_otherwise(compared, monkeyp
 def test_two_presets_of_one_name_do_not_overwrite_each_other(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(compare, "compare_one", lambda *_, **__: 0)
     found = {"verdict": "pass", "reason": "", "mass_kg": 1.0, "area_fraction": 0.5, "compliance_J": 1.0, "bound": 0.01}
-    monkeypatch.setattr(compare, "_found", lambda folder: {**found, "ratio_to_full": 2.0, "seconds": 1.0})
+    monkeypatch.setattr(compare, "_row_of_folder", lambda folder: {**found, "ratio_to_full": 2.0, "seconds": 1.0})
     assert main(["compare", "cantilever", "cantilever", "-o", str(tmp_path), "--json"]) == 1
     first, second = json.loads(capsys.readouterr().out)
     assert (first["verdict"], first["error"]) == ("pass", "")
@@ -96,7 +96,7 @@ def test_the_page_links_reports_and_says_why_designs_fail(tmp_path):
         },
         {"name": "b", "folder": tmp_path / "b", "error": "", **lost, "seconds": 1},
     ]
-    text = page(summary_page(rows, ("simp",), tmp_path))
+    text = document_html(summary_document(rows, ("simp",), tmp_path))
     assert '<a href="a%20b/report.html">a b</a>' in text
     assert "0.800 ×" in text
     assert "the load &lt;finds&gt; nothing" in text

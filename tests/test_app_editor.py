@@ -24,22 +24,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dsfab.app.carrier import carried
+from dsfab.app.carrier import pickled
 from dsfab.app.editor import server as doors
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.drafts import colours, creased, cut_as_built, figures, model, packed, widths
+from dsfab.app.editor.drafts import (
+    colour_scales,
+    draft_model,
+    has_creases,
+    pack_message,
+    pattern_widths,
+    sheet_figures,
+    tidied_cut,
+)
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.page import static_files
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.workspace import MeshRequest, Opened, open_preset, opened_mesh, opened_shipped
+from dsfab.app.editor.workspace import MeshRequest, OpenedPreset, open_preset, opened_mesh, opened_shipped
 from dsfab.app.hops.server import HopsHandler
 from dsfab.app.options import Source
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.core.limits import CROWDING, SLIT
 from dsfab.design import Design, draft, run
 from dsfab.export import write
-from dsfab.pattern.layers import CLOSING, FOLLOWING
+from dsfab.pattern.layers import CLOSING_WIDTHS, FOLLOWING_WIDTHS
 from dsfab.pattern.widths import SOLID
 from dsfab.preset.file import load_preset, parse_override, preset_from
 from dsfab.surface import Surface
@@ -73,7 +81,7 @@ def test_the_command_builds_exactly_what_the_page_shows():
     command, save = now.command(changes)
     name, sets = served_changes(command)
     assert not save
-    assert load_preset(name, sets) == now.changed(changes)
+    assert load_preset(name, sets) == now.preset_with(changes)
 
 
 def test_a_command_too_long_to_paste_becomes_a_file():
@@ -85,17 +93,17 @@ def test_a_command_too_long_to_paste_becomes_a_file():
 def test_the_saved_preset_is_the_shown_one():
     now = opened_shipped("dome")
     changes = {"pattern.keep": 0.5}
-    assert preset_from(tomllib.loads(now.toml(changes))) == now.changed(changes)
-    assert now.reopened(now.toml(changes)).preset == now.changed(changes)
+    assert preset_from(tomllib.loads(now.toml(changes))) == now.preset_with(changes)
+    assert now.open_toml(now.toml(changes)).preset == now.preset_with(changes)
 
 
 def test_the_page_names_no_file_here(tmp_path):
     now = opened_shipped("dome")
     with pytest.raises(PresetError, match=r"surface\.file"):
-        now.changed({"surface": {"file": "/etc/passwd", "support": [], "load": []}})
+        now.preset_with({"surface": {"file": "/etc/passwd", "support": [], "load": []}})
     text = now.toml({}).replace('shape = "dome"', 'file = "/etc/hostname"')
     with pytest.raises(PresetError, match="drop that mesh"):
-        now.reopened(text)
+        now.open_toml(text)
     with pytest.raises(PresetError, match="no preset"):
         opened_shipped("../presets/dome")
 
@@ -106,8 +114,8 @@ def test_a_mesh_stands_and_carries_itself(tmp_path):
     now = opened_mesh(MeshRequest(path, "my mesh.obj", "mm"))
     assert now.preset.name == "my_mesh"
     made = draft(now.preset)
-    assert made.load.held.any()
-    again = now.reopened(now.toml({"pattern.keep": 0.001}))  # the file says 'my mesh.obj', as the person knows it
+    assert made.load.supported.any()
+    again = now.open_toml(now.toml({"pattern.keep": 0.001}))  # the file says 'my mesh.obj', as the person knows it
     assert tomllib.loads(now.toml({}))["surface"]["file"] == "my mesh.obj"
     assert again.preset.surface == now.preset.surface
 
@@ -152,7 +160,7 @@ def unpacked(content):
 
 def test_what_is_packed_comes_out_again():
     given = {"a": np.arange(5.0).reshape(5, 1), "b": np.array([True, False, True]), "c": np.arange(6).reshape(2, 3)}
-    facts, arrays = unpacked(packed({"name": "ü"}, given))
+    facts, arrays = unpacked(pack_message({"name": "ü"}, given))
     assert facts["name"] == "ü"
     assert [told["at"] % 4 for told in facts["arrays"].values()] == [0, 0, 0]  # browsers read whole words only
     for name, array in given.items():
@@ -165,7 +173,7 @@ def dome():
 
 
 def test_the_page_gets_the_draft(dome):
-    facts, arrays = unpacked(packed(*model(dome)))
+    facts, arrays = unpacked(pack_message(*draft_model(dome)))
     n = dome.surface.n
     np.testing.assert_allclose(arrays["V"] + facts["centre"], dome.surface.V, atol=1e-5)
     np.testing.assert_array_equal(arrays["F"], dome.surface.F)
@@ -185,12 +193,12 @@ def test_creases_are_told():
     """Two plates at a right angle; a dome has none."""
     V = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
     folded = Surface(V, np.array([[0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1]]))
-    assert creased(folded)
-    assert not creased(load_preset(DOME_MODES, COARSE).surface.build())
+    assert has_creases(folded)
+    assert not has_creases(load_preset(DOME_MODES, COARSE).surface.build())
 
 
 def test_widths_are_those_that_are_cut(dome):
-    facts, arrays = unpacked(packed(*widths(dome)))
+    facts, arrays = unpacked(pack_message(*pattern_widths(dome)))
     half = dict(zip(dome.pattern.names, dome.pattern.half_widths, strict=True))
     np.testing.assert_allclose(arrays["half"][:, 0], half["major"], rtol=1e-6)
     # constant widths: d is slope x frequency x width / 2, unless stripes touch
@@ -200,7 +208,7 @@ def test_widths_are_those_that_are_cut(dome):
 
 
 def test_figures_are_those_of_the_built_sheet(dome):
-    told, design = figures(dome, *cut_as_built(dome)), run(dome.preset)
+    told, design = sheet_figures(dome, *tidied_cut(dome)), run(dome.preset)
     assert told["area"] == pytest.approx(design.sheet.surface.area)
     assert told["pieces"] == len(design.slicing.pieces)
     assert told["mass"] == pytest.approx(design.mass, rel=0.05)
@@ -214,7 +222,7 @@ def test_figures_are_those_of_the_built_sheet(dome):
 
 
 def test_colour_scales_have_64_steps():
-    assert {len(scale) for scale in colours().values()} == {64}
+    assert {len(scale) for scale in colour_scales().values()} == {64}
 
 
 # --- jobs
@@ -230,12 +238,12 @@ def wait(jobs, number, states=("done", "failed", "cancelled")):
 
 def test_a_job_tells_its_way_and_its_end():
     with Jobs() as jobs:
-        news = jobs.listen()
-        number = jobs.ask("solve", lambda progress: progress("statics", "solving") or {"answer": 42})
+        news = jobs.add_listener()
+        number = jobs.submit("solve", lambda progress: progress("statics", "solving") or {"answer": 42})
         assert wait(jobs, number).result == {"answer": 42}
         states = [news.get(timeout=60)["state"] for _ in range(4)]
         assert states == ["waiting", "running", "running", "done"]
-        jobs.leave(news)
+        jobs.remove_listener(news)
 
 
 def test_mistakes_are_told_and_the_worker_lives_on(caplog):
@@ -243,9 +251,9 @@ def test_mistakes_are_told_and_the_worker_lives_on(caplog):
         raise DsfabError("no support")
 
     with Jobs() as jobs:
-        assert wait(jobs, jobs.ask("solve", refuse)).text == "no support"
-        assert "ZeroDivisionError" in wait(jobs, jobs.ask("solve", lambda progress: 1 / 0)).text
-        assert wait(jobs, jobs.ask("solve", lambda progress: {})).state == "done"
+        assert wait(jobs, jobs.submit("solve", refuse)).text == "no support"
+        assert "ZeroDivisionError" in wait(jobs, jobs.submit("solve", lambda progress: 1 / 0)).text
+        assert wait(jobs, jobs.submit("solve", lambda progress: {})).state == "done"
 
 
 def endless():
@@ -264,9 +272,9 @@ def endless():
 def test_cancel_stops_at_the_next_progress():
     begun, long = endless()
     with Jobs() as jobs:
-        number = jobs.ask("build", long)
+        number = jobs.submit("build", long)
         begun.wait(60)
-        assert wait(jobs, jobs.ask("solve", lambda progress: {})).state == "done"  # a slider waits for no solid
+        assert wait(jobs, jobs.submit("solve", lambda progress: {})).state == "done"  # a slider waits for no solid
         assert jobs.cancel(number)
         assert wait(jobs, number).state == "cancelled"
         assert not jobs.cancel(number)
@@ -284,17 +292,17 @@ def test_a_job_that_does_not_notice_is_left_behind():
         late.append("not to be reached")
 
     with Jobs() as jobs:
-        number = jobs.ask("solve", deaf)
+        number = jobs.submit("solve", deaf)
         begun.wait(60)
         assert jobs.cancel(number)
         assert wait(jobs, number).state == "cancelled"
         assert not go_on.is_set()
-        next_one = jobs.ask("solve", lambda progress: {"answer": 1})  # by another worker
+        next_one = jobs.submit("solve", lambda progress: {"answer": 1})  # by another worker
         assert wait(jobs, next_one).result == {"answer": 1}
         go_on.set()
         while late[:1] != ["awake"]:
             time.sleep(0.005)
-        assert wait(jobs, jobs.ask("solve", lambda progress: {})).state == "done"
+        assert wait(jobs, jobs.submit("solve", lambda progress: {})).state == "done"
         assert late == ["awake"]
         assert jobs.job(number).state == "cancelled"
 
@@ -302,10 +310,10 @@ def test_a_job_that_does_not_notice_is_left_behind():
 def test_a_newer_wish_ends_the_older_one():
     begun, long = endless()
     with Jobs() as jobs:
-        old = jobs.ask("solve", long)
+        old = jobs.submit("solve", long)
         begun.wait(60)
-        skipped = jobs.ask("solve", lambda progress: {})
-        new = jobs.ask("solve", lambda progress: {})
+        skipped = jobs.submit("solve", lambda progress: {})
+        new = jobs.submit("solve", lambda progress: {})
         assert wait(jobs, new).state == "done"
         assert wait(jobs, old).state == "cancelled"
         assert jobs.job(skipped).state == "cancelled"
@@ -328,10 +336,10 @@ def test_a_change_of_stripes_solves_nothing_again():
 
 def test_a_page_that_begins_gets_what_is_being_solved():
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
-        assert session.early() == b""  # nobody has asked for anything
+        assert session.first_model() == b""  # nobody has asked for anything
         job = session.ask_solve({})
         assert session.ask_solve({}) == job  # by dsfab edit, and then by the page
-        facts, _ = unpacked(session.early())  # waited for
+        facts, _ = unpacked(session.first_model())  # waited for
         assert (facts["whole"], facts["opening"]) == (True, 1)
         wait(session.jobs, job)
         assert session.ask_solve({}) != job
@@ -344,10 +352,10 @@ def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(answers, m
     """The sketch's surface stays good but for rough stress; one of something else that is wished meanwhile does not."""
     goes_on, until = threading.Event(), Design.until
     monkeypatch.setattr(Design, "until", lambda design, stage: goes_on.wait(120) and until(design, stage))
-    changes = COARSELY.also("statics.strength=235e6") if answers else COARSELY
+    changes = COARSELY.with_overrides("statics.strength=235e6") if answers else COARSELY
     with Session(open_preset("barrel_vault", changes)) as session:
         first = session.ask_solve({})
-        sketch, _ = unpacked(session.early())
+        sketch, _ = unpacked(session.first_model())
         assert (sketch["whole"], session.jobs.pending(first)) == (True, True)
         with pytest.raises(DsfabError, match="nothing is solved yet"):
             session.ask_members(judged=False)
@@ -359,7 +367,7 @@ def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(answers, m
     goes_on.clear()
     with Session(open_preset("barrel_vault", COARSELY)) as session:
         first = session.ask_solve({})
-        sketch, _ = unpacked(session.early())
+        sketch, _ = unpacked(session.first_model())
         other = session.ask_solve({"diffusion.r": 10.0})
         goes_on.set()
         wait(session.jobs, first)
@@ -395,8 +403,8 @@ def test_a_mesh_of_the_page_is_read_elsewhere_and_may_be_cancelled(tmp_path):
         done = wait(session.jobs, session.ask_mesh("cap.obj", "m", data)["job"])
         assert done.state == "done", done.text
         assert (done.result["title"], done.result["opening"]) == ("cap", 2)
-        assert session.opened.preset.surface.given().n == cap.n
-        assert {one.topic for one in session.opened.decided} >= {"unit", "stands on", "made of"}
+        assert session.current_preset.preset.surface.base_surface().n == cap.n
+        assert {one.topic for one in session.current_preset.decided} >= {"unit", "stands on", "made of"}
 
 
 @pytest.mark.slow
@@ -415,7 +423,7 @@ def test_a_build_writes_what_the_command_line_writes(monkeypatch):
         path = session.builds.file(job.result["build"], 0)
         assert trimesh.load(path).is_volume
         saved = session.builds.file(job.result["build"], names.index("preset.toml"))
-        assert preset_from(tomllib.loads(saved.read_text())).pattern == session.opened.preset.pattern
+        assert preset_from(tomllib.loads(saved.read_text())).pattern == session.current_preset.preset.pattern
         assert session.builds.file(job.result["build"], 99) is None
         folder = path.parent.parent.parent
     assert not folder.exists()  # nothing stays behind
@@ -478,7 +486,7 @@ def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
 
 
 def test_a_draft_comes_out_of_another_process_as_it_was(dome):
-    there = pickle.loads(carried(dome))
+    there = pickle.loads(pickled(dome))
     assert there.preset == dome.preset
     np.testing.assert_array_equal(there.statics.answers.equilibrium.u, dome.statics.answers.equilibrium.u)
     assert there.notes == dome.notes
@@ -489,7 +497,7 @@ def test_a_draft_comes_out_of_another_process_as_it_was(dome):
 
 @contextmanager
 def serving(first=None, outputs=None):
-    with Session(first or Opened(load_preset(DOME_MODES, COARSE), ("dome",)), outputs=outputs) as session:
+    with Session(first or OpenedPreset(load_preset(DOME_MODES, COARSE), ("dome",)), outputs=outputs) as session:
         server = EditorServer(session)
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
         thread.start()
@@ -504,7 +512,7 @@ def serving(first=None, outputs=None):
 @pytest.fixture
 def idle():
     """A server that listens and answers nobody yet."""
-    with Session(Opened(load_preset(DOME_MODES, COARSE), ("dome",))) as session, EditorServer(session) as made:
+    with Session(OpenedPreset(load_preset(DOME_MODES, COARSE), ("dome",))) as session, EditorServer(session) as made:
         yield made
 
 
@@ -515,7 +523,7 @@ def test_fifty_clients_may_wait_at_the_door(idle):
             stack.enter_context(socket.create_connection(idle.server_address, timeout=0.9))
 
 
-@pytest.mark.parametrize("handler", [doors.Handler, HopsHandler])
+@pytest.mark.parametrize("handler", [doors.EditorHandler, HopsHandler])
 def test_answers_do_not_wait_for_word_of_their_heads(handler):
     """A body is sent after its head: by Nagle's rule it waits for the head's receipt, which may take 40 ms."""
     with socket.create_server(("127.0.0.1", 0)) as door, socket.create_connection(door.getsockname()) as client:
@@ -752,15 +760,15 @@ def test_news_of_jobs_arrive(server):
 
 
 def test_the_page_has_no_width_rules_of_its_own(dome):
-    facts, _ = unpacked(packed(*model(dome)))
+    facts, _ = unpacked(pack_message(*draft_model(dome)))
     assert facts["widthRules"] == {
         "solid": SOLID,
         "open": SLIT,
         "closer": CROWDING,
-        "closing": list(CLOSING),
-        "following": list(FOLLOWING),
+        "closing": list(CLOSING_WIDTHS),
+        "following": list(FOLLOWING_WIDTHS),
     }
     script = "".join(static_files()[name].decode() for name in ("pattern.js", "widths.js"))
-    numbers = {"0.25", "1.25", *(str(x) for x in (*CLOSING, *FOLLOWING))}
+    numbers = {"0.25", "1.25", *(str(x) for x in (*CLOSING_WIDTHS, *FOLLOWING_WIDTHS))}
     assert not numbers & set(re.findall(r"[\d.]+", script))
     assert all(f"rule.{name}" in script for name in facts["widthRules"])

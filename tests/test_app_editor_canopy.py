@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from dsfab.app.editor.workspace import Opened, Outputs
+from dsfab.app.editor.workspace import OpenedPreset, Outputs
 from dsfab.export import write
 from dsfab.preset.file import load_preset
 from tests.browser import browser
@@ -76,7 +76,7 @@ def test_a_canopy_is_built_in_twelve_actions(tmp_path, monkeypatch):
     monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
     mesh, outputs = write(canopy(0.5), tmp_path / "canopy.obj"), Outputs(tmp_path / "outputs", "outputs")
     with (
-        serving(Opened(load_preset(DOME_MODES, COARSE)), outputs) as server,
+        serving(OpenedPreset(load_preset(DOME_MODES, COARSE)), outputs) as server,
         page_of(server, tmp_path / "browser", size=SIZE) as tab,
     ):
         tab.open(server.address, READY)

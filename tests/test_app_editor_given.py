@@ -4,7 +4,7 @@ import pytest
 
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.workspace import Opened, open_preset
+from dsfab.app.editor.workspace import OpenedPreset, open_preset
 from dsfab.core.materials import KEYS, MATERIALS
 from dsfab.preset.file import load_preset
 from dsfab.preset.model import Fabrication
@@ -39,12 +39,14 @@ def test_the_page_is_told_what_a_material_gives():
 
 
 def test_what_is_nothing_is_told_by_a_file():
-    assert open_preset(DOME_MODES, COARSELY.also("fabrication.bed=[1,1,1]")).command({"fabrication.bed": None})[1]
+    assert open_preset(DOME_MODES, COARSELY.with_overrides("fabrication.bed=[1,1,1]")).command(
+        {"fabrication.bed": None}
+    )[1]
 
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(Opened(load_preset(DOME_MODES, COARSE), (DOME_MODES, "--set", "surface.edge=1.2"))) as made:
+    with serving(OpenedPreset(load_preset(DOME_MODES, COARSE), (DOME_MODES, "--set", "surface.edge=1.2"))) as made:
         yield made
 
 
@@ -73,7 +75,7 @@ def choose(tab, identifier, value):
 def shown(tab, server):
     """The preset that the page shows, as the server and as the page itself have it; they must be the same."""
     changes = tab.run("dsfab.state.changes")
-    preset = server.session.opened.changed(changes)
+    preset = server.session.opened.preset_with(changes)
     command, save = server.session.opened.command(changes)
     if not save:
         assert load_preset(*served_changes(command)) == preset

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from dsfab.app.editor.workspace import Opened
+from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.core.errors import StaticsError
 from dsfab.design import draft
 from dsfab.preset.file import load_preset
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(Opened(load_preset(DOME_MODES, STEEL), ("dome",))) as made:
+    with serving(OpenedPreset(load_preset(DOME_MODES, STEEL), ("dome",))) as made:
         yield made
 
 

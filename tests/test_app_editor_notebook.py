@@ -13,7 +13,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 import dsfab
-from dsfab.app.editor.page import bundle, static_files
+from dsfab.app.editor.page import static_files, widget_module
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.design import draft
 from dsfab.preset.file import load_preset
@@ -227,7 +227,7 @@ def test_nothing_went_wrong_and_nobody_else_was_asked(tab):
 
 
 def test_every_module_of_the_bundle_is_in_it():
-    packed = re.search(r"PACKED = '([^']+)'", bundle())[1]
+    packed = re.search(r"PACKED = '([^']+)'", widget_module())[1]
     parts = json.loads(gzip.decompress(base64.b64decode(packed)))
     line = re.compile(r"""^(?:import|export)[^'"=(]*from ['"]([^'"]+)""", re.M)
     named = {at for text in parts["modules"].values() for at in line.findall(text)}

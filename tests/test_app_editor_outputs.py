@@ -10,8 +10,8 @@ import pytest
 from dsfab.app.cli import main
 from dsfab.app.editor.building import Builds
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.workspace import MeshRequest, Opened, Outputs, open_preset, opened_mesh, saved_preset
-from dsfab.app.export import TO, format_suffix, offered_formats
+from dsfab.app.editor.workspace import MeshRequest, OpenedPreset, Outputs, open_preset, opened_mesh, saved_preset
+from dsfab.app.export import TO_HELP, format_suffix, offered_formats
 from dsfab.core.errors import DsfabError, ExportError
 from dsfab.export import write
 from dsfab.preset.file import load_preset
@@ -48,17 +48,17 @@ def test_a_link_leads_to_no_other_folder(outputs, tmp_path):
 
 
 def test_files_of_others_are_counted_and_passed_by(outputs, tmp_path):
-    assert outputs.standing("roof") == 0
+    assert outputs.foreign_files("roof") == 0
     for name in ("roof", "roof-2"):
         (outputs.home / name).mkdir(parents=True)
         (outputs.home / name / "notes.txt").write_text("mine")
-    assert outputs.standing("roof") == 1
+    assert outputs.foreign_files("roof") == 1
     assert outputs.free("roof") == "roof-3"
     made = tmp_path / "made"
     made.mkdir()
     (made / "roof.stl").write_text("solid")
     assert outputs.publish(made, "roof") == outputs.home / "roof"
-    assert outputs.standing("roof") == 0  # it is ours now
+    assert outputs.foreign_files("roof") == 0  # it is ours now
     assert (outputs.home / "roof" / "notes.txt").read_text() == "mine"
 
 
@@ -89,8 +89,8 @@ def test_one_file_is_told_as_one(outputs):
     (outputs.home / "hut").mkdir(parents=True)
     (outputs.home / "hut" / "a").touch()
     builds = Builds(outputs, outputs.home)
-    assert builds.taken("hut")["taken"].startswith("outputs/hut holds 1 file of before;")
-    assert builds.taken("other") == {}
+    assert builds.replacement_question("hut")["taken"].startswith("outputs/hut holds 1 file of before;")
+    assert builds.replacement_question("other") == {}
 
 
 @pytest.fixture
@@ -107,7 +107,7 @@ def test_a_mesh_of_the_page_is_saved_beside_its_preset(outputs, dropped):
     dropped.page_mesh.unlink()  # the session has ended
     again = load_preset(saved)
     assert again.pattern.width.solid_fraction == 0.4
-    assert again.surface.given().n == load_preset(DOME_MODES, COARSE).surface.build().n
+    assert again.surface.base_surface().n == load_preset(DOME_MODES, COARSE).surface.build().n
 
 
 @pytest.mark.slow
@@ -128,7 +128,7 @@ def test_a_mesh_of_the_page_is_built_beside_its_files(outputs, dropped, capsys):
 
 @pytest.fixture
 def tab(outputs, tmp_path):
-    first = Opened(load_preset(DOME_MODES, COARSE), (DOME_MODES,))
+    first = OpenedPreset(load_preset(DOME_MODES, COARSE), (DOME_MODES,))
     with serving(first, outputs) as server, page_of(server, tmp_path / "browser") as tab:
         tab.open(server.address, READY)
         yield tab
@@ -160,7 +160,7 @@ def test_every_format_of_the_command_line_is_offered(monkeypatch):
     offered = {one["format"]: one for one in offered_formats()}
     assert set(offered) == {suffix[1:] for suffix in FORMATS} - {"stp"} | {"calculix"}
     for word in offered:
-        assert word in TO
+        assert word in TO_HELP
     assert offered["3dm"]["missing"].endswith('pip install "dsfab[rhino]"')
     assert not any(one["missing"] for word, one in offered.items() if word not in ("3dm", "ifc"))
     with pytest.raises(ExportError, match="dsfab\\[rhino\\]"):

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dsfab.app.editor.workspace import Opened
+from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.design import draft
 from dsfab.preset.file import load_preset
 from tests.browser import browser, opened
@@ -26,7 +26,7 @@ SEEN = "dsfab.viewer.mask().seen.reduce((a, b) => a + b, 0)"
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(Opened(load_preset(DOME_MODES, {"surface.edge": 0.7}), ("dome",))) as made:
+    with serving(OpenedPreset(load_preset(DOME_MODES, {"surface.edge": 0.7}), ("dome",))) as made:
         yield made
 
 
@@ -349,7 +349,7 @@ def test_a_build_can_be_cancelled(tab, monkeypatch):
             progress("thickening", "for ever")
             time.sleep(0.01)
 
-    monkeypatch.setattr("dsfab.app.editor.building.built_apart", endless)
+    monkeypatch.setattr("dsfab.app.editor.building.build_in_process", endless)
     tab.run("document.getElementById('build').click()")
     until(tab, "document.getElementById('status').textContent === 'thickening: for ever'")  # figures may come first
     assert not tab.run("document.getElementById('cancel').hidden")

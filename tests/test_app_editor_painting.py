@@ -5,7 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from dsfab.app.editor.workspace import Opened, open_preset
+from dsfab.app.editor.workspace import OpenedPreset, open_preset
 from dsfab.core.errors import PresetError
 from dsfab.preset.file import load_preset
 from tests.browser import browser
@@ -25,21 +25,21 @@ def test_the_page_names_no_drawing_here(tmp_path):
         {"surface.load.1.at": DRAWN},
     ):
         with pytest.raises(PresetError, match="hostname: the page names no drawing"):
-            now.changed(changes)
+            now.preset_with(changes)
     drawn = 'region = [{ at = { pick = "curve", file = "/etc/hostname" }, do = "void" }]'
     text = now.toml({}).replace("region = []", drawn)
     assert drawn in text
     with pytest.raises(PresetError, match="dsfab edit FILE"):
-        now.reopened(text)
+        now.open_toml(text)
     named = open_preset(
-        DOME_MODES, COARSELY.also('pattern.region=[{at={pick="curve",file="/etc/hostname"},do="void"}]')
+        DOME_MODES, COARSELY.with_overrides('pattern.region=[{at={pick="curve",file="/etc/hostname"},do="void"}]')
     )
-    assert named.changed({"pattern.keep": 0.5}).pattern.region[0].at.file.name == "hostname"  # the person's own
+    assert named.preset_with({"pattern.keep": 0.5}).pattern.region[0].at.file.name == "hostname"  # the person's own
 
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(Opened(load_preset(DOME_MODES, {**COARSE, "pattern.keep": 0.0}))) as made:
+    with serving(OpenedPreset(load_preset(DOME_MODES, {**COARSE, "pattern.keep": 0.0}))) as made:
         yield made
 
 
@@ -104,7 +104,7 @@ def test_an_opening_is_painted(tab, server):
     solved(tab)
     assert tab.run("document.getElementById('notice').textContent") == ""
     assert tab.run("dsfab.model.facts.area") < area - 3
-    preset = server.session.opened.changed(tab.run("dsfab.state.changes"))
+    preset = server.session.opened.preset_with(tab.run("dsfab.state.changes"))
     saved = tomllib.loads(server.session.opened.toml(tab.run("dsfab.state.changes")))
     assert len(saved["pattern"]["region"][0]["at"]["points"]) == len(preset.pattern.region[0].at.points) == len(points)
     tab.run("document.getElementById('undo').click()")

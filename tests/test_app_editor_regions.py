@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.app.editor.workspace import Opened
+from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.preset.file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
@@ -34,7 +34,7 @@ GIVEN = {
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(Opened(load_preset(DOME_MODES, GIVEN))) as made:
+    with serving(OpenedPreset(load_preset(DOME_MODES, GIVEN))) as made:
         yield made
 
 
@@ -82,7 +82,7 @@ def test_every_place_has_its_numbers(tab, server):
     type_into(tab, "surface-support-1-at-center-x", "0,5")
     type_into(tab, "surface-support-1-at-radius", "1.8")
     type_into(tab, "pattern-guide-0-curve-1-z", "3.25")
-    now = server.session.opened.changed(tab.run("dsfab.state.changes"))
+    now = server.session.opened.preset_with(tab.run("dsfab.state.changes"))
     assert now.surface.support[1].at.center == (0.5, 3, 3.3)
     assert now.surface.support[1].at.radius == 1.8
     assert now.pattern.guide[0].curve[1] == (3, 1, 3.25)

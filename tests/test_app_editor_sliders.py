@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from dsfab.app.editor.workspace import Opened
+from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.preset.file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
@@ -27,7 +27,7 @@ BOUNDED = {
 @pytest.fixture(scope="module")
 def tab(tmp_path_factory):
     with (
-        serving(Opened(load_preset(DOME_MODES, {**COARSE, **BOUNDED}))) as server,
+        serving(OpenedPreset(load_preset(DOME_MODES, {**COARSE, **BOUNDED}))) as server,
         page_of(server, tmp_path_factory.mktemp("sliders")) as tab,
     ):
         tab.open(server.address, READY)

@@ -8,11 +8,18 @@ import pytest
 from scipy.ndimage import binary_opening
 
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.drafts import cut_as_built, figures, model, packed, settled, widths
+from dsfab.app.editor.drafts import (
+    cut_sheet_arrays,
+    draft_model,
+    pack_message,
+    pattern_widths,
+    sheet_figures,
+    tidied_cut,
+)
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.workspace import Opened
+from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.design import draft
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, serving, unpacked, wait
@@ -39,7 +46,7 @@ def dome():
 
 
 def test_the_page_gets_the_chart_and_the_uncut_vertices(dome):
-    facts, arrays = unpacked(packed(*model(dome)))
+    facts, arrays = unpacked(pack_message(*draft_model(dome)))
     chart, surface = dome.pattern.even.chart, dome.surface
     assert chart.surface.n > surface.n
     np.testing.assert_array_equal(arrays["F"], chart.surface.F)
@@ -52,7 +59,7 @@ def test_the_page_gets_the_chart_and_the_uncut_vertices(dome):
     np.testing.assert_allclose(np.linalg.norm(arrays["normals"], axis=1), 1, atol=1e-5)
     assert arrays["loops"].max() < surface.n
     assert sum(facts["loops"]) == len(arrays["loops"]) == len(surface.loops[0])
-    whole = unpacked(packed(*model(draft(load_preset(DOME_MODES, {"surface.edge": 0.7})))))[1]
+    whole = unpacked(pack_message(*draft_model(draft(load_preset(DOME_MODES, {"surface.edge": 0.7})))))[1]
     assert "uncut" not in whole
     for name in ("points", "spread", "supports", "reactions"):
         np.testing.assert_array_equal(arrays[name], whole[name])
@@ -60,7 +67,7 @@ def test_the_page_gets_the_chart_and_the_uncut_vertices(dome):
 
 def test_widths_are_those_of_the_rule_on_either_side_of_a_line(dome):
     """Width over spacing here: d = lines per metre x width / 2 in the periods of each side, where no stripes touch."""
-    facts, arrays = unpacked(packed(*widths(dome)))
+    facts, arrays = unpacked(pack_message(*pattern_widths(dome)))
     assert facts["method"] == "stripes"
     assert facts["mode"] == [1, 1]
     reached = arrays["slope"] * facts["factor"] * facts["member"] / 2
@@ -97,7 +104,7 @@ def test_controls_say_which_method_takes_them(dome):
 
 def test_a_family_that_is_not_drawn_has_no_width_in_the_page():
     made = draft(load_preset(DOME_MODES, {**DOME, "pattern.families": "minor"}))
-    arrays = unpacked(packed(*widths(made)))[1]
+    arrays = unpacked(pack_message(*pattern_widths(made)))[1]
     assert not arrays["half"][:, 0].any()
     assert not arrays["shares"][:, 0].any()
     assert arrays["half"][:, 1].max() > 0.05
@@ -109,17 +116,17 @@ def test_what_the_page_saves_has_its_guides():
         {"curve": [[0, 0, 4], [3, 1, 3]], "reach": 1.5, "weight": 3.0},
         {"at": {"pick": "side", "axis": "x", "end": "max", "depth": 2}, "direction": [0, 0, 1], "family": "minor"},
     ]
-    given = Opened(load_preset(DOME_MODES, {**DOME, "pattern.guide": guides}), ("dome",))
+    given = OpenedPreset(load_preset(DOME_MODES, {**DOME, "pattern.guide": guides}), ("dome",))
     saved = tomllib.loads(given.toml({"pattern.rotate": 10.0, "pattern.keep": 0.5}))["pattern"]
     assert saved["rotate"] == 10
     assert [guide["family"] for guide in saved["guide"]] == ["major", "minor"]
-    assert overridden(given.preset, {"pattern.guide": saved["guide"]}).pattern == given.preset.pattern
+    assert with_overrides(given.preset, {"pattern.guide": saved["guide"]}).pattern == given.preset.pattern
 
 
 @pytest.mark.slow
 def test_a_change_of_widths_sends_no_mesh_again():
     preset = load_preset(DOME_MODES, {**COARSE, **SPACED, "pattern.minor.spacing": 0.8})
-    with Session(Opened(preset, ("dome",))) as session:
+    with Session(OpenedPreset(preset, ("dome",))) as session:
         wait(session.jobs, session.ask_solve({}))
         wait(session.jobs, session.ask_solve({"pattern.width.solid_fraction": 0.5}))
         first = unpacked(session.model(0))[0]["version"]
@@ -140,7 +147,7 @@ def test_a_change_of_widths_sends_no_mesh_again():
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(Opened(load_preset(DOME_MODES, DOME), ("dome",))) as made:
+    with serving(OpenedPreset(load_preset(DOME_MODES, DOME), ("dome",))) as made:
         yield made
 
 
@@ -309,7 +316,7 @@ def test_what_is_pointed_at_is_a_vertex_of_the_uncut_surface(page, dome):
 @pytest.mark.slow
 def test_the_measured_share_is_the_wanted_one(page):
     assert share_measured(page) == pytest.approx(40, abs=0.3)
-    assert overridden(load_preset(DOME_MODES), DOME).pattern.width.solid_fraction == 0.4
+    assert with_overrides(load_preset(DOME_MODES), DOME).pattern.width.solid_fraction == 0.4
 
 
 LOOSE = {"surface.edge": 0.5, **EVEN, "pattern.major.spacing": 0.7, "pattern.minor.spacing": 0.7}
@@ -319,18 +326,18 @@ LOOSE = {"surface.edge": 0.5, **EVEN, "pattern.major.spacing": 0.7, "pattern.min
 def loose():
     """A dome whose stripes, as they are drawn, have loose ends."""
     made = draft(load_preset(DOME_MODES, LOOSE))
-    return made, *cut_as_built(made)
+    return made, *tidied_cut(made)
 
 
 def test_the_figures_are_those_of_the_tidied_sheet(loose):
     made, cut, notes = loose
     assert made.quality(symmetry=False).dead_ends > 0
-    assert figures(made, cut, notes)["pattern"]["dead_ends"] == 0
+    assert sheet_figures(made, cut, notes)["pattern"]["dead_ends"] == 0
 
 
 def test_the_page_gets_the_sheet_that_is_built(loose):
     made, cut, _ = loose
-    arrays = unpacked(packed({}, settled(made, cut.sheet)))[1]
+    arrays = unpacked(pack_message({}, cut_sheet_arrays(made, cut.sheet)))[1]
     sheet, chart = cut.sheet.surface, made.pattern.even.chart.surface
     middle = (made.surface.V.min(axis=0) + made.surface.V.max(axis=0)) / 2
     F = arrays["F"].reshape(-1, 3)
@@ -358,7 +365,7 @@ def test_at_rest_the_page_shows_the_sheet_that_is_built(page):
     solved(page)
     until(page, CUT)
     made = draft(load_preset(DOME_MODES, {**DOME, **round_}))
-    cells = cut_as_built(made)[0].cells
+    cells = tidied_cut(made)[0].cells
     middle = np.array(page.run("dsfab.model.facts.centre"))
     large = cells.surface.areas > np.median(cells.surface.areas)
     places = cells.surface.V[cells.surface.F].mean(axis=1)[large] - middle

@@ -3,11 +3,11 @@
 import pytest
 
 from dsfab.app.editor import workspace
-from dsfab.app.editor.page import ASKS
+from dsfab.app.editor.page import HANDLERS
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.workspace import KeptVariant, Opened, VariantTray, differences, open_preset
+from dsfab.app.editor.workspace import KeptVariant, OpenedPreset, VariantTray, differences, open_preset
 from dsfab.core.errors import DsfabError, PresetError
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, COARSELY, serving
@@ -26,16 +26,16 @@ def test_variants_are_kept_in_order_and_named(opened):
     kept = VariantTray()
     kept.keep(KeptVariant("", opened, {}, "data:image/jpeg;base64,AA==", {"share": 0.4, "mass": 3.0, "other": 1.0}))
     kept.keep(KeptVariant("  wide \n bands ", opened, WIDE))
-    assert [(one["number"], one["name"]) for one in kept.listed()] == [(1, "Variant 1"), (2, "wide bands")]
-    first = kept.listed()[0]["figures"]
+    assert [(one["number"], one["name"]) for one in kept.records()] == [(1, "Variant 1"), (2, "wide bands")]
+    first = kept.records()[0]["figures"]
     assert first == {"share": 0.4, "mass": 3.0, **dict.fromkeys(("area", "pieces", "narrowest", "compliance"))}
     kept.rename(1, "thin")
     kept.rename(2, " ")
-    assert [one["name"] for one in kept.listed()] == ["thin", "wide bands"]
+    assert [one["name"] for one in kept.records()] == ["thin", "wide bands"]
     assert kept[2].preset.pattern.width.solid_fraction == 0.6
     kept.drop(1)
     kept.keep(KeptVariant("", opened, {}))
-    assert [one["name"] for one in kept.listed()] == ["wide bands", "Variant 3"]  # numbers are not given twice
+    assert [one["name"] for one in kept.records()] == ["wide bands", "Variant 3"]  # numbers are not given twice
     for act in (kept.drop, lambda number: kept.rename(number, "x"), kept.__getitem__):
         with pytest.raises(DsfabError, match="not kept any more"):
             act(1)
@@ -48,7 +48,7 @@ def test_what_is_no_variant_is_refused(opened, monkeypatch):
     for picture in ("http://elsewhere/", "javascript:1", "data:image/png;base64," + "A" * workspace.LARGEST):
         with pytest.raises(DsfabError, match="keep it again"):
             kept.keep(KeptVariant("", opened, {}, picture))
-    monkeypatch.setattr(workspace, "MOST", 1)
+    monkeypatch.setattr(workspace, "MAX_VARIANTS", 1)
     kept.keep(KeptVariant("", opened, {}))
     with pytest.raises(DsfabError, match="1 variants are kept already"):
         kept.keep(KeptVariant("", opened, {}))
@@ -56,7 +56,7 @@ def test_what_is_no_variant_is_refused(opened, monkeypatch):
 
 def test_what_differs_is_told_by_its_keys():
     one = load_preset(DOME_MODES, COARSE)
-    other = overridden(
+    other = with_overrides(
         one, {**WIDE, "name": "other", "statics.thickness": 0.1, "surface.load": [{"kind": "self_weight"}]}
     )
     told = {key: (a, b) for key, a, b in differences(one, other)}
@@ -69,23 +69,23 @@ def test_what_differs_is_told_by_its_keys():
 def test_a_variant_of_another_surface_is_gone_back_to(opened):
     with Session(opened) as session:
         given = {"name": "first", "picture": "", "figures": {}, "changes": WIDE}
-        assert [one["name"] for one in ASKS["keep"](session, given)["variants"]] == ["first"]
-        here = ASKS["open"](session, {"variant": 1})
+        assert [one["name"] for one in HANDLERS["keep"](session, given)["variants"]] == ["first"]
+        here = HANDLERS["open"](session, {"variant": 1})
         assert (here["opening"], here["changes"]) == (1, WIDE)  # the same one: nothing is opened anew
         session.open_preset("dome")
-        there = ASKS["open"](session, {"variant": 1})
+        there = HANDLERS["open"](session, {"variant": 1})
         assert (there["opening"], there["changes"]) == (3, WIDE)
-        assert session.opened is opened
-        told = ASKS["compare"](session, {"variants": [1], "changes": {}})["differences"]
+        assert session.current_preset is opened
+        told = HANDLERS["compare"](session, {"variants": [1], "changes": {}})["differences"]
         assert [key for key, *_ in told] == ["pattern.width.solid_fraction"]
         with pytest.raises(DsfabError, match="one or two"):
-            ASKS["compare"](session, {"variants": [1, 1, 1], "changes": {}})
-        assert ASKS["drop"](session, {"variant": 1}) == {"variants": []}
+            HANDLERS["compare"](session, {"variants": [1, 1, 1], "changes": {}})
+        assert HANDLERS["drop"](session, {"variant": 1}) == {"variants": []}
 
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(Opened(load_preset(DOME_MODES, COARSE), ("dome",))) as made:
+    with serving(OpenedPreset(load_preset(DOME_MODES, COARSE), ("dome",))) as made:
         yield made
 
 

@@ -13,12 +13,12 @@ from PIL import Image
 from dsfab.app import explore as variants_module
 from dsfab.app.cli import main
 from dsfab.app.options import picture_size
-from dsfab.app.preview import shows
+from dsfab.app.preview import picture_names
 from dsfab.core.errors import DsfabError
 from dsfab.design import design as stages
 from dsfab.preset.file import load_preset, parse_override, preset_toml
 from dsfab.render.lettering import PAPER
-from dsfab.report.contact_sheet import Tile, _label, columns, contact_sheet, page
+from dsfab.report.contact_sheet import ContactTile, _label, column_count, contact_page, contact_sheet
 from dsfab.study.variations import (
     best_order,
     combinations,
@@ -172,7 +172,7 @@ def test_many_variants_are_asked_about_and_nothing_is_written(
 def test_more_than_the_limit_are_drawn_after_yes(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(variants_module, "ASKS", 1)
+    monkeypatch.setattr(variants_module, "UNCONFIRMED_VARIANTS", 1)
     vary = ["--vary", "pattern.major.frequency=4,8", "-o", str(tmp_path)]
     assert "add --yes" in refused(capsys, "explore", DOME_MODES, *COARSE, *vary)
     assert run(capsys, "explore", DOME_MODES, *COARSE, *vary, "--yes", "-q") == (0, "", "")
@@ -296,7 +296,7 @@ def test_names_are_as_short_as_they_can_be_told_apart() -> None:
     ("runs", "across"), [((6, 3), 3), ((3, 4, 2), 8), ((12,), 4), ((1,), 1), ((2, 50), 8), ((48,), 8)]
 )
 def test_rows_hold_whole_runs_of_the_fastest_keys(runs: tuple[int, ...], across: int) -> None:
-    assert columns(int(np.prod(runs)), runs) == across
+    assert column_count(int(np.prod(runs)), runs) == across
 
 
 def test_sizes_are_read_as_width_and_height() -> None:
@@ -305,8 +305,8 @@ def test_sizes_are_read_as_width_and_height() -> None:
 
 
 def test_text_on_a_page_cannot_become_markup() -> None:
-    tile = Tile(1, (("name", '"<b>"'),), "dsfab build '<i>'", None, "bad <script> & more")
-    text = page([tile], "<dome>", "a < b", 1)
+    tile = ContactTile(1, (("name", '"<b>"'),), "dsfab build '<i>'", None, "bad <script> & more")
+    text = contact_page([tile], "<dome>", "a < b", 1)
     assert "<script>" not in text
     assert "<b>" not in text
     assert "<i>" not in text
@@ -374,11 +374,11 @@ def test_several_pictures_share_a_page(capsys: pytest.CaptureFixture[str], tmp_p
 
 def test_all_shows_what_the_preset_asks_for() -> None:
     plain, strong = load_preset(DOME_MODES), load_preset(DOME_MODES, {"statics.strength": 3e6})
-    assert {"structure", "families", "loads", "stress", "displacement"} <= set(shows("all", plain))
-    assert set(shows("all", strong)) - set(shows("all", plain)) == {"utilisation"}
-    assert shows("deflection,displacement", plain) == ("displacement",)
+    assert {"structure", "families", "loads", "stress", "displacement"} <= set(picture_names("all", plain))
+    assert set(picture_names("all", strong)) - set(picture_names("all", plain)) == {"utilisation"}
+    assert picture_names("deflection,displacement", plain) == ("displacement",)
     with pytest.raises(DsfabError, match="'beauty' is not known"):
-        shows("structure,beauty", plain)
+        picture_names("structure,beauty", plain)
 
 
 def test_transparent_ground_keeps_the_shadows(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -468,7 +468,7 @@ def test_a_watched_file_is_drawn_when_it_is_saved_and_mistakes_are_told(
 def test_names_give_way_before_values_do():
     from PIL import ImageFont
 
-    tile = Tile(1, (("major.frequency", "5.143"), ("minor.frequency", "11")), "dsfab build", None)
+    tile = ContactTile(1, (("major.frequency", "5.143"), ("minor.frequency", "11")), "dsfab build", None)
     font = ImageFont.load_default(size=17)
     for room in (500, 330, 230, 170):
         text = _label(tile, room, font)

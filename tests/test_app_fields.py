@@ -7,20 +7,20 @@ from dsfab import load_preset
 from dsfab.core.errors import DsfabError
 from dsfab.design import Design, draft
 from dsfab.render.colouring import (
-    ANSWERS,
-    MOVES,
-    YIELDS,
+    EXAGGERATION,
+    STATICS_RESULTS,
+    YIELD_COLOUR,
     answer_colouring,
-    asking,
-    coloured,
     energy_label,
+    face_colouring,
     force_label,
-    rising,
+    preset_with_mode,
+    rising_colours,
 )
 from dsfab.render.lettering import PAPER
 from dsfab.render.light import QUICK
 from dsfab.render.marks import crosses
-from dsfab.render.previewer import TRIAL, Previewer
+from dsfab.render.previewer import TRIAL_SIZE, Previewer
 from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 0.7, "diffusion.modes": 5, "statics.bending": "midedge"}
@@ -53,9 +53,9 @@ def test_utilisation_is_a_percentage_and_faces_beyond_the_strength_stand_out(dom
     shown, stress = answer_colouring(dome, "utilisation"), dome.statics.answers.stress
     assert f"largest {stress.peak.stress / 20e6:.0%}" in shown.words
     assert shown.bar.labels[2].endswith("%")
-    assert not (shown.face == YIELDS).all(axis=1).any()
+    assert not (shown.face == YIELD_COLOUR).all(axis=1).any()
     weak = made(strength=float(np.median(stress.largest)))
-    beyond = (answer_colouring(weak, "utilisation").face == YIELDS).all(axis=1)
+    beyond = (answer_colouring(weak, "utilisation").face == YIELD_COLOUR).all(axis=1)
     assert np.array_equal(beyond, weak.statics.answers.stress.largest > weak.preset.statics.strength)
     assert 0.4 < beyond.mean() < 0.6
 
@@ -66,11 +66,11 @@ def test_shapes_are_exaggerated_to_a_share_of_the_size(dome):
     u = dome.statics.answers.equilibrium.u
     factor = np.linalg.norm(moved.V - V, axis=1).max() / np.linalg.norm(u, axis=1).max()
     assert np.allclose(moved.V - V, factor * u)
-    assert 0.4 * MOVES < np.linalg.norm(moved.V - V, axis=1).max() / size <= MOVES
+    assert 0.4 * EXAGGERATION < np.linalg.norm(moved.V - V, axis=1).max() / size <= EXAGGERATION
     assert f"drawn {factor:,.0f} x" in moved.words
     for show in ("buckling", "frequency"):
         mode = answer_colouring(dome, show)
-        assert np.linalg.norm(mode.V - V, axis=1).max() == pytest.approx(MOVES * size)
+        assert np.linalg.norm(mode.V - V, axis=1).max() == pytest.approx(EXAGGERATION * size)
         assert "exaggerated" in mode.words
     down = answer_colouring(dome, "buckling").V - V
     assert np.einsum("ni,ni->", down, dome.load.force) > 0  # the way the load pushes
@@ -84,23 +84,23 @@ def test_what_was_not_asked_is_refused_in_a_sentence_or_asked_for(dome):
     for show, key in (("buckling", "buckling"), ("frequency", "frequencies")):
         with pytest.raises(DsfabError, match=f"ask for it with --set statics.{key}=1"):
             answer_colouring(plain, show)
-        assert getattr(asking(plain.preset, show).statics, key) == 1
-    assert asking(dome.preset, "buckling") is dome.preset
-    assert asking(plain.preset, "vonmises") is plain.preset
+        assert getattr(preset_with_mode(plain.preset, show).statics, key) == 1
+    assert preset_with_mode(dome.preset, "buckling") is dome.preset
+    assert preset_with_mode(plain.preset, "vonmises") is plain.preset
     light = draft(load_preset("cantilever", {"surface.edge": 0.1, "statics.density": 0.0, "statics.frequencies": 1}))
     with pytest.raises(DsfabError, match=r"no shape of frequency to show: no natural frequencies: .* a density"):
         answer_colouring(light, "frequency")
 
 
-@pytest.mark.parametrize("show", ANSWERS)
+@pytest.mark.parametrize("show", STATICS_RESULTS)
 def test_every_answer_is_drawn_on_the_whole_sheet(dome, show):
     with Previewer(dome, show=show, marks=False) as previewer:
-        assert np.ptp(previewer.picture(TRIAL, quality=QUICK).reshape(-1, 3).astype(int), axis=0).min() > 50
-        before = previewer.mask(TRIAL)
+        assert np.ptp(previewer.picture(TRIAL_SIZE, quality=QUICK).reshape(-1, 3).astype(int), axis=0).min() > 50
+        before = previewer.mask(TRIAL_SIZE)
         previewer.set(
             {"pattern.major.threshold": 0.9, "pattern.width.solid_fraction": 0.0, "pattern.width.rule": "plain"}
         )
-        assert np.array_equal(previewer.mask(TRIAL), before)
+        assert np.array_equal(previewer.mask(TRIAL_SIZE), before)
 
 
 def test_other_statics_recolour_fields_and_are_refused_for_shapes(dome):
@@ -124,7 +124,7 @@ def test_labels_and_ramp():
         "3.1 kJ/m2",
         "4 MJ/m2",
     ]
-    colours = rising(np.linspace(-0.5, 1.5, 9)).astype(int).sum(axis=1)
+    colours = rising_colours(np.linspace(-0.5, 1.5, 9)).astype(int).sum(axis=1)
     assert (np.diff(colours) <= 2).all()
     assert colours[0] == colours[2]
 
@@ -135,12 +135,12 @@ def test_directions_of_combined_cases_have_no_sign():
     assert vault.preset.combines
     colours = {tuple(row) for row in crosses(vault, PAPER).colour.tolist()}
     assert colours == {PAPER.tints[0], PAPER.tints[1]}
-    told = coloured(vault, "directions", PAPER)
+    told = face_colouring(vault, "directions", PAPER)
     assert told.bar is None
     assert "several cases" in told.words
     dome = draft(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     assert {tuple(row) for row in crosses(dome, PAPER).colour.tolist()} == {PAPER.tension, PAPER.compression}
-    assert coloured(dome, "directions", PAPER).bar is not None
+    assert face_colouring(dome, "directions", PAPER).bar is not None
 
 
 @pytest.mark.parametrize(

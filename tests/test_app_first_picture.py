@@ -51,7 +51,7 @@ sys.stdin.buffer.read()
 )
 def test_a_sketch_is_about_the_pattern_and_changes_nothing_of_it(ask):
     preset = load_preset(DOME_MODES, SHARES[ask])
-    design = Design.of(preset)
+    design = Design.from_preset(preset)
     sketch = design.sketch(modes=False)
     assert design.has("statics") == (ask != "answers")  # better elements are still to answer
     assert design.has("diffusion") == (ask == "modes")
@@ -67,20 +67,20 @@ def test_a_sketch_is_about_the_pattern_and_changes_nothing_of_it(ask):
 
 
 def test_what_better_elements_change_is_found_anew():
-    design = Design.of(load_preset(DOME_MODES, SHARES["answers"]))
+    design = Design.from_preset(load_preset(DOME_MODES, SHARES["answers"]))
     sketch, early = design.sketch(), design._early
     assert design.diffusion is sketch.diffusion
     del vars(design)["diffusion"]
     sketch = design.sketch(answers=True)
     assert sketch.statics is design.statics
-    early.once("diffusion", lambda log: sketch.diffusion)
+    early.cached_result("diffusion", lambda log: sketch.diffusion)
     cases = {name: replace(case, sigma=-case.sigma) for name, case in early.statics.cases.items()}
     early.statics = replace(early.statics, cases=cases)
-    assert early.taken("diffusion", design.statics, Log(None)) is None
+    assert early.take_result("diffusion", design.statics, Log(None)) is None
 
 
 def test_widths_that_cannot_be_counted_are_no_sketch_and_refused_by_the_pattern():
-    design = Design.of(load_preset(DOME_MODES, {"surface.edge": 0.9, "pattern.width.solid_fraction": 0.02}))
+    design = Design.from_preset(load_preset(DOME_MODES, {"surface.edge": 0.9, "pattern.width.solid_fraction": 0.02}))
     assert design.sketch() is None
     with pytest.raises(PatternError, match=r"cannot keep 2\.0%"):
         _ = design.pattern
@@ -100,7 +100,7 @@ def test_a_rough_picture_is_as_large_and_about_as_light():
 @pytest.fixture
 def drawn_apart(monkeypatch):
     """Programs that draw in no time, asked with the path alone; what is known of windows is forgotten at the end."""
-    monkeypatch.setattr("dsfab.app.carrier.carried", lambda asked: pickle.dumps([str(asked[1])]))
+    monkeypatch.setattr("dsfab.app.carrier.pickled", lambda asked: pickle.dumps([str(asked[1])]))
     monkeypatch.setattr(opengl, "_KNOWN", set())
     monkeypatch.setenv(opengl.WINDOW, "another")
     return lambda program: monkeypatch.setattr(first_picture, "PROGRAM", program)
@@ -109,7 +109,7 @@ def drawn_apart(monkeypatch):
 def test_it_is_there_before_the_true_one_and_says_what_can_draw(drawn_apart, tmp_path):
     drawn_apart(DRAWS)
     told, path = [], tmp_path / "a.png"
-    with FirstPicture(lambda: told.append(path.read_bytes())) as first, first.replaced():
+    with FirstPicture(lambda: told.append(path.read_bytes())) as first, first.restore_on_error():
         first.draw(None, path, (160, 120), {})
         first.draw(None, tmp_path / "second.png", (160, 120), {})
         window = first.finish()
@@ -117,7 +117,7 @@ def test_it_is_there_before_the_true_one_and_says_what_can_draw(drawn_apart, tmp
         path.write_bytes(b"true")
     assert path.read_bytes() == b"true"
     assert [one.name for one in tmp_path.iterdir()] == ["a.png"]
-    assert opengl.take_for_granted(window) == "aWindow"
+    assert opengl.assume_window(window) == "aWindow"
     opengl.require_rendering()  # by a window that no machine has: nobody is asked
     assert os.environ[opengl.WINDOW] == "aWindow"
 
@@ -138,16 +138,16 @@ for number in range({count}):
 def test_the_finished_structure_is_drawn_by_the_same_process(drawn_apart, tmp_path, sketched):
     drawn_apart(draws(2 if sketched else 1))
     path = tmp_path / "a.png"
-    with FirstPicture((lambda: None) if sketched else None) as first, first.replaced():
-        assert first.sketches == sketched
+    with FirstPicture((lambda: None) if sketched else None) as first, first.restore_on_error():
+        assert first.draws_sketches == sketched
         if sketched:
             first.draw(None, path, (160, 120), {})
         assert first.finish() == "aWindow"
         assert path.exists() == sketched
-        assert first.structure("anything", path)
+        assert first.draw_structure("anything", path)
         assert path.read_text() == str(int(sketched))
         first._process.wait()  # it has ended, and nothing reads what it is asked
-        assert not first.structure("anything", tmp_path / "b.png")
+        assert not first.draw_structure("anything", tmp_path / "b.png")
         assert first.finish() is None
     assert list(tmp_path.iterdir()) == [path]
 
@@ -182,7 +182,7 @@ def test_after_a_refusal_the_file_is_what_it_was(drawn_apart, tmp_path, before):
         path.write_bytes(before)
 
     def refused(first):
-        with first.replaced():
+        with first.restore_on_error():
             first.draw(None, path, (160, 120), {})
             first.finish()
             assert path.read_bytes() == b"first"
@@ -196,9 +196,9 @@ def test_after_a_refusal_the_file_is_what_it_was(drawn_apart, tmp_path, before):
 @pytest.mark.parametrize("program", ["exit(3)", "import os; os.abort()", "import time; time.sleep(60)"])
 def test_a_process_that_cannot_draw_says_nothing(drawn_apart, monkeypatch, tmp_path, program):
     drawn_apart(program)
-    monkeypatch.setattr(first_picture, "SECONDS", 0.1)
+    monkeypatch.setattr(first_picture, "SKETCH_SECONDS", 0.1)
     told = []
-    with FirstPicture(lambda: told.append(1)) as first, first.replaced():
+    with FirstPicture(lambda: told.append(1)) as first, first.restore_on_error():
         first.draw(None, tmp_path / "a.png", (160, 120), {})
         first.finish()
     assert told == []
@@ -216,7 +216,7 @@ def test_it_is_begun_before_anything_is_loaded():
 def test_a_person_who_waits_sees_it_and_gets_the_same_picture_as_one_who_does_not(monkeypatch, tmp_path, capsys):
     asked = ["preview", DOME_MODES, "--set", "surface.edge=0.8", "--size", "320x240", "-o"]
     assert main([*asked, str(tmp_path / "calm.png")]) == 0
-    monkeypatch.setattr(Reporter, "watched", True)
+    monkeypatch.setattr(Reporter, "is_watched", True)
     seen, path = [], tmp_path / "watched.png"
     monkeypatch.setattr(preview, "_draw", lambda *a, draw=preview._draw: (seen.append(path.read_bytes()), draw(*a)))
     assert main([*asked, str(path)]) == 0

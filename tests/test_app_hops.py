@@ -14,9 +14,9 @@ from ghhops_server import base, params
 
 from dsfab.app.cli import main
 from dsfab.app.hops import components
-from dsfab.app.hops.components import COMPONENTS, requested_preset, written_changes
-from dsfab.app.hops.protocol import HopsComponent, HopsError, Parameter, read_request
-from dsfab.app.hops.server import HopsServer, Solver, answered
+from dsfab.app.hops.components import COMPONENTS, changes_from_toml, preset_of_request
+from dsfab.app.hops.protocol import HopsComponent, HopsError, HopsParameter, read_request
+from dsfab.app.hops.server import HopsServer, Solver, solve_request
 from dsfab.export import mesh_arrays, mesh_json, polyline_json
 from dsfab.surface.shapes import barrel_vault
 
@@ -51,7 +51,7 @@ def read(answer, name):
     (value,) = (one for one in answer["values"] if one["ParamName"] == name)
     kind = {"Mesh": params.HopsMesh, "Curve": params.HopsCurve, "Number": params.HopsNumber, "Text": params.HopsString}
     output = next(one for whole in COMPONENTS.values() for one in whole.outputs if one.name == name)
-    access = params.HopsParamAccess.LIST if output.many else params.HopsParamAccess.ITEM
+    access = params.HopsParamAccess.LIST if output.is_list else params.HopsParamAccess.ITEM
     reader = kind[output.kind](name, access=access)
     return reader.from_input({"ParamName": name, "InnerTree": {"{0}": value["InnerTree"]["0"]}})
 
@@ -112,7 +112,7 @@ def test_components_are_described_as_mcneels_server_describes_its_own():
         """For its description alone."""
 
     theirs = json.loads(hops.query("/structure")[1])
-    ours = COMPONENTS["structure"].described()
+    ours = COMPONENTS["structure"].description_json()
     assert set(ours) == set(theirs)
     for mine, other in zip(ours["Inputs"], theirs["Inputs"], strict=True):
         assert set(mine) == set(other) - {"Default"}
@@ -124,12 +124,12 @@ def test_components_are_described_as_mcneels_server_describes_its_own():
 
 def test_mcneels_server_gives_the_same_answer_to_the_same_request():
     """A component that gives back what it gets, of ours and of theirs, asked in the same bytes."""
-    given = [Parameter(name, name, name, kind, name == "points") for name, kind in ECHO]
+    given = [HopsParameter(name, name, name, kind, name == "points") for name, kind in ECHO]
     ours = HopsComponent("echo", "", tuple(given), tuple(given), lambda request: returned(**request.values))
     hops = base.HopsBase(None)
     kinds = {"Mesh": params.HopsMesh, "Point": params.HopsPoint, "Number": params.HopsNumber, "Text": params.HopsString}
     access = {True: params.HopsParamAccess.LIST, False: params.HopsParamAccess.ITEM}
-    sockets = [kinds[one.kind](one.name, one.nickname, one.about, access=access[one.many]) for one in given]
+    sockets = [kinds[one.kind](one.name, one.nickname, one.about, access=access[one.is_list]) for one in given]
 
     @hops.component("/echo", name="echo", inputs=sockets, outputs=sockets)
     def reference(mesh, points, number, text):
@@ -170,7 +170,7 @@ def test_a_preset_is_what_is_proposed_changed_by_what_is_connected():
         sent("preset", "System.String", json.dumps("pattern.rotate = 45"), json.dumps("statics.material = 'S235'")),
     ]
     request = read_request(COMPONENTS["preview"], body(vault(1000), *more, unit="Millimeters"))
-    preset = requested_preset(request)
+    preset = preset_of_request(request)
     assert [load.kind for load in preset.surface.load] == ["self_weight", "snow"]
     assert preset.surface.load[1].pressure == 1200
     assert preset.pattern.major.spacing == preset.pattern.minor.spacing == pytest.approx(0.9)
@@ -187,7 +187,7 @@ def test_points_are_feet_in_the_unit_of_the_model():
         COMPONENTS["preview"],
         body(vault(1000), sent("supports", "Rhino.Geometry.Point3d", *corners), unit="Millimeters"),
     )
-    feet = requested_preset(request).surface.support
+    feet = preset_of_request(request).surface.support
     assert [foot.name for foot in feet] == ["foot 1", "foot 2", "foot 3"]
     assert np.allclose(feet[0].at.center, VAULT.V[low][0])
 
@@ -207,7 +207,7 @@ def test_points_are_feet_in_the_unit_of_the_model():
     ],
 )
 def test_what_cannot_be_is_one_sentence_on_the_component(values, told):
-    done, text = answered("preview", body(*values))
+    done, text = solve_request("preview", body(*values))
     assert not done
     assert told in text
     assert "Traceback" not in text
@@ -218,7 +218,7 @@ def test_a_request_of_something_else_is_told():
         read_request(COMPONENTS["preview"], {"values": [1]})
     with pytest.raises(HopsError, match="the unit of the model is parsecs"):
         read_request(COMPONENTS["preview"], body(vault(), unit="Parsecs"))
-    assert written_changes("[pattern]\nrotate = 4\nmajor = { spacing = 1 }") == {
+    assert changes_from_toml("[pattern]\nrotate = 4\nmajor = { spacing = 1 }") == {
         "pattern.rotate": 4,
         "pattern.major.spacing": 1,
     }
@@ -226,7 +226,7 @@ def test_a_request_of_something_else_is_told():
 
 @pytest.mark.slow
 def test_a_preview_is_the_sheet_in_the_unit_of_the_model():
-    done, text = answered("preview", body(vault(1000), unit="Millimeters"))
+    done, text = solve_request("preview", body(vault(1000), unit="Millimeters"))
     assert done, text
     answer = json.loads(text)
     sheet = read(answer, "sheet")
@@ -238,7 +238,7 @@ def test_a_preview_is_the_sheet_in_the_unit_of_the_model():
     assert all(line.IsValid for line in lines)
     assert all(isinstance(one, str) for one in read(answer, "notes"))
     kept = len(components._DESIGNS)
-    done, text = answered("members", body(vault(1000), unit="Millimeters"))
+    done, text = solve_request("members", body(vault(1000), unit="Millimeters"))
     assert done, text
     assert len(components._DESIGNS) == kept  # fed alike, made once
     told = json.loads(text)
@@ -252,7 +252,7 @@ def test_the_server_lists_describes_and_turns_pages_away():
         status, text = asked(server, "GET", "/")
         assert status == 200
         assert [one["Name"] for one in json.loads(text)] == list(COMPONENTS)
-        assert json.loads(asked(server, "GET", "/members")[1]) == COMPONENTS["members"].described()
+        assert json.loads(asked(server, "GET", "/members")[1]) == COMPONENTS["members"].description_json()
         assert asked(server, "GET", "/nothing")[0] == 404
         assert asked(server, "HEAD", "/")[0] == 200
         assert asked(server, "GET", "/", Host="evil.example")[0] == 403

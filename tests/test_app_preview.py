@@ -12,12 +12,12 @@ from scipy.ndimage import binary_erosion
 
 from dsfab.core.errors import DsfabError, ExportError
 from dsfab.render import light, marks, opengl
-from dsfab.render.drawing import Annotations, edges, on_page, person, set_stage
+from dsfab.render.drawing import Annotations, edge_strengths, page_view, person, set_stage
 from dsfab.render.lettering import PAPER, length_label, round_length
 from dsfab.render.marks import tree
 from dsfab.render.picture import Look, picture, write_png
 from dsfab.render.scene import Body, Scene
-from dsfab.render.view import ANGLE, best_side, framed, named_side, up_axis
+from dsfab.render.view import VIEW_DEGREES, best_side, fit_view, named_side, up_axis
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.shapes import cylinder, dome, plate, sphere, tower
 
@@ -104,8 +104,8 @@ def test_a_scale_of_colours_lies_below_the_structure(name: str) -> None:
     V, F = SHAPES[name]()
     body, up = Body(V, F, np.array(PAPER.members, dtype=np.uint8)), np.array([0.0, 0.0, 1.0])
     for height, side in ((1200, "iso"), (600, "front")):
-        view = on_page([body], named_side(V, up, side), (800, height), scale=True)
-        assert view.seen(V)[:, 1].min() > -1 + 2 * 8 / 46
+        view = page_view([body], named_side(V, up, side), (800, height), scale=True)
+        assert view.page_coordinates(V)[:, 1].min() > -1 + 2 * 8 / 46
 
 
 def test_a_ball_is_lit_from_the_upper_left() -> None:
@@ -149,10 +149,10 @@ def test_a_load_on_held_vertices_only_is_not_drawn() -> None:
 def test_hundreds_of_loads_become_a_few_arrows_that_carry_all_of_them() -> None:
     surface = dome(span=12.0, rise=4.0, oculus=0.0, edge=0.3)
     load = weighed(surface, low(surface))
-    free = ~load.held
-    pulls = marks._gathered(surface.V, load.force, free, marks.SPREAD_LOAD, 1.0, surface.size)
+    free = ~load.supported
+    pulls = marks._gathered_forces(surface.V, load.force, free, marks.SPREAD_LOAD_SPACING, 1.0, surface.size)
     assert free.sum() > 1000
-    assert 8 < len(pulls.at) <= marks.SPREAD_LOAD.most
+    assert 8 < len(pulls.at) <= marks.SPREAD_LOAD_SPACING.most
     np.testing.assert_allclose(pulls.pull.sum(axis=0), load.force[free].sum(axis=0), rtol=1e-9, atol=1e-6)
     apart = np.linalg.norm(surface.V[pulls.at][:, None] - surface.V[pulls.at][None], axis=2) + 99 * np.eye(
         len(pulls.at)
@@ -185,7 +185,7 @@ def test_supports_point_away_from_the_structure() -> None:
     np.testing.assert_array_equal(marks.support_side(surface, weighed(surface, both), surface.size, Z), [0, 0, -1])
     cones, _ = marks.support_cones(surface, weighed(surface, left), surface.size, Z, 0.0)
     assert cones[:, 0].max() == pytest.approx(surface.V[:, 0].min())
-    assert cones[:, 0].min() == pytest.approx(surface.V[:, 0].min() - marks.CONE * surface.size)
+    assert cones[:, 0].min() == pytest.approx(surface.V[:, 0].min() - marks.CONE_HEIGHT * surface.size)
 
 
 def test_a_person_is_1_75_metres_tall() -> None:
@@ -205,7 +205,7 @@ def test_a_tree_stands_on_its_foot_as_tall_as_it_is_said_to_be() -> None:
     assert F.max() < len(V)
     ball = sphere(radius=4.0, edge=0.8)
     side, load = best_side(ball.V, Z), weighed(ball, low(ball))
-    body = Body(ball.V, ball.F, PAPER.of("person"))
+    body = Body(ball.V, ball.F, PAPER.colour_bytes("person"))
     made = [
         set_stage(body, side, Z, 0.1, Annotations(ball, load, layers=(one,)), PAPER, SIZE) for one in ("tree", "person")
     ]
@@ -217,7 +217,9 @@ def test_a_person_stands_beside_a_roof_whose_supports_are_drawn_taller() -> None
     """Of 90 m: nothing of the roof is as low as a person on the ground, the feet of its supports."""
     roof = dome(span=90.0, rise=8.0, edge=5.0)
     side, load = best_side(roof.V, Z), weighed(roof, low(roof))
-    stage = set_stage(Body(roof.V, roof.F, PAPER.of("person")), side, Z, 0.3, Annotations(roof, load), PAPER, SIZE)
+    stage = set_stage(
+        Body(roof.V, roof.F, PAPER.colour_bytes("person")), side, Z, 0.3, Annotations(roof, load), PAPER, SIZE
+    )
     somebody, right = stage.bodies[-1].V, np.cross(Z, side.towards)
     assert somebody[:, 2].min() == stage.level
     assert somebody[:, 2].max() < roof.V[:, 2].min()
@@ -264,7 +266,7 @@ def test_any_cloud_of_points_fills_the_box_it_is_framed_in(seed: int, scale: flo
     random = np.random.default_rng(seed)
     points = scale * (random.normal(size=(50, 3)) * random.uniform(0.2, 1, 3) + random.normal(size=3))
     wanted = (-0.8 * aspect, 0.8 * aspect, -0.7, 0.9)
-    x, y, depth = framed(points, best_side(points, Z), wanted).seen(points).T
+    x, y, depth = fit_view(points, best_side(points, Z), wanted).page_coordinates(points).T
     assert depth.min() > 0
     fill = max(np.ptp(x) / (1.6 * aspect), np.ptp(y) / 1.6)
     assert fill == pytest.approx(1, abs=2e-3)
@@ -273,28 +275,28 @@ def test_any_cloud_of_points_fills_the_box_it_is_framed_in(seed: int, scale: flo
 
 
 def test_light_on_a_free_point_is_the_closed_form_and_none_gets_into_a_closed_box() -> None:
-    """The top of a ball sees every lamp above it (`Lamps.open`); inside the ball only `AMBIENT` is left."""
+    """The top of a ball sees every lamp above it (`Lamps.open_light`); inside the ball only `AMBIENT` is left."""
     opengl.require_rendering()
     ball = sphere(radius=0.9, edge=0.1)
-    view = framed(ball.V, best_side(ball.V, Z), (-1.0, 1.0, -0.8, 0.8))
+    view = fit_view(ball.V, best_side(ball.V, Z), (-1.0, 1.0, -0.8, 0.8))
     all_lamps = light.lamps(view, Z)
     top, inside = np.array([[0.0, 0.0, 0.93]]), np.zeros((1, 3))
     points = np.concatenate([top, inside]).T.astype(np.float32)
     up = np.repeat(Z[:, None], 2, axis=1).astype(np.float32)
-    with Scene([Body(ball.V, ball.F, PAPER.of("load"), casts=True)], np.zeros(3), 1.0) as scene:
-        lit = light.lit(scene, all_lamps, points, up)
-        shared = light.lit(scene, all_lamps, points[:, [0, 0]], up, paired=2)
-    np.testing.assert_allclose(lit[:, 0], all_lamps.open(Z), rtol=1e-5)
+    with Scene([Body(ball.V, ball.F, PAPER.colour_bytes("load"), casts=True)], np.zeros(3), 1.0) as scene:
+        lit = light.lamp_light(scene, all_lamps, points, up)
+        shared = light.lamp_light(scene, all_lamps, points[:, [0, 0]], up, paired=2)
+    np.testing.assert_allclose(lit[:, 0], all_lamps.open_light(Z), rtol=1e-5)
     np.testing.assert_allclose(lit[:, 1], [0.0, light.AMBIENT], atol=1e-6)
-    assert sum(all_lamps.open(Z)) > 0.8
+    assert sum(all_lamps.open_light(Z)) > 0.8
     assert shared[1, 0] != pytest.approx(shared[1, 1], rel=1e-4)  # each asks half of the lamps
-    np.testing.assert_allclose(shared.mean(axis=1), all_lamps.open(Z), rtol=1e-5)
+    np.testing.assert_allclose(shared.mean(axis=1), all_lamps.open_light(Z), rtol=1e-5)
 
 
 def test_backs_are_left_away_only_of_a_closed_skin_that_faces_outward() -> None:
     """So that a lamp sees the same with them and without: a sheet, or a skin inside out, shows its backs."""
     ball = sphere(radius=0.9, edge=0.3)
-    encloses = [Body(ball.V, F, PAPER.of("load")).encloses for F in (ball.F, ball.F[:, ::-1], ball.F[1:])]
+    encloses = [Body(ball.V, F, PAPER.colour_bytes("load")).encloses for F in (ball.F, ball.F[:, ::-1], ball.F[1:])]
     assert encloses == [True, False, False]
 
 
@@ -302,15 +304,15 @@ def test_the_scene_sees_a_ball_where_geometry_says_it_is() -> None:
     """Depth of the nearest point = distance - radius; outline = tan(asin(r / d)) of the half angle."""
     opengl.require_rendering()
     ball = sphere(radius=1.0, edge=0.05)
-    view = framed(ball.V, best_side(ball.V, Z), (-0.8, 0.8, -0.8, 0.8))
+    view = fit_view(ball.V, best_side(ball.V, Z), (-0.8, 0.8, -0.8, 0.8))
     distance = float(np.linalg.norm(view.eye))
-    with Scene([Body(ball.V, ball.F, PAPER.of("load"))], np.zeros(3), 2.0) as scene:
+    with Scene([Body(ball.V, ball.F, PAPER.colour_bytes("load"))], np.zeros(3), 2.0) as scene:
         seen = scene.pixels(view, 200, 200)
     assert 2.0 * seen.depth.min() == pytest.approx(distance - 1, rel=1e-3)
     rows = np.flatnonzero(np.isfinite(seen.depth).any(axis=1))
-    outline = np.tan(np.arcsin(1 / distance)) / np.tan(np.radians(ANGLE / 2))
+    outline = np.tan(np.arcsin(1 / distance)) / np.tan(np.radians(VIEW_DEGREES / 2))
     assert (rows[-1] - rows[0] + 1) / 200 == pytest.approx(outline, abs=0.02)
-    assert (seen.colour[np.isfinite(seen.depth)] == PAPER.of("load")).all()
+    assert (seen.colour[np.isfinite(seen.depth)] == PAPER.colour_bytes("load")).all()
 
 
 def test_edges_are_drawn_where_faces_meet_and_not_along_a_slope() -> None:
@@ -319,14 +321,14 @@ def test_edges_are_drawn_where_faces_meet_and_not_along_a_slope() -> None:
     up, side = np.array([127, 127, 255], dtype=np.uint8), np.array([255, 127, 127], dtype=np.uint8)
     slope = np.tile(np.linspace(2, 3, 20, dtype=np.float32), (20, 1))
     level = np.broadcast_to(up, (20, 20, 3))
-    assert edges(Pixels(slope, level, level), 0.01).max() == 0
+    assert edge_strengths(Pixels(slope, level, level), 0.01).max() == 0
     stepped = slope + np.where(np.arange(20) < 10, 0, 1).astype(np.float32)
-    lines = edges(Pixels(stepped, level, level), 0.01)
+    lines = edge_strengths(Pixels(stepped, level, level), 0.01)
     assert (lines[:, 9] == 1).all()
     assert lines[:, [*range(9), *range(10, 20)]].max() == 0
-    assert (edges(Pixels(stepped[:, ::-1], level, level), 0.01) == lines[:, ::-1]).all()
+    assert (edge_strengths(Pixels(stepped[:, ::-1], level, level), 0.01) == lines[:, ::-1]).all()
     folded = np.where((np.arange(20) < 10)[None, :, None], up, side) * np.ones((20, 1, 1), dtype=np.uint8)
-    assert (edges(Pixels(slope, folded, folded), 0.01).max(axis=1) == 1).all()
+    assert (edge_strengths(Pixels(slope, folded, folded), 0.01).max(axis=1) == 1).all()
 
 
 @pytest.mark.parametrize(("longest", "length"), [(0.99, 0.5), (1.0, 1.0), (4.9, 2.0), (37.0, 20.0), (0.0034, 0.002)])
@@ -463,8 +465,8 @@ def test_the_machine_is_asked_once_and_the_working_window_is_chosen(
     asked_anew.setattr(sys, "platform", "linux")
     asked_anew.delenv("DISPLAY", raising=False)
     asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", only_osmesa])
-    opengl.ask_ahead()
-    opengl.ask_ahead()
+    opengl.probe_ahead()
+    opengl.probe_ahead()
     opengl.require_rendering()
     assert os.environ[opengl.WINDOW] == "vtkOSOpenGLRenderWindow"
     opengl.require_rendering()

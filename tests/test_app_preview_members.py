@@ -8,7 +8,7 @@ from PIL import Image
 
 from dsfab.app.cli import main
 from dsfab.preset.file import load_preset
-from dsfab.render.lettering import PAPER, Nameplate, placed_names, with_names
+from dsfab.render.lettering import PAPER, Nameplate, place_names, with_names
 from dsfab.render.members import _plates, members_picture
 from tests.designs import sliced
 
@@ -34,7 +34,7 @@ def test_no_name_stands_on_another_and_all_are_on_the_page(places):
     plates = [
         Nameplate(f"B{k:02d}", (0, 0, 0), np.array([place]), np.ones(1, dtype=bool)) for k, place in enumerate(places)
     ]
-    placed = placed_names(plates, (640, 480), 12.0)
+    placed = place_names(plates, (640, 480), 12.0)
     assert sorted(one.plate.text for one in placed) == [plate.text for plate in plates]
     found = np.array(boxes(placed, 12.0))
     assert found.min() >= 0
@@ -48,7 +48,7 @@ def test_no_name_stands_on_another_and_all_are_on_the_page(places):
 
 def test_a_place_that_is_seen_comes_before_one_that_is_hidden():
     plate = Nameplate("A01", (0, 0, 0), np.array([[100.0, 100.0], [300.0, 200.0]]), np.array([False, True]))
-    (placed,) = placed_names([plate], (400, 300), 12.0)
+    (placed,) = place_names([plate], (400, 300), 12.0)
     assert placed.anchor.tolist() == placed.middle.tolist() == [300, 200]
 
 
@@ -57,7 +57,7 @@ def test_a_name_beside_its_member_has_a_line_to_it():
     plates = [
         Nameplate(text, (200, 0, 0), np.array([[100.0, 100.0]]), np.ones(1, dtype=bool)) for text in ("A01", "A02")
     ]
-    placed = placed_names(plates, (200, 200), 12.0)
+    placed = place_names(plates, (200, 200), 12.0)
     assert [bool((one.anchor == one.middle).all()) for one in placed] == [True, False]
     bare = np.asarray(with_names(white.copy(), placed[:1], 12.0, (255, 255, 255)))
     both = np.asarray(with_names(white, placed, 12.0, (255, 255, 255)))
@@ -86,7 +86,7 @@ def test_every_member_has_a_plate_with_places_on_it(vault):
     plates = list(_plates(graph, stage, nothing, (SIZE, ink, PAPER)))
     assert [plate.text for plate in plates] == [member.id for member in graph.members]
     for plate in plates:
-        assert plate.seen.all()
+        assert plate.visible.all()
         assert ((plate.places > 0) & (plate.places < SIZE)).all()
 
 

@@ -10,14 +10,14 @@ import pytest
 from dsfab.app import bench_preview
 from dsfab.core.errors import DsfabError, PatternError, PresetError
 from dsfab.design import Design, draft, run
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.render import scene as scene_module
 from dsfab.render import shader
-from dsfab.render.colouring import banded, diverging, stress_label
-from dsfab.render.drawing import on_page
+from dsfab.render.colouring import band_limit, diverging_colours, stress_label
+from dsfab.render.drawing import page_view
 from dsfab.render.light import QUICK
 from dsfab.render.marks import reaction_arrows
-from dsfab.render.previewer import TRIAL, Previewer
+from dsfab.render.previewer import TRIAL_SIZE, Previewer
 from dsfab.render.scene import Body, Scene, _numbers
 from dsfab.render.view import named_side
 from dsfab.slicing import cut
@@ -39,12 +39,12 @@ def exact(previewer: Previewer, surface: Surface) -> np.ndarray:
     stage = previewer._stage
     body = Body(surface.V, surface.F, np.zeros(3, dtype=np.uint8), casts=True)
     with Scene([body], stage.centre, stage.radius) as scene:
-        return scene.mask(on_page(stage.bodies, previewer._side, SIZE), *SIZE)
+        return scene.mask(page_view(stage.bodies, previewer._side, SIZE), *SIZE)
 
 
 def difference(made: Design, previewer: Previewer) -> float:
     """Share of the silhouette's pixels in which the shader and the exact cut of a draft differ."""
-    sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, snap=0.0).kept()
+    sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, snap=0.0).subset()
     there = exact(previewer, sheet.surface)
     assert 0.02 < there.mean() < 0.9
     return float((previewer.mask(SIZE) != there).sum() / there.sum())
@@ -61,7 +61,7 @@ RULES = {
 
 @pytest.mark.parametrize("rule", RULES)
 def test_the_shader_draws_what_the_exact_cut_leaves(dome: Design, rule: str) -> None:
-    made = draft(overridden(dome.preset, RULES[rule]), old=dome)
+    made = draft(with_overrides(dome.preset, RULES[rule]), earlier=dome)
     with Previewer(made, marks=False) as previewer:
         assert difference(made, previewer) < MOST
         whole = exact(previewer, made.surface)
@@ -74,7 +74,7 @@ def test_modes_and_phases_that_were_chosen_are_drawn() -> None:
     with Previewer(made, marks=False) as previewer:
         assert difference(made, previewer) < 2 * MOST  # what is kept is drawn by values at vertices, on large faces
         chosen = previewer.mask(SIZE)
-        settled = made.preset.settled(made.pattern.mode, made.pattern.phase)
+        settled = made.preset.with_modes(made.pattern.mode, made.pattern.phase)
         previewer.display(settled)
         assert np.array_equal(previewer.mask(SIZE), chosen)
         previewer.set({"pattern.minor.phase": (made.pattern.phase[1] + 0.4) % 1})
@@ -105,7 +105,7 @@ def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Design)
         actors = list(previewer._scene.actors)
         points = [actor.GetMapper().GetInput().GetPoints().GetMTime() for actor in actors]
         for changes in CHANGES:
-            preset = overridden(preset, changes)
+            preset = with_overrides(preset, changes)
             previewer.set(changes)
             assert previewer.preset == preset
             with Previewer(draft(preset), marks=False) as fresh:
@@ -156,14 +156,14 @@ def test_that_there_is_no_material_is_seen_by_the_lamps_beside_marks(
     ("name", "broken"),
     [
         ("a tag that does not exist", (("//VTK::NoSuchTag::Impl", "discard;"),)),
-        ("no discard", shader.Program().fragment()[:1]),
-        ("all discarded", (*shader.Program().fragment()[:1], ("//VTK::Clip::Impl", "  discard;\n"))),
+        ("no discard", shader.ShaderProgram().fragment()[:1]),
+        ("all discarded", (*shader.ShaderProgram().fragment()[:1], ("//VTK::Clip::Impl", "  discard;\n"))),
     ],
 )
 def test_a_shader_that_does_not_work_is_never_drawn(
     dome: Design, monkeypatch: pytest.MonkeyPatch, name: str, broken: tuple[tuple[str, str], ...]
 ) -> None:
-    monkeypatch.setattr(shader.Program, "fragment", lambda self: broken)
+    monkeypatch.setattr(shader.ShaderProgram, "fragment", lambda self: broken)
     with pytest.raises(DsfabError, match="does not run the preview's shader") as refusal:
         Previewer(dome)
     assert "pixels where" in str(refusal.value), name
@@ -173,8 +173,8 @@ def test_a_wrong_shader_language_is_found_by_its_pixels(
     dome: Design, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     tag = "//VTK::Clip::Impl"
-    wrong = (*shader.Program().fragment()[:1], (tag, "  this is no GLSL;\n"))
-    monkeypatch.setattr(shader.Program, "fragment", lambda self: wrong)
+    wrong = (*shader.ShaderProgram().fragment()[:1], (tag, "  this is no GLSL;\n"))
+    monkeypatch.setattr(shader.ShaderProgram, "fragment", lambda self: wrong)
     with pytest.raises(DsfabError, match="does not run the preview's shader"):
         Previewer(dome)
     capfd.readouterr()  # the driver's own complaint
@@ -198,10 +198,10 @@ def test_loads_are_shown_on_the_whole_surface(dome: Design) -> None:
 
 def test_a_picture_is_the_same_twice_and_changes_with_the_pattern(dome: Design) -> None:
     with Previewer(dome) as previewer:
-        one, two = (previewer.picture(TRIAL, quality=QUICK) for _ in range(2))
+        one, two = (previewer.picture(TRIAL_SIZE, quality=QUICK) for _ in range(2))
         previewer.set({"pattern.major.frequency": 15.0})
-        three = previewer.picture(TRIAL, quality=QUICK)
-    assert one.shape == (TRIAL[1], TRIAL[0], 3)
+        three = previewer.picture(TRIAL_SIZE, quality=QUICK)
+    assert one.shape == (TRIAL_SIZE[1], TRIAL_SIZE[0], 3)
     assert one.dtype == np.uint8
     assert np.array_equal(one, two)
     assert (one != three).any()
@@ -245,7 +245,7 @@ def test_another_thread_is_refused_in_a_sentence(dome: Design) -> None:
 
     def draw() -> None:
         try:
-            previewer.picture(TRIAL)
+            previewer.picture(TRIAL_SIZE)
         except DsfabError as error:
             told.append(str(error))
 
@@ -279,7 +279,7 @@ def test_an_unknown_thing_to_show_is_refused(dome: Design) -> None:
 
 
 def test_tension_is_red_and_compression_blue() -> None:
-    colours = diverging(np.array([-2.0, -1.0, 0.0, 1.0, 2.0])).astype(int)
+    colours = diverging_colours(np.array([-2.0, -1.0, 0.0, 1.0, 2.0])).astype(int)
     assert (colours[0] == colours[1]).all()
     assert (colours[3] == colours[4]).all()
     assert colours[1, 2] > colours[1, 0] + 60
@@ -294,13 +294,13 @@ def test_tension_is_red_and_compression_blue() -> None:
     ]
 
 
-PLAIN = shader.Settings((3.0, 2.0), (0.1, 0.2), (0.2, 0.1))
+PLAIN = shader.StripeSettings((3.0, 2.0), (0.1, 0.2), (0.2, 0.1))
 NEEDS = {
     "plain": (PLAIN, ("modes",)),
     "widths": (replace(PLAIN, half_width=(0.2, shader.BY_VERTEX)), ("modes", "widths")),
     "widths of what is hidden": (replace(PLAIN, half_width=(0.2, shader.BY_VERTEX), shown=(1.0, 0.0)), ("modes",)),
     "kept": (replace(PLAIN, reach=(0.3, shader.NO_REACH)), ("modes", "kept")),
-    "all": (shader.Settings(half_width=2 * (shader.BY_VERTEX,), reach=(0.1, 0.2)), shader.FIELDS),
+    "all": (shader.StripeSettings(half_width=2 * (shader.BY_VERTEX,), reach=(0.1, 0.2)), shader.FIELDS),
 }
 
 
@@ -325,7 +325,7 @@ def test_a_shader_goes_through_all_its_programs_and_back(dome: Design) -> None:
         seen = []
         for settings in (PLAIN, NEEDS["all"][0], NEEDS["kept"][0], NEEDS["widths"][0], PLAIN):
             previewer._shader.set(settings)
-            seen.append(previewer.mask(TRIAL))
+            seen.append(previewer.mask(TRIAL_SIZE))
         assert np.array_equal(seen[0], seen[-1])
         assert min((seen[0] != other).sum() for other in seen[1:-1]) > 10
 
@@ -349,7 +349,7 @@ def test_corners_that_are_split_take_their_values_along() -> None:
 
 def test_walls_are_seen_beside_members_and_nowhere_else(dome: Design) -> None:
     """What is added to an infinitely thin sheet lies within half the thickness of it, and none for lamps and masks."""
-    made = draft(overridden(dome.preset, {"statics.thickness": 0.4}), old=dome)
+    made = draft(with_overrides(dome.preset, {"statics.thickness": 0.4}), earlier=dome)
     with Previewer(made, marks=False) as previewer:
         view, scene, shader_ = previewer._view(SIZE, True), previewer._scene, previewer._shader
         thin = scene.mask(view, *SIZE)
@@ -357,11 +357,11 @@ def test_walls_are_seen_beside_members_and_nowhere_else(dome: Design) -> None:
         again = scene.mask(view, *SIZE)
         assert np.array_equal(thin, again)
         assert 1.1 * thin.sum() < seen.sum() < 2.5 * thin.sum()
-        shader_.set(shader.WHOLE)
+        shader_.set(shader.ALL_MATERIAL)
         whole = scene.mask(view, *SIZE)
         assert np.array_equal(np.isfinite(scene.pixels(view, *SIZE).depth), whole)  # no wall without an opening
         assert not (seen & ~whole).any()
-        shader_.set(shader.NOTHING)
+        shader_.set(shader.NO_MATERIAL)
         assert not np.isfinite(scene.pixels(view, *SIZE).depth).any()
 
 
@@ -400,11 +400,11 @@ def test_a_notebook_shows_designs_and_drafts_and_warns_where_nothing_can_be_draw
 
 @pytest.mark.parametrize(("limit", "end", "bands"), [(1.0, 1.0, 5), (97.0, 100.0, 5), (4.1, 5.0, 5), (0.0, 1.0, 4)])
 def test_bands_are_round(limit: float, end: float, bands: int) -> None:
-    assert banded(limit) == (pytest.approx(end), bands)
+    assert band_limit(limit) == (pytest.approx(end), bands)
 
 
 def test_banded_colours_are_steps_from_end_to_end() -> None:
-    smooth, steps = (diverging(np.linspace(-1, 1, 400), bands) for bands in (0, 8))
+    smooth, steps = (diverging_colours(np.linspace(-1, 1, 400), bands) for bands in (0, 8))
     assert len(np.unique(steps, axis=0)) == 8
     assert len(np.unique(smooth, axis=0)) > 100
     assert (steps[[0, -1]] == smooth[[0, -1]]).all()

@@ -7,14 +7,14 @@ import pytest
 from PIL import Image
 
 from dsfab.app.cli import main
-from dsfab.app.preview import shows
+from dsfab.app.preview import picture_names
 from dsfab.core.errors import DsfabError, PatternError
 from dsfab.design import Design, draft
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.render.design_picture import structure_picture
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import shading
-from dsfab.render.striped_mesh import StripedMesh, only_numbers
+from dsfab.render.striped_mesh import StripedMesh, needs_only_settings
 from tests.presets import DOME_MODES, GLOBE_MODES
 from tests.test_app_previewer import MOST, SIZE, difference, exact
 
@@ -46,7 +46,7 @@ RULES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", RULES)
 def test_the_shader_draws_what_the_exact_cut_leaves(dome: Design, rule: str) -> None:
-    made = draft(overridden(dome.preset, RULES[rule]), old=dome)
+    made = draft(with_overrides(dome.preset, RULES[rule]), earlier=dome)
     assert made.pattern.even
     assert len(set(made.pattern.even.chart.scale.ravel())) > 2 or rule == "not halved"  # some are halved
     with Previewer(made, marks=False) as previewer:
@@ -78,7 +78,7 @@ def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Design)
     preset = dome.preset
     with Previewer(dome, marks=False) as previewer:
         for changes in CHANGES:
-            preset = overridden(preset, changes)
+            preset = with_overrides(preset, changes)
             previewer.set(changes)
             with Previewer(draft(preset), marks=False) as fresh:
                 assert np.array_equal(previewer.mask(SIZE), fresh.mask(SIZE)), changes
@@ -86,7 +86,7 @@ def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Design)
 
 
 def test_a_reach_alone_is_a_number(dome: Design, monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = draft(overridden(dome.preset, {"pattern.width": {}}), old=dome)
+    plain = draft(with_overrides(dome.preset, {"pattern.width": {}}), earlier=dome)
 
     def never(*_: object, **__: object) -> Design:
         raise AssertionError("drafted again")
@@ -99,8 +99,10 @@ def test_a_reach_alone_is_a_number(dome: Design, monkeypatch: pytest.MonkeyPatch
         for changes in ({"pattern.minor.spacing": 0.6}, {"pattern.halve": False}, {"pattern.major.threshold": 0.2}):
             with pytest.raises(AssertionError, match="drafted again"):
                 previewer.set(changes)
-    assert only_numbers(plain.preset, overridden(plain.preset, {"pattern.keep": 0.9}))
-    assert not only_numbers(dome.preset, overridden(dome.preset, {"pattern.keep": 0.9}))  # a share is solved for
+    assert needs_only_settings(plain.preset, with_overrides(plain.preset, {"pattern.keep": 0.9}))
+    assert not needs_only_settings(
+        dome.preset, with_overrides(dome.preset, {"pattern.keep": 0.9})
+    )  # a share is solved for
 
 
 def words(path: Path, *more: str) -> list[str]:
@@ -113,7 +115,7 @@ def test_the_command_shows_what_is_built_and_what_is_not_cut_where_that_cannot_b
     dome: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Loose ends are none in the structure; a design that cannot be cut is seen all the same, and told."""
-    monkeypatch.setattr("dsfab.render.previewer.Previewers.drafted", lambda *_: dome)
+    monkeypatch.setattr("dsfab.render.previewer.Previewers.draft_for", lambda *_: dome)
     built = dome.until("thickening")
     path = tmp_path / "dome.png"
     assert main(words(path, "-q")) == 0
@@ -132,7 +134,7 @@ def test_the_command_shows_what_is_built_and_what_is_not_cut_where_that_cannot_b
 
 def test_light_shows_no_seam(globe: Design) -> None:
     """Each vertex of the chart, on whichever side of a seam, has the normal of the sphere to within a face's turn."""
-    mesh = StripedMesh.of(globe)
+    mesh = StripedMesh.from_design(globe)
     assert mesh.even
     chart = mesh.surface
     given = shading(globe.surface.V, globe.surface.F)
@@ -168,8 +170,8 @@ def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Design) -> None:
 def test_what_is_on_no_mode_shows_none(dome: Design) -> None:
     with pytest.raises(DsfabError, match="run along no mode"):
         Previewer(dome, show="major_mode")
-    assert "major_mode" not in shows("all", dome.preset)
-    assert "minor_mode" in shows("modes", dome.preset)  # who asks is told why not
+    assert "major_mode" not in picture_names("all", dome.preset)
+    assert "minor_mode" in picture_names("modes", dome.preset)  # who asks is told why not
 
 
 @pytest.mark.slow

@@ -17,20 +17,20 @@ from dsfab.app.terminal import Reporter
 from dsfab.core.errors import DsfabError, SurfaceError
 from dsfab.design import draft
 from dsfab.diffusion import diffusion_tensors
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.render.colouring import mode_gradient
 from dsfab.render.lettering import PAPER
 from dsfab.render.light import QUICK
 from dsfab.render.marks import _arrow, crosses, gradient_arrows
-from dsfab.render.previewer import TRIAL, Previewer
+from dsfab.render.previewer import TRIAL_SIZE, Previewer
 from dsfab.reproduction import comparisons, drawing, figures, volumes
-from dsfab.reproduction.comparisons import edited
-from dsfab.reproduction.figures import _reached
-from dsfab.reproduction.page import PageFacts, claim_section, page, small_page, stiffness
+from dsfab.reproduction.comparisons import editing_comparison
+from dsfab.reproduction.figures import _supports_text
+from dsfab.reproduction.page import PageFacts, claim_section, page, small_page, stiffness_ratio
 from dsfab.reproduction.published import FIGURES
 from dsfab.reproduction.volumes import SHARES, sphere_volumes
 from dsfab.results import Piece
-from dsfab.study.baselines.structures import as_mode
+from dsfab.study.baselines.structures import mode_like_field
 from dsfab.surface.fields import voronoi_mass
 from tests.presets import DOME_MODES
 from tests.zoo import grid, sphere
@@ -169,7 +169,7 @@ def test_a_mesh_too_coarse_for_its_shape_is_made_finer_and_told(tmp_path, monkey
 
     own = load_preset("hanging_bar").surface.edge
     monkeypatch.setattr(figures, "draft", fussy)
-    design, coarser = figures.coarsened(load_preset("hanging_bar"), 0.19 / own)
+    design, coarser = figures.coarsened_draft(load_preset("hanging_bar"), 0.19 / own)
     assert coarser == pytest.approx(0.8**3 * 0.19 / own)  # 0.19, 0.152, 0.1216, 0.09728 m
     assert design.preset.surface.edge == pytest.approx(0.8**3 * 0.19)
     made = figures.FigurePictures(FIGURES[1], 1, 1, carried="all of it", coarser=1.5)
@@ -178,7 +178,7 @@ def test_a_mesh_too_coarse_for_its_shape_is_made_finer_and_told(tmp_path, monkey
     assert "No mesh" not in page([made], PageFacts(1.5, "a machine"))
     monkeypatch.setattr(figures, "draft", lambda *_: (_ for _ in ()).throw(SurfaceError("never")))
     with pytest.raises(SurfaceError, match="never"):
-        figures.coarsened(load_preset("hanging_bar"), 4.0)
+        figures.coarsened_draft(load_preset("hanging_bar"), 4.0)
 
 
 @pytest.mark.slow
@@ -224,11 +224,11 @@ def test_a_mistake_is_refused_in_one_sentence(tmp_path, capsys, arguments, told)
 
 def test_how_loads_reach_the_supports():
     whole, loose, bare = Piece(1.0, True, True), Piece(0.5, False, True), Piece(0.2, True, False)
-    assert _reached([whole, bare]) == "the loads reach the supports through one piece"
-    assert _reached([whole, whole]) == "the loads reach the supports through 2 pieces"
-    assert _reached([whole, loose]) == "1 of 2 pieces that carry a load reach no support"
-    assert _reached([bare]) == "the load is spread, and all of it is supported"
-    assert "one piece reach" in _reached([bare, Piece(0.1, False, False)])
+    assert _supports_text([whole, bare]) == "the loads reach the supports through one piece"
+    assert _supports_text([whole, whole]) == "the loads reach the supports through 2 pieces"
+    assert _supports_text([whole, loose]) == "1 of 2 pieces that carry a load reach no support"
+    assert _supports_text([bare]) == "the load is spread, and all of it is supported"
+    assert "one piece reach" in _supports_text([bare, Piece(0.1, False, False)])
 
 
 def stressed(surface, angle: float, r: float = 100.0):
@@ -247,7 +247,7 @@ def test_crosses_lie_along_the_principal_stresses(degrees):
     along = corners[:, 4:].mean(axis=1) - corners[:, :4].mean(axis=1)
     colours = body.colour.reshape(len(corners), 12, 3)[:, 0]
     for name, angle in (("tension", degrees), ("compression", degrees + 90)):
-        bars = along[(colours == PAPER.of(name)).all(axis=1)]
+        bars = along[(colours == PAPER.colour_bytes(name)).all(axis=1)]
         assert len(bars) == len(along) // 2 > 50
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0.0])
         assert np.allclose(np.abs(bars @ direction), np.linalg.norm(bars, axis=1), rtol=1e-9)
@@ -264,7 +264,7 @@ def test_without_anisotropy_there_are_no_directions():
 def test_a_field_becomes_as_large_as_a_mode():
     surface = sphere(4)
     z = surface.centroids[:, 2]
-    value, mass = as_mode(surface, 5e6 + 3e6 * z), voronoi_mass(surface)
+    value, mass = mode_like_field(surface, 5e6 + 3e6 * z), voronoi_mass(surface)
     assert mass @ value == pytest.approx(0.0, abs=1e-12)
     assert mass @ value**2 == pytest.approx(surface.area / (4 * np.pi))
     assert np.allclose(value, np.sqrt(3 / (4 * np.pi)) * surface.V[:, 2], atol=2e-2)  # on the unit sphere Y_10
@@ -278,21 +278,21 @@ def dome():
 @pytest.mark.parametrize("show", ["directions", "major_mode", "minor_mode"])
 def test_directions_and_modes_are_drawn_on_the_whole_sheet(dome, show):
     with Previewer(dome, show=show, marks=False) as previewer:
-        picture = previewer.picture(TRIAL, quality=QUICK)
+        picture = previewer.picture(TRIAL_SIZE, quality=QUICK)
         assert np.ptp(picture.reshape(-1, 3).astype(int), axis=0).min() > 50
-        before = previewer.mask(TRIAL)
+        before = previewer.mask(TRIAL_SIZE)
         previewer.set({"pattern.major.threshold": 0.9, "pattern.width": {"rule": "plain"}})
-        assert np.array_equal(previewer.mask(TRIAL), before)
+        assert np.array_equal(previewer.mask(TRIAL_SIZE), before)
 
 
 def test_a_previewed_mode_follows_its_number_and_directions_need_a_new_one(dome):
     with Previewer(dome, show="major_mode", marks=False) as previewer:
-        first, told = previewer.picture(TRIAL, quality=QUICK), previewer.words
+        first, told = previewer.picture(TRIAL_SIZE, quality=QUICK), previewer.words
         previewer.set({"pattern.major.mode": 3})
         assert previewer.words.startswith("major mode 3")
         assert previewer.words != told
-        assert not np.array_equal(previewer.picture(TRIAL, quality=QUICK), first)
-    changed = overridden(dome.preset, {"diffusion.gamma": 2.0})
+        assert not np.array_equal(previewer.picture(TRIAL_SIZE, quality=QUICK), first)
+    changed = with_overrides(dome.preset, {"diffusion.gamma": 2.0})
     with Previewer(dome, show="directions", marks=False) as previewer:
         assert not previewer.can_display(changed)
         with pytest.raises(DsfabError, match="other directions: make a new Previewer"):
@@ -335,13 +335,13 @@ def test_the_gradient_of_a_mode_is_exact_where_it_is_linear():
 
 def test_a_mode_with_its_gradients_needs_a_new_previewer_for_another_one(dome):
     with Previewer(dome, show="major_mode", marks=("gradients",)) as arrows:
-        plain_too = arrows.picture(TRIAL, quality=QUICK)
-        assert not arrows.can_display(overridden(dome.preset, {"pattern.major.mode": 3}))
-        assert arrows.can_display(overridden(dome.preset, {"pattern.minor.mode": 3}))
+        plain_too = arrows.picture(TRIAL_SIZE, quality=QUICK)
+        assert not arrows.can_display(with_overrides(dome.preset, {"pattern.major.mode": 3}))
+        assert arrows.can_display(with_overrides(dome.preset, {"pattern.minor.mode": 3}))
         with pytest.raises(DsfabError, match="another mode has other gradients"):
             arrows.set({"pattern.major.mode": 3})
     with Previewer(dome, show="major_mode", marks=False) as plain:
-        assert not np.array_equal(plain.picture(TRIAL, quality=QUICK), plain_too)
+        assert not np.array_equal(plain.picture(TRIAL_SIZE, quality=QUICK), plain_too)
 
 
 @pytest.mark.slow
@@ -372,7 +372,7 @@ def test_the_recorded_comparison_on_the_sphere_passes_and_tells_who_wins():
     known = {(row["name"], row["volume"]): row for row in rows}
     assert len(known) == len(rows) == len(SHARES) * 8
     tuned, published, evened = (
-        {share: stiffness(known[name, share], known[other, share]) for share in SHARES}
+        {share: stiffness_ratio(known[name, share], known[other, share]) for share in SHARES}
         for name, other in (("design", "isotropic"), ("row", "isotropic"), ("stripes", "thinner"))
     )
     assert tuned[0.5][1] > 5
@@ -387,9 +387,9 @@ def test_the_recorded_comparison_on_the_sphere_passes_and_tells_who_wins():
 def test_stiffness_is_told_with_the_bounds_of_both():
     """2 J +- 10 % over 1 J +- 5 %: 2, at least 1.8 / 1.05, at most 2.2 / .95."""
     own, rival = {"compliance_J": 1.0, "bound": 0.05}, {"compliance_J": 2.0, "bound": 0.1}
-    assert stiffness(own, rival) == pytest.approx((2.0, 1.8 / 1.05, 2.2 / 0.95))
-    assert stiffness(own, {"compliance_J": None}) is None
-    assert stiffness(None, rival) is None
+    assert stiffness_ratio(own, rival) == pytest.approx((2.0, 1.8 / 1.05, 2.2 / 0.95))
+    assert stiffness_ratio(own, {"compliance_J": None}) is None
+    assert stiffness_ratio(None, rival) is None
 
 
 def claim(*values):
@@ -413,9 +413,9 @@ def test_the_claim_is_told_whoever_wins_and_what_is_not_known_is_said():
 
 
 def test_the_page_shows_the_chart_on_the_sphere_where_its_data_lie():
-    from dsfab.app.reproduce import _volumes
+    from dsfab.app.reproduce import _volume_rows
 
-    rows = _volumes(OUTPUTS)
+    rows = _volume_rows(OUTPUTS)
     text = page([], PageFacts(1.0, "a machine"), rows)
     assert 'src="sphere_volumes.svg"' in text
     own, iso = (
@@ -423,7 +423,7 @@ def test_the_page_shows_the_chart_on_the_sphere_where_its_data_lie():
         for name in ("design", "isotropic")
     )
     assert f"{iso / own:.3g} times as stiff at 50%" in text
-    assert _volumes(OUTPUTS / "nowhere") == []
+    assert _volume_rows(OUTPUTS / "nowhere") == []
     assert "sphere_volumes" not in page([], PageFacts(1.0, "a machine"))
 
 
@@ -453,7 +453,7 @@ def test_the_recorded_small_page_shows_all_figures_and_the_claim():
 def test_bob_is_edited_and_the_frames_are_counted(tmp_path, monkeypatch):
     """Three pictures that differ; frames a second are those of the clock, and the preset's own pattern comes back."""
     design = draft(load_preset("bob", {"surface.edge": 0.15}))
-    found = edited(design, tmp_path)
+    found = editing_comparison(design, tmp_path)
     (row,) = found.rows
     pixels = [np.asarray(Image.open(tmp_path / one.file).convert("RGB"), float) for one in row]
     assert len(row) == 3

@@ -16,7 +16,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.core.messages import duration
 from dsfab.design.design import Design
 from dsfab.preset.file import load_preset
-from dsfab.report.sweep_pages import SheetDrawer, against, headline
+from dsfab.report.sweep_pages import SheetDrawer, first_metric, second_metric
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.plan import plan_from
 from dsfab.study.sweeps.scheduler import Progress
@@ -33,7 +33,7 @@ CHEAP = ("--metric", "kept_share,pieces", "--keep", "nothing")
 def here(tmp_path, monkeypatch):
     """A folder of one's own; runs are made in this process, which is quicker than to begin others."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(command, "_crew", lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1))
+    monkeypatch.setattr(command, "_workers", lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1))
     return tmp_path
 
 
@@ -81,7 +81,7 @@ def test_a_sweep_file_and_the_command_line_say_the_same(here, capsys):
     assert run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "two", "-q")[0] == 0
     assert Path("one/sweep.toml").read_text() == Path("two/sweep.toml").read_text()
     assert Path("one/preset.toml").read_text() == Path("two/preset.toml").read_text()
-    results = [[row.metrics for row in SweepFolder.at(Path(name)).rows()] for name in ("one", "two")]
+    results = [[row.metrics for row in SweepFolder.from_folder(Path(name)).rows()] for name in ("one", "two")]
     assert results[0] == results[1]
 
 
@@ -103,7 +103,7 @@ def test_runs_that_are_missing_are_told_and_exit_with_3(here, capsys, monkeypatc
     def crew(fate):
         return lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1, fate=fate)
 
-    monkeypatch.setattr(command, "_crew", crew(deadly(2, 4)))
+    monkeypatch.setattr(command, "_workers", crew(deadly(2, 4)))
     code, out, err = run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "s")
     assert code == 3
     assert "4 runs: 2 done, 0 failed, 2 killed" in out
@@ -111,7 +111,7 @@ def test_runs_that_are_missing_are_told_and_exit_with_3(here, capsys, monkeypatc
     last = "dsfab: 2 of 4 runs are missing (killed: 2, 4); `dsfab sweep s` tries again"
     assert err.splitlines()[-1] == last
     assert run(capsys, "s", "--retry", "failed")[0] == 3, "the killed ones are still missing"
-    monkeypatch.setattr(command, "_crew", crew(deadly()))
+    monkeypatch.setattr(command, "_workers", crew(deadly()))
     code, out, err = run(capsys, "s")
     assert (code, "4 runs: 4 done, 0 failed\n" in out, "missing" in err) == (0, True, False)
 
@@ -156,7 +156,7 @@ def test_designs_of_one_surface_are_drawn_at_one_place():
     drawer, masks = SheetDrawer((160, 120), "top"), []
     for share in (0.3, 0.6):
         changes = {"surface.edge": 1.2, "pattern.keep": 0, "pattern.width": {"solid_fraction": share}}
-        image = Image.open(io.BytesIO(drawer(Design.of(load_preset(DOME_MODES, changes)))))
+        image = Image.open(io.BytesIO(drawer(Design.from_preset(load_preset(DOME_MODES, changes)))))
         masks.append(np.asarray(image.convert("L")) < 200)
     edges = [[(mask.any(axis=a).argmax(), mask.any(axis=a)[::-1].argmax()) for a in (0, 1)] for mask in masks]
     assert np.abs(np.array(edges[0]) - edges[1]).max() <= 2
@@ -172,7 +172,7 @@ def test_the_best_runs_and_the_build_of_one(here, capsys):
     assert lines[0].split() == ["run", "kept_share", "pieces", "phase"]
     shares = [float(line.split()[1]) for line in lines[1:]]
     assert len(shares) == 2
-    rows = SweepFolder.at(Path("s")).rows()
+    rows = SweepFolder.from_folder(Path("s")).rows()
     assert shares[0] == pytest.approx(min(row.metrics["kept_share"] for row in rows), rel=1e-3)
     number = int(lines[1].split()[0])
     assert main(["sweep", "s", "--build", str(number), "-q"]) == 0
@@ -263,7 +263,7 @@ def test_the_command_line_wins_over_the_file():
 def test_the_metric_that_is_looked_at_first():
     def first(*metrics, **more):
         plan = plan_from({"preset": "dome", "vary": {"a": [1]}, "metrics": metrics, **more})
-        return headline(plan), against(plan)
+        return first_metric(plan), second_metric(plan)
 
     assert first("area", "mass", "compliance") == ("compliance", "mass")
     assert first("pieces") == ("pieces", "pieces")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsfab.preset.file import load_preset
-from dsfab.report.sweep_pages import page
+from dsfab.report.sweep_pages import sweep_page
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.plan import plan_from
 from dsfab.study.sweeps.runs import RunRow
@@ -53,7 +53,7 @@ def folder_at(path) -> SweepFolder:
 
 
 def test_the_page_holds_every_run_and_asks_nobody_for_anything(tmp_path):
-    text = page(folder_at(tmp_path / "my sweep"), rows(100), "compliance", "sheet_mass")
+    text = sweep_page(folder_at(tmp_path / "my sweep"), rows(100), "compliance", "sheet_mass")
     facts = json.loads(re.search(r'id="facts">(.*?)</script>', text, re.DOTALL)[1])
     assert [run[0] for run in facts["runs"]] == list(range(1, 101))
     assert [run[1] for run in facts["runs"]].count("failed") == 2
@@ -67,7 +67,9 @@ def test_the_page_holds_every_run_and_asks_nobody_for_anything(tmp_path):
 
 def test_numbers_that_are_none_do_not_break_the_page(tmp_path):
     odd = [RunRow(1, {"a.b": float("inf")}, "done", {"compliance": float("inf"), "sheet_mass": 1.0})]
-    text = page(folder_at(tmp_path), [RunRow(1, {"a.b": "x"}, "done", odd[0].metrics)], "compliance", "sheet_mass")
+    text = sweep_page(
+        folder_at(tmp_path), [RunRow(1, {"a.b": "x"}, "done", odd[0].metrics)], "compliance", "sheet_mass"
+    )
     assert "Infinity" not in re.search(r'id="facts">(.*?)</script>', text, re.DOTALL)[1]
 
 
@@ -85,7 +87,7 @@ def tab(tmp_path_factory):
         if row.files and row.number < 60:
             Image.new("RGB", (480, 360), (220, 156, 122)).save(folder / row.files[0])
     (folder / "index.html").write_text(
-        page(folder_at(folder), rows(5000), "compliance", "sheet_mass"), encoding="utf-8"
+        sweep_page(folder_at(folder), rows(5000), "compliance", "sheet_mass"), encoding="utf-8"
     )
     with opened(tmp_path_factory.mktemp("browser")) as one:
         one.open((folder / "index.html").as_uri(), "document.body && document.body.dataset.ready === '1'")

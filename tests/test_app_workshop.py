@@ -6,8 +6,8 @@ from PIL import Image
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.preset.file import overridden
-from dsfab.render.fabrication import Callout, called_out, callouts, workshop_picture
+from dsfab.preset.file import with_overrides
+from dsfab.render.fabrication import Callout, callouts, with_callouts, workshop_picture
 from dsfab.render.lettering import PAPER
 from dsfab.render.view import View
 from dsfab.study.fabrication import fabrication
@@ -31,12 +31,12 @@ def test_a_ring_is_drawn_where_its_place_is_seen():
     """At distance 5 the upper edge of the page is 1 m above its middle."""
     white = Image.new("RGB", (400, 400), (255, 255, 255))
     place = np.array([0.5, -0.25, 0.0])
-    drawn = np.asarray(called_out(white, [Callout(place, ("", ""), (200, 0, 0))], AHEAD, PAPER))
+    drawn = np.asarray(with_callouts(white, [Callout(place, ("", ""), (200, 0, 0))], AHEAD, PAPER))
     rows, columns = np.nonzero((drawn != 255).any(axis=2) & (np.arange(400)[:, None] > 200))
     ring = rows > 250 - 9
     assert columns[ring].mean() == pytest.approx(300, abs=1.5)
     assert (rows[ring].min() + rows[ring].max()) / 2 == pytest.approx(250, abs=1.5)
-    assert called_out(white, [], AHEAD, PAPER) is white
+    assert with_callouts(white, [], AHEAD, PAPER) is white
 
 
 def test_lines_do_not_cross():
@@ -45,7 +45,7 @@ def test_lines_do_not_cross():
     colours = [(200, 0, 0), (0, 200, 0), (0, 0, 200)]
     order = [2, 0, 1]
     ones = [Callout(np.array([-0.6 + 0.6 * k, -0.5, 0]), ("", ""), colours[k]) for k in order]
-    drawn = np.asarray(called_out(white, ones, AHEAD, PAPER)).astype(int)
+    drawn = np.asarray(with_callouts(white, ones, AHEAD, PAPER)).astype(int)
     for k, colour in enumerate(colours):
         columns = np.nonzero(np.abs(drawn - colour).max(axis=2) < 60)[1]
         assert abs(columns.mean() - (80 + 120 * k)) < 20
@@ -62,7 +62,7 @@ def test_what_is_marked_is_what_was_measured(plate):
 
 def test_missed_limits_are_red_in_words_too(plate):
     limits = {"fabrication.min_member": 0.5, "fabrication.min_wall": 0.009, "fabrication.bed": [3, 3, 3]}
-    limited = dsfab.revise(plate, overridden(plate.preset, limits))
+    limited = dsfab.revise(plate, with_overrides(plate.preset, limits))
     made = fabrication(limited)
     lines = {one.lines[0].split()[1]: (one.lines[1], one.colour) for one in callouts(made, PAPER)}
     assert lines["member"] == ("at least 500 mm: fail", PAPER.tension)

@@ -210,7 +210,7 @@ def test_flat_parts_are_curves_of_compas_that_enclose_what_is_cut() -> None:
         marks=(np.array([[0, 0.1], [1, 0.1]]),),
         folds=(Fold(np.array([[0.8, 0], [0.8, 0.2]]), 0.3),),
     )
-    found = compas.json_loads(compas.json_dumps(part.moved(np.pi / 2, np.array([3.0, 4.0])).to_compas()))
+    found = compas.json_loads(compas.json_dumps(part.moved_by(np.pi / 2, np.array([3.0, 4.0])).to_compas()))
     cut, holes = found["cut"], found["drilled"]
     assert all(line.is_closed for line in cut)
     around, within = (Polygon(line.points[:-1]).area for line in cut)

@@ -34,7 +34,7 @@ def kinds(checked):
 
 def test_a_box_measures_what_it_measures(tmp_path):
     checked = check_file(stl(tmp_path / "a.stl", *PLATE), density=7850.0)
-    assert checked.passed
+    assert checked.has_passed
     assert checked.soundness.watertight
     assert checked.soundness.pieces == 1
     assert checked.soundness.volume == pytest.approx(0.4 * 0.2 * 0.01, rel=1e-6)
@@ -100,7 +100,7 @@ def test_two_boxes_that_cross_or_touch_are_told(tmp_path):
 def test_metres_read_as_millimetres_are_told(tmp_path, capsys):
     path = stl(tmp_path / "metres.stl", *PLATE, metres=1.0)
     assert verdicts(check_file(path))["unit"] == "fail"
-    assert check_file(path, unit="m").passed
+    assert check_file(path, unit="m").has_passed
     assert main(["check", str(path)]) == 1
     assert "read in mm its thinnest wall is 0.01 mm: its numbers look like metres" in capsys.readouterr().out
 
@@ -221,7 +221,7 @@ def test_without_the_extra_the_solid_part_says_how_to_get_it(design, tmp_path, m
 
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     checked = check_file(write(design.solid, tmp_path / "strip.stl"), design)
-    assert checked.passed
+    assert checked.has_passed
     reason = next(f.reason for f in checked.findings if f.name == "compliance")
     assert reason == 'gmsh and skfem not installed; pip install "dsfab[solid]"'
 
@@ -231,7 +231,7 @@ def test_limits_of_fabrication_are_measured_on_the_file(tmp_path):
     checked = check_file(write(strict.solid, tmp_path / "strip.stl"), strict, solid=False)
     assert verdicts(checked)["wall"] == "fail"
     assert verdicts(checked)["gap"] == "pass"  # as its build says, finer than its triangles or not
-    assert not checked.passed
+    assert not checked.has_passed
 
 
 def test_the_gap_of_a_file_that_is_the_design_is_the_one_that_was_built(tmp_path, monkeypatch):
@@ -265,7 +265,7 @@ def test_a_smooth_file_of_a_coarse_mesh_is_accepted_as_its_build_accepts_it(tmp_
     vault = run(load_preset("barrel_vault", {"surface.edge": 0.5, "export.step": "smooth"}))
     path = vault.write(tmp_path / "vault.step")
     checked, count = check_file(path, vault, solid=False), path.read_text().count("=ADVANCED_FACE(")
-    assert checked.passed
+    assert checked.has_passed
     assert verdicts(checked)["cut"] == "unknown"
     assert next(f.reason for f in checked.findings if f.name == "cut").startswith(f"{count} faces: to cut it in CAD")
     t = vault.preset.statics.thickness
@@ -283,7 +283,7 @@ def test_chords_of_step_that_cross_are_drawn_finer_before_it_is_no_solid(tmp_pat
     export_step(Compound([tube, pin]), tmp_path / "pin.step")
     found = read_shipped(tmp_path / "pin.step", deflection=1e-3)
     assert not soundness(found.V, found.F).sound
-    assert file_check._judged(found, lambda *_: None).sound == sound
+    assert file_check._file_soundness(found, lambda *_: None).sound == sound
     fault = step_fault(tmp_path / "pin.step", 1e-3)
     assert bool(re.match(r"\d+ pairs of triangles cross where OCCT draws it as triangles, at", fault)) == (not sound)
     assert bool(fault) == (not sound)

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dsfab.design.directions import load_axes
-from dsfab.diffusion import found_symmetry, symmetry
+from dsfab.diffusion import largest_symmetry, symmetry
 from dsfab.surface import LoadCase, Surface
-from dsfab.surface.edge_changes import refined
+from dsfab.surface.edge_changes import refined_surface
 from dsfab.surface.shapes import dome
 from tests.zoo import grid, jittered
 
@@ -89,7 +89,7 @@ FIGURES = {
 
 def group(surface: Surface, *loads: LoadCase) -> np.ndarray:
     loads = loads or (pressed(surface),)
-    found = found_symmetry(surface, load_axes(surface, loads[0]), loads)
+    found = largest_symmetry(surface, load_axes(surface, loads[0]), loads)
     return np.eye(3)[None] if found is None else found.R
 
 
@@ -124,7 +124,7 @@ def test_a_plate_in_its_own_plane_is_its_own_mirror_image():
 
 def test_what_has_no_symmetry_has_none():
     surface = irregular()
-    assert found_symmetry(surface, load_axes(surface, pressed(surface)), [pressed(surface)]) is None
+    assert largest_symmetry(surface, load_axes(surface, pressed(surface)), [pressed(surface)]) is None
 
 
 def test_of_a_round_surface_two_mirrors_are_taken():
@@ -136,7 +136,7 @@ def test_of_a_round_surface_two_mirrors_are_taken():
 
 def test_maps_are_those_of_the_group():
     surface = FIGURES["square"][0]()
-    found = found_symmetry(surface, load_axes(surface, pressed(surface)), [pressed(surface)])
+    found = largest_symmetry(surface, load_axes(surface, pressed(surface)), [pressed(surface)])
     centre = surface.areas @ surface.centroids / surface.area
     for R, T in zip(found.R, found.maps, strict=True):
         assert np.abs(T @ surface.V - ((surface.V - centre) @ R.T + centre)).max() < 0.01 * surface.mean_edge
@@ -214,7 +214,7 @@ def test_four_times_the_points_are_looked_for_about_four_times_as_often(monkeypa
     """A quadratic search would look for 16 times as many images on the surface."""
     looked, tree_of = [0, 0], symmetry.face_tree
     for k, edge in enumerate((0.04, 0.02)):
-        surface = refined(grid(20, 20, 2.0, 2.0), edge, False)
+        surface = refined_surface(grid(20, 20, 2.0, 2.0), edge, False)
         load = pressed(surface)
         axes = load_axes(surface, load)
         tree = tree_of(surface)
@@ -224,6 +224,6 @@ def test_four_times_the_points_are_looked_for_about_four_times_as_often(monkeypa
             return tree.squared_distance(V, F, points)
 
         monkeypatch.setattr(symmetry, "face_tree", lambda _, found=nearest: SimpleNamespace(squared_distance=found))
-        assert found_symmetry(surface, axes, [load]).order == 8
+        assert largest_symmetry(surface, axes, [load]).order == 8
     assert surface.n > 8_000
     assert 0 < looked[1] < 5 * looked[0]

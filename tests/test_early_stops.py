@@ -12,12 +12,12 @@ from dsfab.app.cli import main
 from dsfab.app.editor.workspace import open_preset
 from dsfab.app.options import Source
 from dsfab.core.errors import DsfabError, PresetError, StaticsError, SurfaceError
-from dsfab.core.messages import force, towards
+from dsfab.core.messages import direction_phrase, force
 from dsfab.design import Design, draft, run
 from dsfab.preset.file import preset_from, preset_toml
 from dsfab.report.design import facts as design_facts
 from dsfab.report.design import inspection
-from dsfab.report.design.inspection import acting_facts, acting_lines
+from dsfab.report.design.inspection import load_facts, load_lines
 from dsfab.statics import load_entries, support_entries
 from dsfab.surface import All, Box, Surface, Vertices, load_names, support_names
 from tests.presets import DOME_MODES
@@ -58,7 +58,7 @@ PLATE = grid(8, 2, 2.0, 0.5)
 def plate(supports, loads, **statics):
     """A design of the plate: timber, 20 mm."""
     given = {"thickness": 0.02, "material": "GL24h", **statics}
-    return Design.of(Preset(surface=PLATE, supports=supports, loads=loads, statics=given))
+    return Design.from_preset(Preset(surface=PLATE, supports=supports, loads=loads, statics=given))
 
 
 def test_a_support_says_what_it_holds_and_its_share_of_the_load():
@@ -101,7 +101,7 @@ def test_the_shares_of_all_supports_are_one(name):
     half = surface.n // 2
     parts = (tuple(range(half)), tuple(range(half, surface.n)))
     supports = [Support(Vertices(part[: max(3, half // 2)])) for part in parts]
-    design = Design.of(
+    design = Design.from_preset(
         Preset(surface=surface, supports=supports, loads=[SelfWeight()], statics={"thickness": surface.size / 200})
     )
     entries = support_entries(surface, supports, {"load": design.statics.cases["load"].equilibrium})
@@ -136,7 +136,7 @@ def test_pressure_all_around_cancels_out_and_says_so():
     assert np.abs(entry.force).max() < 1e-9
     assert entry.total == pytest.approx(100 * ball.area, rel=0.05)
     preset = Preset(surface=ball, supports=[Support(Side("z", "min", 0.5))], loads=[Pressure(100.0)], statics=THIN)
-    lines = list(acting_lines(acting_facts(Design.of(preset))))
+    lines = list(load_lines(load_facts(Design.from_preset(preset))))
     assert lines[3].split() == ["pressure", "0", "N", "cancels", "out", f"{ball.area:.3g}", "m2"]
 
 
@@ -144,8 +144,8 @@ THIN = {"thickness": 0.02}
 
 
 def test_the_tables_are_aligned_and_name_what_governs():
-    facts = json.loads(json.dumps(acting_facts(Design.of(load_preset("snow_vault", {"surface.edge": 0.8})))))
-    lines = list(acting_lines(facts))
+    facts = json.loads(json.dumps(load_facts(Design.from_preset(load_preset("snow_vault", {"surface.edge": 0.8})))))
+    lines = list(load_lines(facts))
     assert lines[0].split() == ["support", "vertices", "along", "holds", "carries", "uncut", "share", "under"]
     assert lines[1].split()[-2:] == ["100%", "all_over"]
     assert lines[2].split() == ["load", "case", "uncut", "sheet", "towards", "on"]
@@ -161,7 +161,7 @@ def test_the_tables_are_aligned_and_name_what_governs():
 def test_forces_and_directions_in_words():
     said = [force(x) for x in (0.12, 830, 999.6, 12_440, 999_600, 3.1e6)]
     assert said == ["0.12 N", "830 N", "1 kN", "12.4 kN", "1 MN", "3.1 MN"]
-    pointed = [towards(v) for v in ((0, 0, -3), (0, 0, 1), (-2, 0, 0.01), (0, 5, 0), (3, 0, -4))]
+    pointed = [direction_phrase(v) for v in ((0, 0, -3), (0, 0, 1), (-2, 0, 0.01), (0, 5, 0), (3, 0, -4))]
     assert pointed == ["down", "up", "-x", "+y", "(0.6, 0, -0.8)"]
 
 
@@ -196,7 +196,7 @@ def refusal(supports, loads, surface=PLATE, **statics):
     assert said.endswith(" (statics.check = false builds it nevertheless)")
     assert "\n" not in said
     free = preset.model_copy(update={"statics": preset.statics.model_copy(update={"check": False})})
-    notes = [note.text for note in Design.of(free).until("statics").notes]
+    notes = [note.text for note in Design.from_preset(free).until("statics").notes]
     assert said.rpartition(" (statics")[0] in notes
     return said
 
@@ -212,7 +212,7 @@ def test_a_sheet_that_moves_by_over_a_tenth_of_its_span_is_not_cut():
     assert "under blizzard at (1, " in said
     assert "over a tenth of its span of 2 m: make statics.thickness larger" in said
     given = {**own, "thickness": h}
-    made = Design.of(Preset(surface=PLATE, supports=sides, loads=[Snow(0.9 * limit)], statics=given))
+    made = Design.from_preset(Preset(surface=PLATE, supports=sides, loads=[Snow(0.9 * limit)], statics=given))
     assert not made.statics.objections
     assert made.statics.equilibrium.largest_displacement == pytest.approx(0.18, rel=0.05)
 
@@ -224,7 +224,7 @@ def test_the_stop_comes_before_anything_is_drawn_or_cut():
         run(soft, lambda stage, doing: begun.append(stage))
     assert begun == ["surface", "statics"]
     with pytest.raises(StaticsError, match="over a tenth of its span"):
-        _ = Design.of(soft).sheet
+        _ = Design.from_preset(soft).sheet
     drawn = draft(soft)  # for people to look at
     assert any("over a tenth of its span" in note.text for note in drawn.notes)
 
@@ -287,13 +287,13 @@ def test_what_hangs_on_a_point_or_two_is_told_to_hold_more(indices, says):
 
 
 def test_a_build_asks_once_what_acts_and_prints_what_it_writes(monkeypatch, tmp_path, capsys):
-    asked, one = [], inspection.acting_facts
+    asked, one = [], inspection.load_facts
     for module in (inspection, design_facts):
         monkeypatch.setattr(module, "acting_facts", lambda *given: asked.append(given) or one(*given))
     words = ["--set", "surface.edge=1.2", "--format", "stl", "--no-preview", "-o", str(tmp_path / "out")]
     assert main(["build", DOME_MODES, *words]) == 0
     said = capsys.readouterr().out.split("\n")
-    lines = list(acting_lines(json.loads((tmp_path / "out" / "design.json").read_text())))
+    lines = list(load_lines(json.loads((tmp_path / "out" / "design.json").read_text())))
     assert len(lines) == 5
     assert said[said.index(lines[0]) :][:5] == lines
     assert len(asked) == 1
@@ -307,7 +307,7 @@ def test_units_that_are_swapped_are_refused_or_told():
     given = {"supports": [Support(Boundary())], "loads": [SelfWeight()]}
     with pytest.raises(SurfaceError, match="that is no sheet"):
         run(Preset(surface=(1000 * mm.V, mm.F), statics={"thickness": 0.06}, **given))
-    made = Design.of(Preset(surface=(1000 * mm.V, mm.F), statics={"thickness": 60.0}, **given))
+    made = Design.from_preset(Preset(surface=(1000 * mm.V, mm.F), statics={"thickness": 60.0}, **given))
     _ = made.statics
     assert "the surface is 17.4 km large: check its unit" in [note.text for note in made.notes]
 

@@ -9,7 +9,7 @@ import pytest
 
 from dsfab.core.errors import PresetError, StaticsError
 from dsfab.core.materials import MATERIALS
-from dsfab.design.member_model import rules_of
+from dsfab.design.member_model import eurocode_rules
 from dsfab.members.eurocode import (
     DURATIONS,
     STEEL,
@@ -314,7 +314,7 @@ def test_the_worst_of_all_cases_decides():
     assert found.largest[0] == pytest.approx(40 / 235)
     assert found.values["up"][0].max() == found.by_member["A1"]
     assert found.station["up"][0, found.checks.index(check)] == 2
-    assert found.told.startswith("A1 bears most, 17% (tension, EN 1993-1-1 6.2.3 (6.5)) under up; no member")
+    assert found.summary.startswith("A1 bears most, 17% (tension, EN 1993-1-1 6.2.3 (6.5)) under up; no member")
     assert found.worst_bays(10) == [0]
     assert any("stability of the structure" in line for line in found.unchecked)
 
@@ -338,7 +338,7 @@ def test_a_thicker_plate_than_the_table_has_is_told():
 
 def test_presets_say_what_is_checked_by_what():
     vault = load_preset("snow_vault", {"statics.material": "GL24h", "eurocode.duration.snow": "short"})
-    found = rules_of(vault, ("dead", "snow", "left", "right", "all_over", "on_the_left", "on_the_right"))
+    found = eurocode_rules(vault, ("dead", "snow", "left", "right", "all_over", "on_the_left", "on_the_right"))
     assert [found.durations[name] for name in ("dead", "snow", "all_over", "on_the_left")] == [
         *("permanent", "short"),
         *("short", "medium"),
@@ -347,10 +347,10 @@ def test_presets_say_what_is_checked_by_what():
     assert (found.material, found.timber.layer) == ("GL24h", 0)
     nothing = {"name": "still", "factors": {"dead": 1.35, "left": 0.0}}
     still = load_preset("snow_vault", {"surface.combination": [nothing], "eurocode.bent_in": True})
-    alone = rules_of(still, ("still",))
+    alone = eurocode_rules(still, ("still",))
     assert (alone.durations["still"], alone.timber.layer) == ("permanent", 0.05)
     bent = load_preset("gridshell", {"eurocode.bent_in": True})
-    alone = rules_of(bent, ("load",))
+    alone = eurocode_rules(bent, ("load",))
     assert alone.timber.layer == bent.workshop.thickness
     assert (alone.loads.split(":")[0], alone.combined) == (
         "Loads are those of the preset without partial factors",

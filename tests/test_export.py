@@ -211,7 +211,7 @@ def test_the_report_says_what_was_written_and_how_far_the_volume_is_off(tmp_path
     assert done[0].seconds > 0
     assert abs(done[0].found.off) < 1e-6
     said = rf"{suffix}: {path.stat().st_size / 1e6:.3g} MB, {holds} (0|\de-\d\d), [\d.]+ s"
-    assert re.fullmatch(said, done[0].told), done[0].told
+    assert re.fullmatch(said, done[0].summary), done[0].summary
 
 
 def test_a_failed_last_step_leaves_the_older_file(tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ from dsfab.export.cad.step.by_members import draft
 from dsfab.export.cad.step.by_members.borders import crossing_chains, without_crossings
 from dsfab.export.cad.step.by_members.curves import ChainCurve
 from dsfab.export.cad.step.by_members.draft import member_draft
-from dsfab.export.cad.step.by_members.region_division import LEVEL, level
+from dsfab.export.cad.step.by_members.region_division import LEAST_COSINE, level
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, net_of
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
@@ -39,7 +39,7 @@ def levelled(angle: float, sectors: int):
     surface, sheet = cap(angle, sectors)
     part, _, _ = draft_of(surface, sheet)
     plan = SmoothPlan(part)
-    lifting = Lifting.of(plan.surface, plan.curved)
+    lifting = Lifting.from_sheet(plan.surface, plan.curved)
     net = net_of(sheet, surface.V, lifting.skins.normals, T)
     normals = surface.normals
     return net, level(net, sheet, lifting, plan.limits), normals
@@ -58,7 +58,7 @@ def test_a_region_that_bends_is_divided_until_one_plane_sees_each_part(sectors):
     for region in {middle, *new}:
         mine = N[done.cell == region]
         mean = mine.sum(axis=0)
-        assert (mine @ mean).min() > LEVEL * np.linalg.norm(mean)
+        assert (mine @ mean).min() > LEAST_COSINE * np.linalg.norm(mean)
     steps = [step for loops in done.loops.values() for loop in loops for step in loop]
     assert len(steps) == len(set(steps))
     for k, chain in done.chains.items():
@@ -79,7 +79,7 @@ def test_a_region_that_bends_little_is_left_as_it_is():
 @pytest.mark.slow
 def test_a_region_that_bends_is_written_once_it_is_divided(monkeypatch):
     """Parts whose surface is off their edges stay as they are here: to divide these takes most of the time."""
-    monkeypatch.setattr(draft, "parted", lambda model, faces, *_: list(faces.values()))
+    monkeypatch.setattr(draft, "divided_faces", lambda model, faces, *_: list(faces.values()))
     part, _, _ = draft_of(*cap(1.6, 8))
     assert member_draft(part, SmoothPlan(part)).faces > 2 * 9 + 8
     monkeypatch.setattr(draft, "level", lambda net, *_: net)

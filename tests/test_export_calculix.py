@@ -28,7 +28,7 @@ def strip(element: str = "CPS6", axis: int = 2, **changes) -> CalculixModel:
     rest[(STRIP.V[:, :2] == 0).all(axis=1), 1] = True
     rest[:, 2] = True
     end = surface.edges.boundary & (STRIP.V[surface.edges.ends, 0] == 2).all(axis=1)
-    load = SpreadLoad.on(STRIP, edge=end[:, None] * np.array([PULL, 0, 0]))
+    load = SpreadLoad.broadcast(STRIP, edge=end[:, None] * np.array([PULL, 0, 0]))
     force = nodal_forces(STRIP, load.vertex_forces(STRIP), load)
     given = {
         "supports": {"SUPPORT_1": rollers[:, turn], "SUPPORT_2": rest[:, turn]},
@@ -89,7 +89,7 @@ def test_shells_with_clamped_edges_do_not_turn_there(tmp_path):
     surface, h, young, q = grid(16, 2, 2.0, 0.25), 0.01, 1e9, 10.0
     root = surface.V[:, 0] == 0
     clamped = surface.edges.boundary & root[surface.edges.ends].all(axis=1)
-    load = SpreadLoad.on(surface, face=(0, 0, -q))
+    load = SpreadLoad.broadcast(surface, face=(0, 0, -q))
     force = nodal_forces(surface, load.vertex_forces(surface), load)
     supports = {"SUPPORT_1": np.repeat(root[:, None], 3, axis=1)}
     model = six_node_model(SheetModel(surface, Material(young, 0.0), h, clamped=clamped), supports, {"q": force})
@@ -106,7 +106,7 @@ def test_forces_on_nodes_do_the_work_of_the_load_on_every_quadratic_field(name):
     """Six-node triangles integrate a load on a quadratic displacement exactly: compared with midpoint quadrature."""
     surface = ZOO[name]()
     on_face = np.random.default_rng(1).normal(size=(surface.m, 3))
-    load = SpreadLoad.on(surface, face=on_face)
+    load = SpreadLoad.broadcast(surface, face=on_face)
     force = nodal_forces(surface, load.vertex_forces(surface), load)
     X, T = six_node_triangles(surface)
     u = ((X / surface.size) ** 2) @ np.array([[1.0, 2, 3], [4, -5, 6], [7, 8, -9]])

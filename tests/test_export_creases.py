@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from dsfab.core.errors import ExportError
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.by_members.regions import net_of
-from dsfab.export.cad.step.shared.lifting import Sides, crease_edges
+from dsfab.export.cad.step.shared.lifting import CreaseSides, crease_edges
 from dsfab.surface import SHAPES, Surface
 from tests.test_export import quick_step  # noqa: F401
 from tests.test_export_network import T, draft_of, lifting_of, striped
@@ -91,7 +91,7 @@ def test_creases_go_on_to_where_they_meet():
 
 def test_points_on_a_crease_are_seen_from_both_sides_and_others_from_theirs():
     given = pointed_vault()
-    sides = Sides.of(lifting_of(given).skins)
+    sides = CreaseSides.from_skins(lifting_of(given).skins)
     weights = over_faces(given)
     ridge = np.abs(np.asarray(weights @ given.V)[:, 1]) < 1e-9
     np.testing.assert_array_equal(sides.on_creases(weights), ridge)
@@ -118,11 +118,11 @@ def test_points_between_two_faces_beside_a_crease_are_on_the_skins():
 
 def test_regions_end_at_a_crease():
     given = pointed_vault()
-    sides = Sides.of(lifting_of(given).skins)
+    sides = CreaseSides.from_skins(lifting_of(given).skins)
     normals = lifting_of(given).skins.normals
     whole = striped(given)
     assert len(net_of(whole, given.V, normals, T).loops) == 1
-    net = net_of(whole, given.V, normals, T, sides.along)
+    net = net_of(whole, given.V, normals, T, sides.lines_on_creases)
     assert len(net.loops) == 2
     shared = [chain for chain in net.chains.values() if chain.right >= 0]
     assert len(shared) == 1

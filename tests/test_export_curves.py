@@ -17,7 +17,7 @@ from dsfab.export import curves as along
 from dsfab.export import curves as refining
 from dsfab.export.cad.step import file
 from dsfab.export.cad.step.worker import step_facts
-from dsfab.export.curves import CLOSEST, all_curves_along, check_curves, curves_along, joined
+from dsfab.export.curves import CLOSEST, all_curves_along, check_curves, curves_along, joined_segments
 from dsfab.export.part import part_of
 from dsfab.export.splines import LeastSquares
 from dsfab.pattern import Stripes
@@ -33,7 +33,7 @@ def rings(surface, tolerance: float) -> tuple:
     """A sheet of rings about the middle of a mesh with their exact lines: full circles, arcs, and the boundary."""
     x = np.linalg.norm(surface.V - surface.V.mean(axis=0), axis=1)
     stripes = Stripes(5.0, phase=0.2)
-    sheet = cut(surface, [x], [stripes.levels(x)]).kept()
+    sheet = cut(surface, [x], [stripes.levels(x)]).subset()
     z, d = stripes.phases(x), np.full(surface.n, stripes.half_width)
     lines = edge_lines(sheet, surface, ["major"], [z]) + centre_lines(sheet, "major", z, d)
     return sheet.surface, Details(tuple(lines), tolerance)
@@ -136,8 +136,8 @@ def test_step_wires_are_near_the_exact_lines(tmp_path, monkeypatch):
 def test_corners_stay_and_closed_lines_close():
     square = np.array([[5, 0, 0], [9, 0, 0], [9, 9, 3], [0, 9, 3], [0, 0, 0], [5, 0, 0]], float)
     curves = curves_along(square, 0.1)
-    assert [curve.straight for curve in curves] == [True] * 4
-    (whole,) = joined(curves)
+    assert [curve.is_straight for curve in curves] == [True] * 4
+    (whole,) = joined_segments(curves)
     assert whole.tolist() == [[9, 0, 0], [9, 9, 3], [0, 9, 3], [0, 0, 0], [9, 0, 0]]
     assert len(curves_along(np.roll(square[:-1], 1, axis=0)[[0, 1, 2, 3, 4, 0]], 0.1)) == 4
     t = np.linspace(0, 2 * np.pi, 91)
@@ -154,14 +154,14 @@ def test_corners_stay_and_closed_lines_close():
 def test_what_no_spline_follows_keeps_its_own_points():
     rng = np.random.default_rng(0)
     rough = np.c_[np.arange(50.0), 0.2 * rng.random(50), np.zeros(50)]
-    (run,) = joined(curves_along(rough, 1e-7))
+    (run,) = joined_segments(curves_along(rough, 1e-7))
     assert run == pytest.approx(rough)
 
 
 def test_a_line_that_lies_elsewhere_or_has_another_name_is_noticed():
     line = StructureLine("centre", "major", 1, 1, np.array([[0.0, 0, 0], [1, 0, 0]]), 1.0)
     part = part_of(FLAT[0], "a", 1)
-    object.__setattr__(part, "details", Details((line,)).scaled(1000))
+    object.__setattr__(part, "details", Details((line,)).scaled_by(1000))
     points = part.details.lines[0].points
     check_curves(part, {line.id: [points]})
     for found in ({line.id: [points + 3 * CLOSEST]}, {"other": [points]}, {}):
@@ -185,8 +185,8 @@ def test_the_next_format_of_a_design_takes_the_curves_of_the_one_before(monkeypa
     """They took half of the time of each."""
     turn = np.linspace(0.0, 2.0, 30)
     line = 1e3 * np.stack([np.cos(turn), np.sin(turn), 0.2 * turn], axis=1)
-    first, made, refined = curves_along(line, 1.0), [], curves.refined
-    monkeypatch.setattr(curves, "refined", lambda *given: made.append(given) or refined(*given))
+    first, made, refined = curves_along(line, 1.0), [], curves.splines_by_halving
+    monkeypatch.setattr(curves, "splines_by_halving", lambda *given: made.append(given) or refined(*given))
     again = curves_along(line.copy(), 1.0)
     assert not made
     assert [one is other for one, other in zip(first, again, strict=True)] == [True]
@@ -198,7 +198,7 @@ def test_the_next_format_of_a_design_takes_the_curves_of_the_one_before(monkeypa
 
 def test_many_lines_are_solved_together_and_are_what_each_is_alone(monkeypatch):
     """One by one, 2,310 curves of a ball took a third of the time of their 3DM."""
-    alone, solved, of = [], [], LeastSquares.of
+    alone, solved, of = [], [], LeastSquares.from_hats
     turn = np.linspace(0.0, 2.0, 40)
     lines = [1e3 * np.stack([np.cos(turn), np.sin(k * turn), 0.1 * turn], axis=1) for k in np.linspace(1, 2, 24)]
     turn = np.linspace(0.0, 2 * np.pi, 200)
@@ -208,7 +208,7 @@ def test_many_lines_are_solved_together_and_are_what_each_is_alone(monkeypatch):
     for line in lines:
         alone.append(curves_along(line, 3.0))
     monkeypatch.setattr(refining, "AT_ONCE", 100_000)
-    monkeypatch.setattr(LeastSquares, "of", lambda *given: solved.append(given) or of(*given))
+    monkeypatch.setattr(LeastSquares, "from_hats", lambda *given: solved.append(given) or of(*given))
     together = all_curves_along([line.copy() for line in lines], 3.0000001)
     assert 0 < len(solved) < 0.6 * len(lines)
     for one, other in zip(alone, together, strict=True):

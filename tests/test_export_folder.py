@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from dsfab.core.errors import ExportError
-from dsfab.export import replacing
+from dsfab.export import atomic_file
 from dsfab.export import writing as folders
-from dsfab.export.writing import DESIGN, JOURNAL, abandoned, complete, manifest, partial_name, whole_or_nothing
+from dsfab.export.writing import DESIGN, JOURNAL, atomic_folder, complete_folder, is_abandoned, manifest, partial_name
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the step in which two folders change places")
 OLD = {"a.stl": "old a", "b.step": "old b", "preset.toml": "old"}
@@ -28,7 +28,7 @@ def write(place: Path, files: dict[str, str]) -> None:
 
 
 def delivered(place: Path, files: dict[str, str]) -> None:
-    with whole_or_nothing(place) as partial:
+    with atomic_folder(place) as partial:
         write(partial, files)
 
 
@@ -72,7 +72,7 @@ def test_a_failure_leaves_all_as_it_was(place):
     before = held(place)
 
     def half():
-        with whole_or_nothing(place) as partial:
+        with atomic_folder(place) as partial:
             (partial / "a.stl").write_text("half")
             raise ExportError(f"no room in {partial}")
 
@@ -85,7 +85,7 @@ def test_a_failure_leaves_all_as_it_was(place):
 
 def test_files_without_a_manifest_push_nothing_out(place):
     """One more format of the same design: all that was there stays."""
-    with whole_or_nothing(place) as partial:
+    with atomic_folder(place) as partial:
         (partial / "d.glb").write_text("d")
     assert held(place) == {**OLD, **OWN, "d.glb": "d"}
 
@@ -235,17 +235,17 @@ def test_whose_a_partial_name_is(monkeypatch):
     mine = partial_name(".stl")
     _, host, pid, began, rest = mine[1:].split("-")
     assert (pid, rest.endswith(".stl")) == (str(os.getpid()), True)
-    assert not abandoned(mine)
-    assert abandoned(f".partial-{host}-{ended_process()}-{began}-00ff")
-    assert not abandoned(f".partial-00000000-{ended_process()}-{began}-00ff"), "another machine's"
+    assert not is_abandoned(mine)
+    assert is_abandoned(f".partial-{host}-{ended_process()}-{began}-00ff")
+    assert not is_abandoned(f".partial-00000000-{ended_process()}-{began}-00ff"), "another machine's"
     for strange in ("notes.txt", ".partial-abc", f".partial-{host}-x-1-ff", ".partial-from-an-earlier-one"):
-        assert not abandoned(strange)
+        assert not is_abandoned(strange)
 
 
 @LINUX
 def test_a_number_that_was_given_again_is_not_the_process_that_died():
     _, host, pid, began, rest = partial_name()[1:].split("-")
-    assert abandoned(f".partial-{host}-{pid}-{int(began) - 1}-{rest}")
+    assert is_abandoned(f".partial-{host}-{pid}-{int(began) - 1}-{rest}")
 
 
 def test_what_dead_processes_left_is_removed_by_the_next_run_and_nothing_else(tmp_path):
@@ -265,8 +265,8 @@ def test_what_dead_processes_left_is_removed_by_the_next_run_and_nothing_else(tm
 def test_files_that_dead_processes_left_half_written_are_removed(tmp_path):
     dead = tmp_path / f".partial-{partial_name().split('-')[1]}-{ended_process()}-1-aa.csv"
     dead.write_text("half")
-    with replacing(tmp_path / "results.csv") as temporary:
-        assert not abandoned(temporary.name)
+    with atomic_file(tmp_path / "results.csv") as temporary:
+        assert not is_abandoned(temporary.name)
         temporary.write_text("whole")
     assert [path.name for path in tmp_path.iterdir()] == ["results.csv"]
 
@@ -277,6 +277,6 @@ def test_a_journal_of_a_dead_process_is_completed_by_who_opens_the_folder(tmp_pa
     left.mkdir()
     (left / "a.stl").write_text("new a")
     (left / JOURNAL).write_text(json.dumps({"move": ["a.stl", "moved before"], "remove": ["b.step", "gone before"]}))
-    complete(tmp_path / "out")
+    complete_folder(tmp_path / "out")
     assert held(tmp_path / "out") == {"a.stl": "new a", "preset.toml": "old"}
     assert not left.exists()

@@ -130,7 +130,7 @@ def test_only_creases_are_taken_for_folds_unasked(slope, first):
     surface = roof(slope=slope)
     part, _, _ = folded(surface, openings(surface))
     assert folded_sheet(part).count == 2
-    assert flat_facets(part).creased == (first == "planar")
+    assert flat_facets(part).has_creases == (first == "planar")
     assert next(attempts(replace(part, step="auto"))).step == first
     assert next(attempts(part)).step == "planar"
 
@@ -164,7 +164,7 @@ def test_openings_in_facets_have_the_plain_rule_right(tmp_path):
     surface = roof(16)
     off = np.abs(surface.V[:, None, :2] - np.array([[0.5, 0.5], [1.4, 1.5]])) / 0.3
     away = ((off**6).sum(axis=2)).min(axis=1) ** (1 / 6) - 1
-    sheet = cut(surface, [away], [np.array([0.0])]).kept()
+    sheet = cut(surface, [away], [np.array([0.0])]).subset()
     solid = thicken(sheet.surface, sheet.carry(offsets(surface, T).D))
     ask = StepOptions("planar", tolerance=0.5, curved=lambda: curved_sheet(surface, sheet, T))
     write(solid, tmp_path / "roof.step", step=ask)

@@ -86,8 +86,8 @@ def test_a_sheet_alone_has_no_beam_model_and_people_say_opensees(tmp_path, capsy
             write(plate(1, 1, 1), tmp_path / f"x{suffix}")
     assert format_suffix("opensees") == format_suffix("tcl") == ".tcl"
     assert format_suffix("beams.inp") == ".beams.inp"
-    assert Files(format_="opensees").overrides() == ('export.formats=["tcl"]',)
-    assert Files(format_="STP, step, saf").overrides() == ('export.formats=["step", "saf.xlsx"]',)
+    assert Files(format_="opensees").preset_overrides() == ('export.formats=["tcl"]',)
+    assert Files(format_="STP, step, saf").preset_overrides() == ('export.formats=["step", "saf.xlsx"]',)
     assert main(["export", "barrel_vault", "--to", "opensee"]) != 0
     assert "did you mean opensees?" in capsys.readouterr().err
 
@@ -96,7 +96,7 @@ def test_a_sheet_alone_has_no_beam_model_and_people_say_opensees(tmp_path, capsy
 @needs_ccx
 def test_a_vault_is_solved_again_by_calculix(tmp_path):
     """Reactions hold what lies on the sheet; displacements within 5 % of the frame's."""
-    design = dsfab.Design.of(dsfab.load_preset("barrel_vault", {"surface.edge": 0.5}))
+    design = dsfab.Design.from_preset(dsfab.load_preset("barrel_vault", {"surface.edge": 0.5}))
     frame, ours = design.frame, solve_frame(design.frame)["load"]
     load = design.cut_loads["load"].force.sum(axis=0)
     steps = solved(design.write(tmp_path / "vault.beams.inp"), len(frame.points))
@@ -113,7 +113,7 @@ def test_a_vault_is_solved_again_by_calculix(tmp_path):
 @needs_opensees
 def test_a_vault_is_solved_again_by_opensees(tmp_path):
     """Reactions hold what lies on the sheet to .1 %; displacements and reactions are those of the frame."""
-    design = dsfab.Design.of(dsfab.load_preset("barrel_vault", {"surface.edge": 0.5}))
+    design = dsfab.Design.from_preset(dsfab.load_preset("barrel_vault", {"surface.edge": 0.5}))
     ours = solve_frame(design.frame)["load"]
     load = design.cut_loads["load"].force.sum(axis=0)
     theirs = run(design.write(tmp_path / "vault.tcl"))["load"]

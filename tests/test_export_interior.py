@@ -8,7 +8,7 @@ import pytest
 
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.by_members import build
-from dsfab.export.cad.step.by_members.regions import INNER, MORE, Interior
+from dsfab.export.cad.step.by_members.regions import INNER, MORE, RegionInterior
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from tests.test_export_network import cylinder_strip, draft_of, striped
@@ -19,7 +19,7 @@ def test_long_cells_have_more_points_where_faces_are_to_be_fine():
     part, _, _ = draft_of(given, striped(given))
     plan = SmoothPlan(part)
     sheet = plan.curved.striped()
-    few = Interior(sheet, Lifting.of(plan.surface, plan.curved), 1.0)
+    few = RegionInterior(sheet, Lifting.from_sheet(plan.surface, plan.curved), 1.0)
     around = np.unique(sheet.F)[[0, -1]]
     chains = {0: SimpleNamespace(points=around), 1: SimpleNamespace(points=around[:1])}
     net = SimpleNamespace(
@@ -68,7 +68,7 @@ def test_a_file_that_is_too_far_off_is_tried_once_more_with_finer_faces(monkeypa
         return "a file"
 
     monkeypatch.setattr(build, "_tried", drafted)
-    assert build._accepted(part) == "a file"
+    assert build._accepted_file(part) == "a file"
     assert tried == [False, True]
 
     def refused(part, plan, fine):
@@ -77,5 +77,5 @@ def test_a_file_that_is_too_far_off_is_tried_once_more_with_finer_faces(monkeypa
 
     monkeypatch.setattr(build, "_tried", refused)
     with pytest.raises(ExportError, match="volume"):
-        build._accepted(part)
+        build._accepted_file(part)
     assert tried == [False, True, False], "not for other reasons"

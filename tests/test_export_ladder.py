@@ -90,10 +90,10 @@ def test_members_are_tried_before_the_smooth_solid_and_facets(slow_vault):
 
     assert tried("auto", lambda: striped) == [("members", 1), ("smooth", 1), ("faceted", 0)]
     assert tried("auto", lambda: replace(striped, striped=None))[:2] == [("smooth", 1), ("faceted", 0)]
-    assert tried("quick", lambda: striped) == [("members", 1), ("smooth", strategies.LONGER), ("faceted", 0)]
+    assert tried("quick", lambda: striped) == [("members", 1), ("smooth", strategies.QUICK_FACTOR), ("faceted", 0)]
     ball = sphere(1.0, 0.9)
     round_one = replace(striped, V=ball.V, F=ball.F)
-    assert tried("quick", lambda: round_one)[:2] == [("smooth", strategies.LONGER), ("faceted", 0)]
+    assert tried("quick", lambda: round_one)[:2] == [("smooth", strategies.QUICK_FACTOR), ("faceted", 0)]
     assert tried("auto", lambda: round_one)[0] == ("members", 1)
 
 
@@ -116,8 +116,8 @@ def test_members_too_many_to_be_tried_at_first_are_made_before_smooth_however_lo
     many = False
     assert last() == [("smooth", 0)]
     many = True
-    assert last() == [("members", strategies.MANY), ("smooth", 0)]
-    _require_few(replace(part, hurry=strategies.MANY), 7001)
+    assert last() == [("members", strategies.MEMBER_FACES_FACTOR), ("smooth", 0)]
+    _require_few(replace(part, hurry=strategies.MEMBER_FACES_FACTOR), 7001)
 
 
 def test_quick_gives_up_what_takes_however_long(tmp_path, slow_vault, here, unread, monkeypatch):
@@ -151,7 +151,7 @@ def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, quick_ste
     if budget == 650:  # the usual tolerance, a twentieth of the thickness, was not enough
         assert "simplified within 4.2 mm it would have about" in said[0]
         moved = float(said[0].split(" mm off at most")[0].split()[-1])
-        assert 4.2 < moved <= 1000 * strategies.FURTHER * OFF_SURFACE * 0.1
+        assert 4.2 < moved <= 1000 * strategies.SIMPLIFIED_OFF_SURFACE * OFF_SURFACE * 0.1
 
 
 def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_path, unread):
@@ -302,7 +302,7 @@ def test_by_members_the_box_of_a_file_of_any_size_decides(slow_vault):
     two = [[*low, low[0], *high[1:]], [high[0], *low[1:], *high[:2], high[2] + 300.0]]
     found = [OcctFinding(True, True, True, 4500, 1e6, 0.0, box, nothing, nothing, nothing) for box in two]
     with pytest.raises(ExportError, match="by members OCCT's box of it is 300 mm off"):
-        network_build._asked_as_a_solid(part, acceptance.SmoothPlan(part), draft, found, None)
+        network_build._require_solid(part, acceptance.SmoothPlan(part), draft, found, None)
 
 
 def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, here):

@@ -17,7 +17,7 @@ from dsfab.export import FORMATS, Details, write
 from dsfab.export.cad.step import file as step_lines
 from dsfab.export.cad.step.worker import step_facts
 from dsfab.export.drawing.svg import TITLE, scale_name
-from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, arranged, views
+from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, views, views_on_paper
 from dsfab.export.part import part_of
 from dsfab.pattern import Stripes
 from dsfab.slicing import cut
@@ -33,7 +33,7 @@ def striped(surface: Surface, along=(1.0, 0.0, 0.0), frequency: float = 2.0) -> 
     """A sheet of stripes with its lines."""
     x = surface.V @ np.array(along)
     stripes = Stripes(frequency, phase=0.5)
-    sheet = cut(surface, [x], [stripes.levels(x)]).kept()
+    sheet = cut(surface, [x], [stripes.levels(x)]).subset()
     z, d = stripes.phases(x), np.full(surface.n, stripes.half_width)
     lines = edge_lines(sheet, surface, ["major"], [z]) + centre_lines(sheet, "major", z, d)
     return sheet.surface, Details(tuple(lines), 1e-4, facts=("10 mm thick", "S235 <steel> & more"))
@@ -140,7 +140,7 @@ def test_every_view_lies_inside_the_frame_and_off_the_title_block():
         (grid(20, 14, 1.8, 1.18), (1, 0, 0)),
     ):
         sheet, _ = striped(surface, along)
-        scale, placed = arranged(part_of(sheet, "a", 1), TITLE)
+        scale, placed = views_on_paper(part_of(sheet, "a", 1), TITLE)
         assert float(f"{scale:.0e}"[0]) in (1, 2, 5)
         for one in placed:
             corners = np.array([one.corner, one.corner + one.size])
@@ -163,7 +163,7 @@ def test_the_far_side_of_a_sphere_is_hidden_and_the_near_side_is_not():
         for k, y in ((1, -1), (2, 1))
     )
     part = part_of(sphere(4), "ball", 1)
-    object.__setattr__(part, "details", Details((ring, near, far)).scaled(1000))
+    object.__setattr__(part, "details", Details((ring, near, far)).scaled_by(1000))
     plan, front, _ = views(part)
     seen = Counter(line.id for line, _ in front.runs)
     assert seen["edges-keep-0.1"] == 1

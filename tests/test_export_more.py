@@ -65,7 +65,7 @@ def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
         assert layers[curve.Attributes.LayerIndex].Name == line.layer
         ends = [(p.X, p.Y, p.Z) for p in (curve.Geometry.PointAtStart, curve.Geometry.PointAtEnd)]
         assert np.array(ends) == pytest.approx(1000 * line.points[[0, -1]], abs=1e-9)
-        assert curve.Geometry.IsClosed == line.closed
+        assert curve.Geometry.IsClosed == line.is_closed
         assert float(curve.Attributes.GetUserString("length_mm")) == pytest.approx(1000 * line.length, abs=1e-3)
 
 
@@ -123,7 +123,7 @@ def test_a_3dm_file_that_lost_a_triangle_or_a_curve_is_not_kept(tmp_path, monkey
     for spoil, said in (
         (lambda p: replace(p, F=p.F[1:]), "reads back with 11 triangles instead of 12"),
         (lambda p: replace(p, details=Details(p.details.lines[1:])), "lines instead of"),
-        (lambda p: replace(p, details=p.details.scaled(1.01)), "mm long instead of"),
+        (lambda p: replace(p, details=p.details.scaled_by(1.01)), "mm long instead of"),
     ):
         monkeypatch.setitem(FORMATS, ".3dm", replace(form, encode=lambda part, s=spoil: form.encode(s(part))))
         with pytest.raises(ExportError, match=said):

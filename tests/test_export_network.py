@@ -18,19 +18,26 @@ from dsfab.design.output.files import curved_sheet
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step import soundness
 from dsfab.export.cad.step.by_members import borders, draft, patch_sides
-from dsfab.export.cad.step.by_members.borders import straightened, without_crossings
-from dsfab.export.cad.step.by_members.build import _asked_as_a_solid, _Drawn, _RoughError
+from dsfab.export.cad.step.by_members.borders import straight_net, without_crossings
+from dsfab.export.cad.step.by_members.build import _require_solid, _RoughError, _TriangleReport
 from dsfab.export.cad.step.by_members.curves import ChainCurve, SampledChain, curves_through, on_skins, parts_of
-from dsfab.export.cad.step.by_members.draft import ManyFacesError, NetText, member_draft
+from dsfab.export.cad.step.by_members.draft import ManyFacesError, NetWriter, member_draft
 from dsfab.export.cad.step.by_members.fillets import without_fillets
 from dsfab.export.cad.step.by_members.lines import ChainLine, NetLines, with_ends_on_lines
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
-from dsfab.export.cad.step.by_members.patch_sides import Stations, paired, quads_of
-from dsfab.export.cad.step.by_members.patches import FaceLimits, _beyond_mesh, _powers, coons, least_jacobian, pulled
-from dsfab.export.cad.step.by_members.region_division import _narrow, divided
+from dsfab.export.cad.step.by_members.patch_sides import SideStations, paired_shares, quads_of
+from dsfab.export.cad.step.by_members.patches import (
+    FaceLimits,
+    _beyond_mesh,
+    _powers,
+    coons,
+    least_jacobian,
+    patches_on_skins,
+)
+from dsfab.export.cad.step.by_members.region_division import _narrow, with_cut_ends
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, joined_outlines, net_of, without_lenses
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, _surface, trimmed_face
-from dsfab.export.cad.step.flat_sheets import Entities
+from dsfab.export.cad.step.flat_sheets import StepEntities
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.strategies import prepare
@@ -40,7 +47,7 @@ from dsfab.export.splines import Spline, bernstein
 from dsfab.export.subprocesses import run_program
 from dsfab.slicing import Sheet
 from dsfab.study.file_check import read_shipped
-from dsfab.surface import SHAPES, Surface, nearest
+from dsfab.surface import SHAPES, Surface, nearest_places
 from dsfab.surface.topology import on_boundary
 from dsfab.thickening import offsets, thicken
 
@@ -103,7 +110,7 @@ def _curved(surface: Surface, kept: Surface, sheet: StripedSheet):
 
 def lifting_of(surface: Surface) -> Lifting:
     curved = _curved(surface, surface, striped(surface))
-    return Lifting.of(surface, curved)
+    return Lifting.from_sheet(surface, curved)
 
 
 def two_chains_of_a_line(x: float, seed: int) -> tuple[NetLines, ChainCurve]:
@@ -142,12 +149,12 @@ def test_curves_of_all_chains_are_cut_out_of_lines_at_once(monkeypatch):
 @given(st.floats(0.01, 0.99), st.integers(2, 9), st.integers(0, 10**6))
 def test_a_chain_goes_from_its_end_to_the_point_within_reach(x, count, seed):
     chain = SampledChain(np.random.default_rng(seed).normal(size=(count, 6)), True)
-    there = [np.interp(x * chain.way[-1], chain.way, column) for column in chain.Q.T]
-    np.testing.assert_allclose(chain.at(x), there, atol=1e-12)
-    reach = min(x, 0.5) * chain.way[-1]
+    there = [np.interp(x * chain.lengths[-1], chain.lengths, column) for column in chain.Q.T]
+    np.testing.assert_allclose(chain.point(x), there, atol=1e-12)
+    reach = min(x, 0.5) * chain.lengths[-1]
     for first, share in ((True, min(x, 0.5)), (False, 1 - min(x, 0.5))):
         way, across = chain.direction(first, float(reach))
-        there, end = chain.at(share), chain.Q[0 if first else -1]
+        there, end = chain.point(share), chain.Q[0 if first else -1]
         np.testing.assert_allclose(way, (there - end).reshape(2, 3).mean(axis=0), atol=1e-12)
         np.testing.assert_allclose(across * np.linalg.norm(end[:3] - end[3:]), end[:3] - end[3:], atol=1e-12)
 
@@ -210,7 +217,7 @@ def test_patches_lie_on_the_skins_between_their_borders():
     lines = [on_sphere(a + x[:, None] * np.subtract(b, a)) for a, b in ends]
     curves = on_skins(curves_through(lines, [0.1] * len(lines)), to_sphere)
     coarse = coons(*(curve.spans for curve in curves))
-    (fine,) = pulled([coarse], to_sphere)
+    (fine,) = patches_on_skins([coarse], to_sphere)
     B = bernstein(x[::20])
     off = [np.abs(to_sphere(np.einsum("xa,yb,klabi->klxyi", B, B, P).reshape(-1, 6))).max() for P in (coarse, fine)]
     assert off[0] > 1.5
@@ -388,7 +395,7 @@ def test_its_faces_are_curved_to_a_check_of_the_file(tmp_path):
 def test_some_cubics_of_a_line_are_halved_and_nothing_moves():
     lines, curve = two_chains_of_a_line(0.4, 3)
     line = replace(lines.lines[0], curve=curve)
-    halved, x = line.halved(np.array([False, True])).curve, np.linspace(0, 1, 23)
+    halved, x = line.with_halved_spans(np.array([False, True])).curve, np.linspace(0, 1, 23)
     np.testing.assert_allclose(halved.breaks, [0, 0.4, 0.7, 1])
     np.testing.assert_allclose(halved(x), curve(x), atol=1e-12)
     np.testing.assert_array_equal(halved.spans[0], curve.spans[0])
@@ -407,7 +414,7 @@ def test_cubics_that_leave_the_skins_between_their_places_are_halved(wave, long,
     box, share = np.array([[-np.inf] * 3, [np.inf] * 3]), np.linspace(0, long, 4)
     poles = np.stack([share, 0 * share, 0 * share + 20, share, 0 * share, 0 * share - 20], axis=1)
     line = ChainLine([(0, True)], ChainCurve(np.array([0.0, 1]), poles[None]), np.array([0.0, 1]))
-    assert len(patch_sides.LineFits(1.0, box, box, away, True)._halved([line])[0].curve.spans) == spans
+    assert len(patch_sides.LineFits(1.0, box, box, away, True)._halve_strays([line])[0].curve.spans) == spans
 
 
 @pytest.mark.parametrize("near", [True, False])
@@ -435,10 +442,12 @@ def test_a_gate_says_how_much_farther_points_are_from_the_mesh_than_they_may_be(
     part, _, _ = draft_of(surface, striped(surface))
     plan, up = SmoothPlan(part), 1000 * surface.V[surface.F[:5]].mean(axis=1)
     points = np.concatenate([up + [0, 0, 100.0], part.V[:5]])
-    away = nearest(points, part.V, part.F).distance
-    np.testing.assert_allclose(plan.gate.beyond(points)[:5], (away - plan.limits.allowed(points))[:5])
-    np.testing.assert_allclose(plan.gate.beyond(points)[5:], -plan.limits.distance)
-    assert plan.limits.allowed(points).min() > 1.5 * plan.limits.distance
+    away = nearest_places(points, part.V, part.F).distance
+    np.testing.assert_allclose(
+        plan.gate.excess_distances(points)[:5], (away - plan.limits.allowed_distances(points))[:5]
+    )
+    np.testing.assert_allclose(plan.gate.excess_distances(points)[5:], -plan.limits.distance)
+    assert plan.limits.allowed_distances(points).min() > 1.5 * plan.limits.distance
 
 
 def test_a_strip_is_untrimmed_and_uses_each_edge_twice():
@@ -557,7 +566,7 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
     assert others == [1]
     curves = {k: curves_through([chain.Q], [0.1])[0] for k, chain in chains.items()}
     apart = NetLines(net, [ChainLine([(k, True)], curve, np.array([0.0, 1])) for k, curve in curves.items()])
-    stations = Stations(apart, chains)
+    stations = SideStations(apart, chains)
     assert stations.cells(quad) == 3
     bottom, right, top, left = stations.grid(quad)
     assert bottom == [(0, 0, 1), (1, 0, 1), (2, 0, 1)]
@@ -567,8 +576,8 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
     bow = curves_through([np.concatenate([chains[0].Q, chains[2].Q])], [0.1])[0]
     long = ChainLine([(k, True) for k in range(3)], bow, np.array([0, 0.1, 0.9, 1]))
     one = NetLines(net, [long, *apart.lines[3:]])
-    assert Stations(one, chains).cells(quad) == 1
-    assert one.along((1, False)) == (0, 0.9, 0.1)
+    assert SideStations(one, chains).cells(quad) == 1
+    assert one.line_part((1, False)) == (0, 0.9, 0.1)
 
 
 @pytest.mark.parametrize(("near", "trimmed"), [(True, 2), (False, 0)])
@@ -591,12 +600,12 @@ def test_an_outline_is_looked_at_again_where_a_line_has_moved():
     lines = [ChainLine([(k, True)], curve, np.array([0.0, 1])) for k, curve in curves.items()]
     model = NetModel(trimmed=dict(net.loops))
     known = draft._outlines(net, NetLines(net, lines), model)
-    assert draft._changed({}, known) == [0, 1]
+    assert draft._changed_regions({}, known) == [0, 1]
     for k, seen in ((0, [0]), (5, [0, 1])):
         bent = replace(lines[k], curve=ChainCurve(np.array([0.0, 1]), lines[k].curve.spans + 0.1))
         moved = NetLines(net, [*lines[:k], bent, *lines[k + 1 :]])
-        assert draft._changed(known, draft._outlines(net, moved, model)) == seen
-    assert draft._changed(known, known) == []
+        assert draft._changed_regions(known, draft._outlines(net, moved, model)) == seen
+    assert draft._changed_regions(known, known) == []
 
 
 @pytest.mark.parametrize(
@@ -609,7 +618,7 @@ def test_an_outline_is_looked_at_again_where_a_line_has_moved():
     ],
 )
 def test_stations_near_each_other_are_pairs_and_others_get_one(one, two, pairs):
-    np.testing.assert_allclose(np.stack(paired(np.array(one), np.array(two)), axis=1), pairs)
+    np.testing.assert_allclose(np.stack(paired_shares(np.array(one), np.array(two)), axis=1), pairs)
 
 
 def test_lines_end_on_others_that_end_on_others():
@@ -690,11 +699,11 @@ def test_a_long_member_is_cut_off_from_a_pointed_end(far):
     chains = {k: Chain(np.array([k, (k + 1) % 5]), 0, VOID if k in (0, 3) else 7) for k in range(5)}
     loops = {0: [[(k, True) for k in chains]], 7: [[(k, False) for k in (4, 2, 1)]]}
     net = ChainNet(weights, chains, loops, frozenset(), np.zeros(0, dtype=np.int64))
-    done = divided(net, [0], lifting_of(flat), 10.0)
+    done = with_cut_ends(net, [0], lifting_of(flat), 10.0)
     if far == 8:
         assert done is net
         return
-    assert divided(net, [0], lifting_of(flat), 500.0) is net  # what would be cut off is about 50 mm wide
+    assert with_cut_ends(net, [0], lifting_of(flat), 500.0) is net  # what would be cut off is about 50 mm wide
     assert done.loops == {
         0: [[(0, True), (5, True), (3, True), (4, True)]],
         7: net.loops[7],
@@ -713,7 +722,7 @@ def test_what_is_inside_of_a_hairpin_and_beside_it_is_one_region(deep, regions):
     x, y = flat.centroids[:, 0], flat.centroids[:, 1] / flat.V[:, 1].max()
     label = ((np.abs(x - 0.5) < 1 / 6) & (y < deep / 40)).astype(np.int64)
     lifting = lifting_of(flat)
-    net = straightened(net_of(striped(flat, label=label), flat.V, lifting.skins.normals, T), lifting, 1e3 * T)
+    net = straight_net(net_of(striped(flat, label=label), flat.V, lifting.skins.normals, T), lifting, 1e3 * T)
     assert len(net.loops) == regions
     assert sum(chain.right != VOID for chain in net.chains.values()) == regions - 1
 
@@ -794,7 +803,7 @@ def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
     model = NetModel(vertices=[part[0] for part in parts])
     model.edges += [NetEdge(i, (i + 1) % 5, part) for i, part in enumerate(parts)]
     model.patches.append(NetPatch([(i, True) for i in range(5)], P))
-    NetText(new := Entities(), model, 40.0).faces([])
+    NetWriter(new := StepEntities(), model, 40.0).faces([])
     points = {
         int(n): np.array(x.split(","), float)
         for n, x in re.findall(r"#(\d+)=CARTESIAN_POINT\('',\((.*?)\)\)", "".join(new.text))
@@ -862,16 +871,18 @@ def test_members_of_which_occt_draws_no_solid_are_refused(here):
     assert [one["valid"] for one in here] == [True]
     (mesh,) = seen
     assert mesh.solids == 1
-    *away, shape = _asked_as_a_solid(part, made_of, made, found, [_Drawn.of(mesh, made_of.gate)])
+    *away, shape = _require_solid(part, made_of, made, found, [_TriangleReport.from_mesh(mesh, made_of.gate)])
     assert max(away) < made_of.limits.distance
     assert shape == mesh.shape
     turned = replace(mesh, F=np.concatenate([mesh.F[:1, ::-1], mesh.F[1:]]))
     with pytest.raises(_RoughError, match="3 edges have triangles that face opposite sides where OCCT draws it"):
-        _asked_as_a_solid(part, made_of, made, found, [_Drawn.of(turned, made_of.gate)])
+        _require_solid(part, made_of, made, found, [_TriangleReport.from_mesh(turned, made_of.gate)])
     with pytest.raises(_RoughError, match="no triangles of a face"):
-        _asked_as_a_solid(part, made_of, made, found, [])
+        _require_solid(part, made_of, made, found, [])
     with pytest.raises(_RoughError, match="OCCT finds the solid by members invalid"):  # one more is made, then
-        _asked_as_a_solid(part, made_of, made, [replace(found[0], valid=False)], [_Drawn.of(mesh, made_of.gate)])
+        _require_solid(
+            part, made_of, made, [replace(found[0], valid=False)], [_TriangleReport.from_mesh(mesh, made_of.gate)]
+        )
 
 
 @pytest.mark.slow

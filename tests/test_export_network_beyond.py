@@ -10,22 +10,22 @@ import pytest
 
 from dsfab.export.cad.step.by_members import draft
 from dsfab.export.cad.step.by_members.curves import parts_of
-from dsfab.export.cad.step.by_members.draft import NetText, member_draft
+from dsfab.export.cad.step.by_members.draft import NetWriter, member_draft
 from dsfab.export.cad.step.by_members.fillet_edges import (
-    CLEAR,
-    GAP,
-    NEARLY,
-    OFF,
-    ROUND,
+    FACE_TOLERANCE,
+    FILLET_SHARE,
+    LARGE_FILLET_SHARE,
+    POLE_OFFSET,
+    TANGENT_GAP,
     LongSeam,
     curves_beyond,
-    in_order,
     with_long_seams,
+    with_ordered_walls,
 )
-from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall, filled_corners, turned
+from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall, backwards, filled_corners
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.cad.step.entities import closing, header
-from dsfab.export.cad.step.flat_sheets import Entities
+from dsfab.export.cad.step.flat_sheets import StepEntities
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.worker import use_check
 from dsfab.export.part import StripedSheet
@@ -97,8 +97,8 @@ def stair(ahead: bool = True, wave: float = 0.0) -> NetModel:
 def mirrored(model: NetModel) -> NetModel:
     """The same in a mirror, where outlines run the other way."""
     flip = np.array([-1, 1, 1, -1, 1, 1])
-    walls = [NetWall(turned(wall.steps), wall.poles[::-1] * flip) for wall in model.walls]
-    patches = [NetPatch(turned(patch.loop), (patch.poles * flip).swapaxes(0, 1)) for patch in model.patches]
+    walls = [NetWall(backwards(wall.steps), wall.poles[::-1] * flip) for wall in model.walls]
+    patches = [NetPatch(backwards(patch.loop), (patch.poles * flip).swapaxes(0, 1)) for patch in model.patches]
     edges = [replace(edge, poles=edge.poles * flip) for edge in model.edges]
     return replace(model, vertices=[v * flip for v in model.vertices], edges=edges, walls=walls, patches=patches)
 
@@ -120,7 +120,7 @@ def test_the_seam_at_a_corner_that_is_filled_goes_on_over_both_patches(ahead):
     start, end = poles[:, :2][[0, -1]] if ahead else poles[:, :2][[-1, 0]]
     np.testing.assert_allclose(start, NOTCH[3], atol=1e-9)
     half = filled_corners(given)[0].half
-    assert end == pytest.approx([0, CLEAR * THICK * half], abs=0.1 * THICK)
+    assert end == pytest.approx([0, FILLET_SHARE * THICK * half], abs=0.1 * THICK)
     assert end[1] > THICK / 8 * half
 
 
@@ -156,13 +156,13 @@ def test_a_seam_goes_on_over_a_trimmed_face_only_if_this_is_on_it():
     one = replace(model, patches=model.patches[1:])
     new, (found,), seams = with_long_seams(one, [face])
     assert np.abs(found.gaps(bernstein(x / 260 + 0.5) @ seams[0].poles)).max() < 1e-9
-    bent = replace(face, outer=face.outer + 2 * NEARLY * np.array([0, 0, 1]))
+    bent = replace(face, outer=face.outer + 2 * FACE_TOLERANCE * np.array([0, 0, 1]))
     assert with_long_seams(one, [bent])[2] == {}
     assert new.patches[0].within
 
 
 def test_a_seam_that_a_wall_goes_straight_on_as_ends_there_beside_a_wider_patch():
-    model, _ = in_order(stair(ahead=False), [])
+    model, _ = with_ordered_walls(stair(ahead=False), [])
     (corner,) = filled_corners(model)
     assert (corner.seam, corner.end) == (0, 1)
     assert model.edges[0].end == 0
@@ -173,20 +173,20 @@ def test_a_seam_that_a_wall_goes_straight_on_as_ends_there_beside_a_wider_patch(
 
 
 def test_the_patch_beyond_such_a_seam_goes_on_until_tangents_leave_the_gap_that_is_wanted():
-    model, _ = in_order(stair(ahead=False), [])
+    model, _ = with_ordered_walls(stair(ahead=False), [])
     patch, (corner,) = with_long_seams(model, [])[0].patches[1], filled_corners(model)
-    far = ROUND * THICK * corner.half
+    far = LARGE_FILLET_SHARE * THICK * corner.half
     went = patch.poles[0, 3, 1]
     assert far / 2 < went < far
-    assert (far - went) ** 2 / 2000 == pytest.approx(GAP, rel=0.1)  # its height is -y^2 / 2000
+    assert (far - went) ** 2 / 2000 == pytest.approx(TANGENT_GAP, rel=0.1)  # its height is -y^2 / 2000
 
 
 def test_such_a_seam_beside_a_trimmed_face_is_off_it_where_only_its_tolerance_counts():
-    model, _ = in_order(stair(ahead=False), [])
+    model, _ = with_ordered_walls(stair(ahead=False), [])
     face = TrimmedFace([model.patches[1].loop], *np.zeros((2, 3, 3, 3)), (np.eye(3), np.eye(3)), 0.0, 0.0)
     new, _, _ = with_long_seams(replace(model, patches=model.patches[:1]), [face])
     off = new.edges[0].poles - model.edges[0].poles
-    assert np.linalg.norm(off[1, :3]) == pytest.approx(OFF)
+    assert np.linalg.norm(off[1, :3]) == pytest.approx(POLE_OFFSET)
     np.testing.assert_array_equal(off[[0, 2, 3]], 0)
     assert with_long_seams(model, [])[0].edges == model.edges
 
@@ -214,7 +214,7 @@ def test_occt_rounds_more_corners_of_an_opening_whose_seams_go_on(tmp_path, monk
         (path := tmp_path / "chevron.step").write_text(member_draft(part, SmoothPlan(part)).text)
         shape = use_check._read(str(path))
         assert use_check._valid(shape)
-        found.append(use_check._fillets(shape))
+        found.append(use_check._fillet_counts(shape))
         monkeypatch.setattr(draft, "with_long_seams", lambda model, faces: (model, faces, {}))
     assert [tried for _, tried in found] == [12, 12]
     assert found[0][0] >= 10 > found[1][0] + 2
@@ -223,28 +223,28 @@ def test_occt_rounds_more_corners_of_an_opening_whose_seams_go_on(tmp_path, monk
 @pytest.mark.slow
 @pytest.mark.parametrize("given", [notch, stair, lambda wave: mirrored(stair(wave=wave))])
 def test_occt_reads_seams_with_their_places_on_faces_and_rounds_the_corner(given, tmp_path):
-    model, _ = in_order(given(wave=4.0), [])
+    model, _ = with_ordered_walls(given(wave=4.0), [])
     model, _, seams = with_long_seams(model, [])
     shape, text = read(model, seams, tmp_path)
     assert sum("=PCURVE(" in entity for entity in text) == 2 * sum(len(seam.on) for seam in seams.values())
     assert use_check._valid(shape)
-    good, tried = use_check._fillets(shape)
+    good, tried = use_check._fillet_counts(shape)
     assert good == tried > 4
 
 
 @pytest.mark.slow
 def test_occt_keeps_where_a_seam_goes_on_if_walls_beside_have_their_places_too(tmp_path):
     """It puts the end of one to the end of the other, if they are .1 um apart, and drops what is beyond."""
-    model, _ = in_order(dish(BENT, [4, 3, 0, 5], [4, 3, 0, 5], False, 20.0, (37, 36)), [])
+    model, _ = with_ordered_walls(dish(BENT, [4, 3, 0, 5], [4, 3, 0, 5], False, 20.0, (37, 36)), [])
     model, _, seams = with_long_seams(model, [])
-    both = [use_check._fillets(read(model, some, tmp_path)[0]) for some in (seams, {0: seams[0]})]
+    both = [use_check._fillet_counts(read(model, some, tmp_path)[0]) for some in (seams, {0: seams[0]})]
     assert both[0] == (6, 6)
     assert both[1][0] < both[1][1] == 6
 
 
 def read(model: NetModel, seams: dict[int, LongSeam], folder: Path) -> tuple[Any, list[str]]:
     """What OCCT reads of a model with such seams, and its entities."""
-    faces = NetText(new := Entities(), model, THICK).faces([], seams)
+    faces = NetWriter(new := StepEntities(), model, THICK).faces([], seams)
     end = closing(np.zeros(len(faces), int), [[0]], np.array(faces), new.free, "dish")
     (path := folder / "dish.step").write_text("".join([header("dish", "dish", 1), *new.text, *end]))
     return use_check._read(str(path)), new.text

@@ -6,7 +6,7 @@ import numpy as np
 
 from dsfab.export.cad.step.by_members.model import NetEdge, NetWall
 from dsfab.export.cad.step.by_members.patches import places
-from dsfab.export.cad.step.by_members.sharp_corners import CLEAR, INNER, NEARLY, flush_at_corners
+from dsfab.export.cad.step.by_members.sharp_corners import FILLET_SHARE, FLUSH_TOLERANCE, INNER_SHARE, flush_at_corners
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace
 from dsfab.export.splines import bernstein
 from tests.test_export_network import flat_model
@@ -37,8 +37,8 @@ def test_at_corners_a_face_is_on_its_edges_as_far_as_a_fillet_goes():
         assert gap <= found.gap + 1e-4
         if {tuple(P[0, :2]), tuple(P[3, :2])} & set(map(tuple, SQUARE.tolist())):
             ends += 1
-            assert gap < NEARLY
-            assert np.linalg.norm(P[3, :3] - P[0, :3]) >= CLEAR * THICK - 0.1
+            assert gap < FLUSH_TOLERANCE
+            assert np.linalg.norm(P[3, :3] - P[0, :3]) >= FILLET_SHARE * THICK - 0.1
     assert ends == 8
     assert found.exact
     assert 1e-4 < found.gap <= SPLIT
@@ -64,7 +64,7 @@ def test_rims_are_moved_onto_a_face_that_stays(monkeypatch):
     model, (kept,) = flush_at_corners(old, [face])
     x, at_corners = np.linspace(0, 1, 50), [e for wall in old.walls for e, _ in wall.steps]
     gaps = {e: np.abs(kept.gaps(bernstein(x) @ model.poles((e, True)))).max() for e, _ in kept.loops[0]}
-    assert sum(gap < NEARLY for gap in gaps.values()) == 2 * len(at_corners)
+    assert sum(gap < FLUSH_TOLERANCE for gap in gaps.values()) == 2 * len(at_corners)
     assert max(gaps.values()) <= kept.gap + 1e-4 <= 2 * face.gap
     assert kept.exact
     assert len(model.walls) == len(gaps) == 12
@@ -92,7 +92,7 @@ def test_edges_are_cut_as_far_from_corners_as_a_fillet_goes_on_the_inner_skin():
     model, _ = flush_at_corners(replace(old, edges=edges, vertices=[v * half for v in old.vertices]), [face])
     ends = {e for e, edge in enumerate(model.edges) if min(edge.start, edge.end) < 4}
     short = [np.linalg.norm(model.edges[e].poles[3, 3:] - model.edges[e].poles[0, 3:]) for e in ends]
-    assert min(short) >= INNER * CLEAR * THICK - 0.1
+    assert min(short) >= INNER_SHARE * FILLET_SHARE * THICK - 0.1
 
 
 def test_a_face_that_would_be_too_far_off_its_other_edges_stays():

@@ -7,7 +7,7 @@ import pytest
 
 from dsfab.export.cad.step.by_members import draft
 from dsfab.export.cad.step.by_members.draft import member_draft
-from dsfab.export.cad.step.by_members.fillet_edges import CLEAR_EDGE, FAR, _stops, in_order
+from dsfab.export.cad.step.by_members.fillet_edges import CLEAR_EDGE, LONGEST_SHARE, _stops, with_ordered_walls
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
@@ -50,7 +50,7 @@ SQUARE = np.array([[0, 0], [100, 0], [100, 100], [0, 100.0]])
 @pytest.mark.parametrize("order", [[0, 1, 2, 3], [2, 0, 3, 1]])
 def test_at_each_corner_an_edge_ends_of_the_wall_that_is_first(turned, order):
     given = plate(SQUARE, turned, order)
-    model, _ = in_order(given, [])
+    model, _ = with_ordered_walls(given, [])
     assert following(model.walls, model)
     for i, wall in enumerate(model.walls[:-1]):
         assert ends_at(model, wall, first=False), i
@@ -63,7 +63,7 @@ def test_at_each_corner_an_edge_ends_of_the_wall_that_is_first(turned, order):
 
 
 def test_faces_have_the_same_edges_as_walls_the_other_way_and_the_outline_stays():
-    model, _ = in_order(plate(SQUARE, {1}, [2, 0, 3, 1]), [])
+    model, _ = with_ordered_walls(plate(SQUARE, {1}, [2, 0, 3, 1]), [])
     loop = model.patches[0].loop
     assert sorted(loop) == sorted(step for wall in model.walls for step in wall.steps)
     points = line(model, loop)[:, [0, -1]]
@@ -77,18 +77,18 @@ def _middles(model: NetModel) -> set[tuple[float, ...]]:
 
 def test_an_outline_begins_where_it_is_smooth():
     """A pentagon with a vertex in the middle of a side."""
-    model, _ = in_order(plate(np.insert(SQUARE, 1, [50.0, 0], axis=0), set(), [3, 4, 0, 1, 2]), [])
+    model, _ = with_ordered_walls(plate(np.insert(SQUARE, 1, [50.0, 0], axis=0), set(), [3, 4, 0, 1, 2]), [])
     assert [len(wall.steps) for wall in model.walls] == [1] * 5
     np.testing.assert_array_equal(line(model, model.walls[0].steps)[0, 0, :2], [50, 0])
     assert all(ends_at(model, wall, first=False) for wall in model.walls)
 
 
-@pytest.mark.parametrize("size", [FAR, 30.0])
+@pytest.mark.parametrize("size", [LONGEST_SHARE, 30.0])
 def test_long_edges_are_cut_near_the_corners_where_they_end(size):
-    model, _ = in_order(plate(size * THICK * SQUARE / 100, set(), [0, 1, 2, 3]), [])
-    assert [len(wall.steps) for wall in model.walls] == ([2, 1, 1, 1] if size <= FAR else [3, 2, 2, 1])
+    model, _ = with_ordered_walls(plate(size * THICK * SQUARE / 100, set(), [0, 1, 2, 3]), [])
+    assert [len(wall.steps) for wall in model.walls] == ([2, 1, 1, 1] if size <= LONGEST_SHARE else [3, 2, 2, 1])
     ending = [line(model, wall.steps)[-1] for wall in model.walls[:-1]]
-    assert max(np.linalg.norm(P[-1, :3] - P[0, :3]) for P in ending) <= FAR * THICK + 1e-9
+    assert max(np.linalg.norm(P[-1, :3] - P[0, :3]) for P in ending) <= LONGEST_SHARE * THICK + 1e-9
 
 
 @pytest.mark.parametrize("turn", [30, 60, 90, 120])
@@ -107,7 +107,7 @@ def test_an_edge_is_cut_where_it_is_farthest_from_its_trimmed_face():
     edges[1] = replace(edges[1], poles=edges[1].poles + 0.01 * np.eye(4)[2][:, None] * np.array([0, 0, 1, 0, 0, 1]))
     flat = np.array([[[x, y, 20.0] for y in (-1, 101)] for x in (-1, 101)])
     face = TrimmedFace([given.patches[0].loop], flat, flat - [0, 0, 40], (np.eye(3), np.eye(3)), 0.01, 0.0)
-    model, (found,) = in_order(replace(given, edges=edges, patches=[]), [face])
+    model, (found,) = with_ordered_walls(replace(given, edges=edges, patches=[]), [face])
     (wall,) = [
         wall for wall in model.walls if line(model, wall.steps)[0, 0, 0] == 100 == line(model, wall.steps)[-1, -1, 0]
     ]
@@ -154,7 +154,7 @@ def test_occt_rounds_all_corners_of_openings_in_a_sphere(tmp_path, monkeypatch):
     part, _, _ = draft_of(surface, sheet)
     (path := tmp_path / "grid.step").write_text(member_draft(part, SmoothPlan(part)).text)
     monkeypatch.setattr(use_check, "FILLETS", 20)
-    assert use_check._fillets(use_check._read(str(path))) == (20, 20)
-    monkeypatch.setattr(draft, "in_order", lambda model, faces: (model, faces))
+    assert use_check._fillet_counts(use_check._read(str(path))) == (20, 20)
+    monkeypatch.setattr(draft, "with_ordered_walls", lambda model, faces: (model, faces))
     path.write_text(member_draft(part, SmoothPlan(part)).text)
-    assert use_check._fillets(use_check._read(str(path)))[0] < 12
+    assert use_check._fillet_counts(use_check._read(str(path)))[0] < 12

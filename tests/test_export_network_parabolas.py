@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from dsfab.export.cad.step.by_members.curves import (
-    BOW,
-    OFF,
+    BOW_FACTOR,
+    PARABOLA_SHARE,
     ChainCurve,
-    fewest,
-    lowered,
-    lowered_patches,
-    with_parabolas,
+    as_parabolas,
+    curves_as_parabolas,
+    fewest_poles,
+    patches_as_parabolas,
 )
-from dsfab.export.cad.step.by_members.draft import NetText, _narrow, member_draft
+from dsfab.export.cad.step.by_members.draft import NetWriter, _wanted_gap, member_draft
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
 from dsfab.export.cad.step.by_members.patches import FaceLimits, coons
 from dsfab.export.cad.step.by_members.trimmed import _surface
-from dsfab.export.cad.step.flat_sheets import Entities
+from dsfab.export.cad.step.flat_sheets import StepEntities
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.splines import bernstein
 from tests.test_export_network import cylinder_strip, draft_of, grid
@@ -41,21 +41,21 @@ def wavy(x: float, y: float = 0.0, z: float = 0.0) -> ChainCurve:
 
 def test_the_parabola_of_a_cubic_goes_through_its_ends_and_its_middle():
     P = np.random.default_rng(3).uniform(-1e3, 1e3, (4, 6))
-    Q, x = lowered(P, 0), np.linspace(0, 1, 2001)
+    Q, x = as_parabolas(P, 0), np.linspace(0, 1, 2001)
     away = bernstein(x) @ (Q - P)
     np.testing.assert_allclose(away[[0, 1000, -1]], 0, atol=1e-9)
     third = np.abs(P[3] - P[0] - 3 * (P[2] - P[1]))
-    np.testing.assert_allclose(np.abs(away).max(axis=0), BOW * third, rtol=1e-5)
-    np.testing.assert_allclose(lowered(Q, 0), Q, atol=1e-9)
-    three = fewest(Q, 0)
+    np.testing.assert_allclose(np.abs(away).max(axis=0), BOW_FACTOR * third, rtol=1e-5)
+    np.testing.assert_allclose(as_parabolas(Q, 0), Q, atol=1e-9)
+    three = fewest_poles(Q, 0)
     assert three.shape == (3, 6)
     y = x[:, None]
     np.testing.assert_allclose(
         (1 - y) ** 2 * three[0] + 2 * y * (1 - y) * three[1] + y**2 * three[2], bernstein(x) @ Q, atol=1e-9
     )
-    assert fewest(P, 0) is not P
-    np.testing.assert_array_equal(fewest(P, 0), P)
-    np.testing.assert_array_equal(fewest(Q[::-1], 0), three[::-1])
+    assert fewest_poles(P, 0) is not P
+    np.testing.assert_array_equal(fewest_poles(P, 0), P)
+    np.testing.assert_array_equal(fewest_poles(Q[::-1], 0), three[::-1])
 
 
 @pytest.mark.parametrize(
@@ -70,20 +70,20 @@ def test_the_parabola_of_a_cubic_goes_through_its_ends_and_its_middle():
     ],
 )
 def test_cubics_are_parabolas_where_these_are_near_and_turn_little(curve, distance, three):
-    (found,) = with_parabolas([curve], distance, ANYWHERE)
-    assert (len(fewest(found.spans[0], 0)) == 3) == three
+    (found,) = curves_as_parabolas([curve], distance, ANYWHERE)
+    assert (len(fewest_poles(found.spans[0], 0)) == 3) == three
     assert (found is curve) != three
 
 
 def test_curves_of_which_one_span_is_no_parabola_and_those_whose_pole_is_out_of_the_box_are_cubics():
     good, bad = wavy(1.0).spans, wavy(9.0).spans
     two = ChainCurve(np.array([0.0, 0.5, 1.0]), np.concatenate([good, bad + [300, 0, 0] * 2]))
-    assert with_parabolas([two], 1.0, ANYWHERE) == [two]
+    assert curves_as_parabolas([two], 1.0, ANYWHERE) == [two]
     curve, box = wavy(1.0), np.array([[-1.0, -1, -30], [301.0, 6, 30]])
     assert (curve.spans[0, :, 1] < 5.1).all(), "poles of the cubic are inside"
-    assert with_parabolas([curve], 1.0, box) == [curve]
+    assert curves_as_parabolas([curve], 1.0, box) == [curve]
     box[1, 1] = 7
-    assert with_parabolas([curve], 1.0, box) != [curve]
+    assert curves_as_parabolas([curve], 1.0, box) != [curve]
 
 
 def patch(bump: float, wave: float) -> np.ndarray:
@@ -99,17 +99,17 @@ def patch(bump: float, wave: float) -> np.ndarray:
 
 def test_patches_between_parabolas_are_of_degree_2_where_that_is_near():
     def degrees(P: np.ndarray) -> tuple[int, ...]:
-        return tuple(k - 1 for k in fewest(fewest(P[0, 0], 0), 1).shape[:2])
+        return tuple(k - 1 for k in fewest_poles(fewest_poles(P[0, 0], 0), 1).shape[:2])
 
     P = patch(0.02, 0.0)
-    Q = lowered_patches(P, 1.0)
+    Q = patches_as_parabolas(P, 1.0)
     assert degrees(P) == (3, 2)
     assert degrees(Q) == (2, 2)
-    assert np.abs(Q - P).max() <= OFF
+    assert np.abs(Q - P).max() <= PARABOLA_SHARE
     for side in (np.s_[:, :, 0], np.s_[:, :, -1], np.s_[:, :, :, 0], np.s_[:, :, :, -1]):
         np.testing.assert_allclose(Q[side], P[side], atol=1e-9)
-    assert degrees(lowered_patches(patch(2.0, 0.0), 1.0)) == (3, 2), "it would be half a millimetre off"
-    assert degrees(lowered_patches(patch(0.02, 1.0), 1.0)) == (3, 2), "a side is a cubic"
+    assert degrees(patches_as_parabolas(patch(2.0, 0.0), 1.0)) == (3, 2), "it would be half a millimetre off"
+    assert degrees(patches_as_parabolas(patch(0.02, 1.0), 1.0)) == (3, 2), "a side is a cubic"
 
 
 def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
@@ -118,7 +118,7 @@ def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
     model = NetModel(vertices=[side[0] for side in sides])
     model.edges += [NetEdge(i, (i + 1) % 4, side) for i, side in enumerate(sides)]
     model.patches.append(NetPatch([(i, True) for i in range(4)], P))
-    NetText(new := Entities(), model, 40.0).faces([])
+    NetWriter(new := StepEntities(), model, 40.0).faces([])
     text = "".join(new.text)
     assert sorted(re.findall(r"B_SPLINE_CURVE_WITH_KNOTS\('',(\d)", text)) == ["2"] * 6 + ["3"] * 2  # on each skin
     assert re.findall(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d),(\d)", text) == [("3", "2")] * 2
@@ -176,4 +176,4 @@ def test_poles_of_a_quadric_are_those_of_a_cubic_where_they_are_far_out():
 
 
 def test_gaps_are_narrow_enough_at_a_hundredth_of_a_millimetre_but_in_thin_sheets():
-    assert [_narrow(t) for t in (60.0, 16.0, 3.0)] == pytest.approx([0.015, 0.01, 0.002])
+    assert [_wanted_gap(t) for t in (60.0, 16.0, 3.0)] == pytest.approx([0.015, 0.01, 0.002])

@@ -6,13 +6,22 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step import soundness
 from dsfab.export.cad.step.by_members import build
-from dsfab.export.cad.step.worker.use_check import ADDS, ALONE, INVALID, Missed, _across, _as_one, _missed, _volume
+from dsfab.export.cad.step.worker.use_check import (
+    ALONE_LIMIT,
+    INVALID,
+    TOGETHER_LIMIT,
+    VolumeErrors,
+    _compound,
+    _thickness_edges,
+    _volume,
+    _volume_errors,
+)
 
 SIDE = 100.0
 
 
 def square(at: np.ndarray, axis: int, share: float, outwards: bool):
-    """A square face around a point, normal to an axis, with so much less area than one of `SIDE`."""
+    """A square face around a point, normal to an axis, with so much less area than one of `LEAST_SIDE`."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.gp import gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
 
@@ -24,7 +33,7 @@ def square(at: np.ndarray, axis: int, share: float, outwards: bool):
 def halves(section: float, skin: float = 0.0):
     """Two cubes beside each other: each face between them lacks a share of its area, and so does one of a skin."""
     return [
-        _as_one(
+        _compound(
             [
                 square(middle + way * SIDE / 2 * np.eye(3)[axis], axis, less(axis, way, middle[0]), way > 0)
                 for axis in range(3)
@@ -45,24 +54,24 @@ def test_sections_may_have_gaps_and_skins_may_not(section, skin, sound):
     """Around each cube's own middle a section's missing area counts with half a side for a height, over the volume of
     both; around one point it does not count at all."""
     whole = 2 * SIDE**3
-    missed = _missed(halves(section, skin), whole)
+    missed = _volume_errors(halves(section, skin), whole)
     assert missed.alone == pytest.approx(section / 6 + skin / 12, rel=1e-3, abs=1e-12)
     assert (missed.fault == 0) == sound
     if 0 < section < 1e-3:
-        assert missed.alone > ADDS > 1e-9 > missed.together
+        assert missed.alone > TOGETHER_LIMIT > 1e-9 > missed.together
     if not sound:
         assert missed.fault == pytest.approx(missed.alone, rel=1e-2)
 
 
 def test_of_halves_that_are_not_valid_nothing_is_measured():
-    assert _missed([], 1.0) is INVALID
+    assert _volume_errors([], 1.0) is INVALID
     assert INVALID.fault == 1
-    assert Missed(ALONE, ADDS).fault == 0
-    assert Missed(ALONE, 2 * ADDS).fault == 2 * ADDS
+    assert VolumeErrors(ALONE_LIMIT, TOGETHER_LIMIT).fault == 0
+    assert VolumeErrors(ALONE_LIMIT, 2 * TOGETHER_LIMIT).fault == 2 * TOGETHER_LIMIT
 
 
 def test_cubes_beside_each_other_are_one_volume():
-    assert _volume(_as_one(halves(0.0))) == pytest.approx(2 * SIDE**3, rel=1e-9)
+    assert _volume(_compound(halves(0.0))) == pytest.approx(2 * SIDE**3, rel=1e-9)
 
 
 def test_pieces_of_a_rim_as_long_as_the_sheet_is_thick_are_not_across_it():
@@ -76,7 +85,7 @@ def test_pieces_of_a_rim_as_long_as_the_sheet_is_thick_are_not_across_it():
         outline.Add(gp_Pnt(x, y, 0))
     outline.Close()
     plate = BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(outline.Wire()).Face(), gp_Vec(0, 0, 60)).Shape()
-    assert [length for _, length in _across(plate)] == pytest.approx([60] * 4)
+    assert [length for _, length in _thickness_edges(plate)] == pytest.approx([60] * 4)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +101,7 @@ def test_a_cut_that_misses_volume_is_not_said_to_be_invalid(said, words):
     usual = {"plain": 1.0, "volume": 1.0, "valid": True, "sound": 2, "boxed": True, "closed": True, "again": True}
     usual |= {"missed": [0.0], "box_missed": 0.0}
     with pytest.raises(ExportError, match=words):
-        build._asked_in_use(None, None, usual | said)
+        build._require_use(None, None, usual | said)
 
 
 def test_a_cut_unasked_says_what_its_halves_miss(tmp_path, monkeypatch):

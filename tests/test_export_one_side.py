@@ -12,7 +12,7 @@ from scipy.sparse import csr_array, eye_array
 
 import dsfab
 from dsfab.core.errors import ExportError
-from dsfab.design.output.files import curved_sheet, opened
+from dsfab.design.output.files import curved_sheet, opened_surface
 from dsfab.export.cad.step.by_members.build import member_file
 from dsfab.export.cad.step.by_members.draft import member_draft, member_plan
 from dsfab.export.cad.step.smooth.build import smooth_file
@@ -48,7 +48,7 @@ def part_with_ladder():
     """Its part by members."""
     surface, kept, label = ladder()
     sheet = sheet_of(surface, kept)
-    opening = opened(surface, sheet)
+    opening = opened_surface(surface, sheet)
     assert opening
     whole, seam = opening.sheet(sheet)
     striped = StripedSheet(whole.surface.F, whole.weights, label[kept], np.zeros(int(kept.sum()), dtype=bool), seam)
@@ -64,7 +64,7 @@ def test_a_surface_with_one_side_is_cut_open(given):
     """Its faces agree then, and lie where they lay; what is at one place on both sides has opposite offsets."""
     surface = turned(given)[0]
     whole = sheet_of(surface, np.ones(surface.m, dtype=bool))
-    opening = opened(surface, whole)
+    opening = opened_surface(surface, whole)
     assert opening
     assert len(misoriented_edges(opening.surface.F, opening.surface.edges)) == 0
     np.testing.assert_allclose(opening.surface.centroids, surface.centroids, atol=1e-12)
@@ -77,7 +77,7 @@ def test_a_surface_with_one_side_is_cut_open(given):
     np.testing.assert_allclose(sheet.weights @ opening.surface.V, sheet.surface.V, atol=1e-12)
     start = sheet.surface.V[sheet.surface.F.ravel()[seam]]
     np.testing.assert_array_equal(start[:, 0], start[:, 1])
-    assert opened(Surface(sheet.surface.V, sheet.surface.F), sheet) is None
+    assert opened_surface(Surface(sheet.surface.V, sheet.surface.F), sheet) is None
 
 
 def test_a_seam_is_short_and_runs_where_little_is_kept():
@@ -87,7 +87,7 @@ def test_a_seam_is_short_and_runs_where_little_is_kept():
     column, row = np.divmod(np.tile(np.arange(4 * 60), 2), 4)
     for first in (12, 42):
         sheet = sheet_of(surface, (column < first) | (column >= first + 6) | np.isin(row, (0, 3)))
-        opening = opened(surface, sheet)
+        opening = opened_surface(surface, sheet)
         assert opening
         assert len(misoriented_edges(opening.given.F, opening.given.edges)) == 4
         assert len(opening.sheet(sheet)[1]) == 2

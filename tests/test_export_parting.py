@@ -11,7 +11,7 @@ from dsfab.export.cad.step.by_members import trimmed, trimmed_division
 from dsfab.export.cad.step.by_members.model import NetModel, NetPatch, NetWall
 from dsfab.export.cad.step.by_members.patches import FaceLimits
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, trimmed_face
-from dsfab.export.cad.step.by_members.trimmed_division import HalvedOutline, allowance_used, parted
+from dsfab.export.cad.step.by_members.trimmed_division import HalvedOutline, allowance_used, divided_faces
 from dsfab.export.splines import bernstein
 from tests.test_export_network import flat_model
 
@@ -33,7 +33,7 @@ def folded_model(corners: list[list[float]], fold: float) -> tuple[NetModel, lis
 def divided(model: NetModel, loop: list):
     """The face of a region before, and its faces after."""
     face = trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS)
-    return face, parted(model, {7: face}, lambda some: {7: np.zeros((0, 6))}, np.zeros_like, LIMITS)
+    return face, divided_faces(model, {7: face}, lambda some: {7: np.zeros((0, 6))}, np.zeros_like, LIMITS)
 
 
 HALVES = [[0, 0], [300, 0], [600, 0], [600, 200], [300, 200], [0, 200]]
@@ -82,8 +82,8 @@ def test_a_part_may_have_a_wider_gap_where_no_edge_could_be_split_before(monkeyp
     model, loop = folded_model(HALVES, 1)
     face = replace(trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS), gap=gap * SPLIT, off=5.0)
     some = [replace(face, gap=share * SPLIT, off=0.5, loops=[each]) for share, each in ((1.2, loop), (0.1, loop))]
-    monkeypatch.setattr(trimmed_division._Parting, "_faces", lambda *given: some)
-    two = trimmed_division._Parting(model, np.zeros_like, LIMITS)._two(face, np.zeros((0, 6)))
+    monkeypatch.setattr(trimmed_division._FaceDivision, "_faces", lambda *given: some)
+    two = trimmed_division._FaceDivision(model, np.zeros_like, LIMITS)._divide_in_two(face, np.zeros((0, 6)))
     assert (len(two) or 1) == parts
 
 
@@ -105,7 +105,7 @@ def test_a_region_whose_inside_strays_is_divided_though_it_meets_its_edges(monke
     limits = replace(LIMITS, off=0.05)
     face = trimmed_face(model, [loop], points, limits)
     assert face.off > 2 * limits.off
-    after = parted(model, {7: face}, lambda some: {7: points}, np.zeros_like, limits)
+    after = divided_faces(model, {7: face}, lambda some: {7: points}, np.zeros_like, limits)
     assert len(after) == 2
     assert max(part.off for part in after) < 1e-3
 
@@ -125,7 +125,7 @@ def test_a_region_that_strays_from_the_mesh_where_nothing_holds_it_is_divided_wh
     model, loop = folded_model(HALVES, 1)
     limits, nothing = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6))
     face = trimmed_face(model, [loop], nothing, limits)
-    after = parted(model, {7: face}, lambda some: {7: nothing}, np.zeros_like, limits)
+    after = divided_faces(model, {7: face}, lambda some: {7: nothing}, np.zeros_like, limits)
     assert len(after) == parts
     assert face.astray == -np.inf if mesh is None else face.astray > 0.5 > max(part.astray for part in after) + 0.5
 
@@ -136,7 +136,7 @@ def test_a_region_that_strays_from_the_mesh_where_nothing_holds_it_is_divided_wh
 def test_more_seams_are_tried_where_the_usual_ones_do_not_help_and_the_mesh_counts(monkeypatch, mesh, tried):
     model, loop = folded_model(HALVES, 1)
     limits, nothing, times = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6)), list[int]()
-    work = trimmed_division._Parting(model, np.zeros_like, limits)
+    work = trimmed_division._FaceDivision(model, np.zeros_like, limits)
     monkeypatch.setattr(work, "_two", lambda *given: times.append(work.times) or [])
     face = replace(trimmed_face(model, [loop], nothing, limits), gap=9 * SPLIT)
     assert len(work.parts(face, nothing)) == 1
@@ -146,14 +146,18 @@ def test_more_seams_are_tried_where_the_usual_ones_do_not_help_and_the_mesh_coun
 @pytest.mark.parametrize(("times", "gap"), [(1, 0.8), (2, 0.3)])
 def test_of_many_seams_the_best_is_taken_and_else_the_first_that_helps(monkeypatch, times, gap):
     model, loop = folded_model(HALVES, 1)
-    edges, work, nothing = len(model.edges), trimmed_division._Parting(model, np.zeros_like, LIMITS), np.zeros((0, 6))
+    edges, work, nothing = (
+        len(model.edges),
+        trimmed_division._FaceDivision(model, np.zeros_like, LIMITS),
+        np.zeros((0, 6)),
+    )
     work.times, face = times, replace(trimmed_face(model, [loop], nothing, LIMITS), gap=9 * SPLIT)
     shares = {1: 0.8, 2: 0.3, 3: 0.5}
     seams = [((0, 2 * k), np.full((1, 4, 6), k)) for k in shares]
     monkeypatch.setattr(work, "_seams", lambda *given: seams)
     by_seam = lambda *given: [replace(face, gap=shares[int(model.edges[-1].poles[0, 0])] * SPLIT)] * 2  # noqa: E731
     monkeypatch.setattr(work, "_faces", by_seam)
-    assert [part.gap / SPLIT for part in work._two(face, nothing)] == pytest.approx([gap, gap])
+    assert [part.gap / SPLIT for part in work._divide_in_two(face, nothing)] == pytest.approx([gap, gap])
     assert len(model.edges) == edges + 1, "those of no other seam are left"
 
 
@@ -161,14 +165,14 @@ def test_an_edge_that_a_neighbour_halved_is_not_halved_again(monkeypatch):
     """A cow's nostril had two faces beside a seam, each with halves of its own of it, and OCCT read an open shell."""
     model, loop = folded_model(HALVES, 1)
     work, nothing, seen = (
-        trimmed_division._Parting(model, np.zeros_like, LIMITS),
+        trimmed_division._FaceDivision(model, np.zeros_like, LIMITS),
         np.zeros((0, 6)),
         list[HalvedOutline](),
     )
     face = trimmed_face(model, [loop], nothing, LIMITS)
     work._halve(1)
     monkeypatch.setattr(work, "_seams", lambda outline, points: seen.append(outline) or [])
-    assert work._two(face, nothing) == []
+    assert work._divide_in_two(face, nothing) == []
     assert len(seen[0].poles) == 2 * (len(loop) + 1)
 
 
@@ -179,9 +183,9 @@ def test_seams_keep_to_the_mesh_where_that_is_asked():
         return np.where((np.abs(points[:, 0] - 300) < 60) & (np.abs(points[:, 1] - 100) < 20), 1.0, -1.0)
 
     model, loop = folded_model(HALVES, 1)
-    outline, nothing, through = HalvedOutline.of(model, loop), np.zeros((0, 6)), list[bool]()
+    outline, nothing, through = HalvedOutline.from_loop(model, loop), np.zeros((0, 6)), list[bool]()
     for mesh in (None, off_mesh):
-        seams = trimmed_division._Parting(model, np.zeros_like, replace(LIMITS, beyond_mesh=mesh))._seams(
+        seams = trimmed_division._FaceDivision(model, np.zeros_like, replace(LIMITS, beyond_mesh=mesh))._seams(
             outline, nothing
         )
         points = [(bernstein(np.linspace(0, 1, 99)) @ poles).reshape(-1, 3) for _, poles in seams]
@@ -228,7 +232,7 @@ def test_chords_are_inside_of_the_outline_and_clear_of_it():
     """Of a U: none is between its arms, and none runs beside an edge."""
     arms = [[300, 400], [200, 400], [200, 100], [100, 100], [100, 400], [0, 400]]
     model, loop = flat_model(np.array([[0, 0], [300, 0], *arms], dtype=float))
-    outline = HalvedOutline.of(model, loop)
+    outline = HalvedOutline.from_loop(model, loop)
     pairs = list(outline.chords(np.array([6])))
     assert any(6 in pair for pair in pairs)
     assert any(6 not in pair for pair in pairs)
@@ -248,7 +252,7 @@ def test_no_chord_cuts_off_a_narrow_lens_beside_an_edge_that_wiggles(monkeypatch
     poles = model.edges[1].poles.copy()
     poles[1:3, [1, 4]] -= 0.75
     model.edges[1] = replace(model.edges[1], poles=poles)
-    outline = HalvedOutline.of(model, loop)
+    outline = HalvedOutline.from_loop(model, loop)
     pairs = list(outline.chords(np.array([2, 3, 4])))
     assert (2, 4) not in pairs
     assert any(2 in pair for pair in pairs)
@@ -273,7 +277,7 @@ def test_a_seam_over_skins_that_wave_is_several_cubics(height, cubics):
     model, loop = flat_model(np.array(HALVES, dtype=float))
     model.vertices = [edge.poles[0] for edge in model.edges]
     away, edges = to_waves(height), len(model.edges)
-    work = trimmed_division._Parting(model, away, LIMITS)
+    work = trimmed_division._FaceDivision(model, away, LIMITS)
     chord = (model.vertices[0], model.vertices[2] + np.array([0, 90.0, 0, 0, 90, 0]))
     (seam,) = work._on_skins([chord])
     assert seam.shape == (cubics, 4, 6)
@@ -281,7 +285,7 @@ def test_a_seam_over_skins_that_wave_is_several_cubics(height, cubics):
     assert [one.shape for one in work._on_skins([chord])] == [(1, 4, 6)]
     work.limits = LIMITS
     off = np.abs(away((bernstein(np.linspace(0, 1, 9)) @ seam).reshape(-1, 6))).max()
-    assert off < trimmed_division.STRAYS * LIMITS.off
+    assert off < trimmed_division.STRAY_SHARE * LIMITS.off
     loops = work._with_seam(loop, 4, 10, seam)
     assert len(model.edges) == edges + cubics
     assert len(model.vertices) == 6 + cubics - 1
@@ -294,7 +298,7 @@ def test_a_seam_over_skins_that_wave_is_several_cubics(height, cubics):
 
 def test_an_outline_goes_back_along_all_cubics_of_a_seam():
     model, loop = flat_model(np.array(HALVES, dtype=float))
-    outline = HalvedOutline.of(model, loop)
+    outline = HalvedOutline.from_loop(model, loop)
     a, b = outline.poles[2, 0], outline.poles[8, 0]
     whole = a + np.linspace(0, 1, 7)[:, None] * (b - a)
     one, two = (outline.part(2, 8, seam) for seam in (whole[None, ::2], np.stack([whole[:4], whole[3:]])))

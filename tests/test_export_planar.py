@@ -18,7 +18,17 @@ from dsfab.export import StepOptions, write
 from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.flat_sheets import outlines_of, plate
 from dsfab.export.cad.step.worker import step_facts
-from dsfab.export.curves import SPANS, Curve, SampledLine, _Rows, curves_through, fitted, halves, of_few_spans, turning
+from dsfab.export.curves import (
+    SPANS,
+    Curve,
+    SampledLine,
+    _SplineSystem,
+    curves_through,
+    fitted_curve,
+    halves,
+    split_at_knots,
+    turning,
+)
 from dsfab.export.part import part_of
 from dsfab.slicing import cut
 from dsfab.slicing.measures.lines import outline_corners
@@ -46,7 +56,7 @@ def holed_sheet(cells: int = 24) -> Surface:
     surface = grid(2 * cells, cells, 0.6, 0.3)
     centres, radii = np.array([[0.12, 0.15], [0.3, 0.14], [0.48, 0.16]]), np.array([0.06, 0.08, 0.05])
     distance = np.linalg.norm(surface.V[:, None, :2] - centres, axis=2) - radii
-    return cut(surface, [distance.min(axis=1)], [np.array([0.0])]).kept().surface
+    return cut(surface, [distance.min(axis=1)], [np.array([0.0])]).subset().surface
 
 
 def moved(surface: Surface) -> Surface:
@@ -159,7 +169,7 @@ def test_outline_corners_are_where_stripes_cross_and_where_they_end():
     x, y = surface.V[:, 0], surface.V[:, 1]
     fields = [x, y - (x + 0.5) / 2]
     cells = cut(surface, fields, [np.array([0.375, 0.625]), np.array([-0.11, 0.11])], snap=0.0)
-    found = outline_corners(cells.kept(), surface)
+    found = outline_corners(cells.subset(), surface)
     crossings = [(s, (s + 0.5) / 2 + d) for s in (0.375, 0.625) for d in (-0.11, 0.11)]
     ends = [(s, e) for s in (0.375, 0.625) for e in (0, 1)] + [
         (e, 0.25 + e / 2 + d) for e in (0, 1) for d in (-0.11, 0.11)
@@ -330,9 +340,9 @@ def test_a_circle_closes_smoothly_and_converges():
 
 def test_parts_of_a_spline_are_the_spline():
     x = np.linspace(0, 100, 60)
-    whole = fitted(np.c_[x, 10 * np.sin(x / 9)], 0.05)
+    whole = fitted_curve(np.c_[x, 10 * np.sin(x / 9)], 0.05)
     assert whole is not None
-    short = of_few_spans(whole)
+    short = split_at_knots(whole)
     assert len(short) > 2
     assert all(len(np.unique(one.knots)) - 1 <= SPANS for one in short)
     assert [one.knots[0] for one in short[1:]] == [one.knots[-1] for one in short[:-1]]
@@ -340,7 +350,7 @@ def test_parts_of_a_spline_are_the_spline():
         at = np.linspace(part.knots[0], part.knots[-1], 50)
         assert part(at) == pytest.approx(whole(at), abs=1e-9)
     assert isinstance(whole, Curve)
-    assert not whole.straight
+    assert not whole.is_straight
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -405,5 +415,5 @@ def test_poles_are_those_of_dense_least_squares(smooth):
         fixed[[1, -2]] = points[[0, -1]]
         free = np.c_[np.eye(8)[:, 2:-2], np.r_[0, 1.5 / 3, np.zeros(4), -2.0 / 3, 0]]
     expected = fixed + free @ np.linalg.lstsq(basis @ free, points - basis @ fixed, rcond=None)[0]
-    rows = _Rows([SampledLine(points, x, 10.0, 80, smooth)], [np.unique(knots)])
+    rows = _SplineSystem([SampledLine(points, x, 10.0, 80, smooth)], [np.unique(knots)])
     assert rows.poles() == pytest.approx(expected, abs=1e-9)

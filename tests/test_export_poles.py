@@ -8,7 +8,7 @@ import pytest
 from dsfab.export.cad.step.by_members.curves import ChainCurve
 from dsfab.export.cad.step.by_members.draft import member_draft
 from dsfab.export.cad.step.by_members.lines import ChainLine
-from dsfab.export.cad.step.by_members.patches import Covering, FaceLimits, _strays
+from dsfab.export.cad.step.by_members.patches import FaceLimits, PatchBuilder, _stray_distances
 from dsfab.export.cad.step.by_members.trimmed import _surface
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from tests.test_export_network import cylinder_strip, draft_of, striped
@@ -45,8 +45,8 @@ def test_patches_beside_the_skins_are_told_by_their_middles():
         way[:, 5] = -2.0 * (np.abs(Q[:, 3] - 450) < 100)
         return way
 
-    assert _strays([flat, second], away).tolist() == pytest.approx([0.015, 2.0])
-    assert _strays([], away).shape == (0,)
+    assert _stray_distances([flat, second], away).tolist() == pytest.approx([0.015, 2.0])
+    assert _stray_distances([], away).shape == (0,)
 
 
 def test_patches_are_made_anew_only_where_a_curve_around_is_another():
@@ -64,7 +64,7 @@ def test_patches_are_made_anew_only_where_a_curve_around_is_another():
         asked_at.append(len(Q))
         return np.where(Q[:, :1] > 700, 5.0, 0.0) * np.ones(6)
 
-    covering = Covering(away, FaceLimits(0.01, 1.0, np.zeros((2, 3))))
+    covering = PatchBuilder(away, FaceLimits(0.01, 1.0, np.zeros((2, 3))))
     first = covering([3, 4], [region(0, 0), region(600, 0)])
     assert first[0] is not None
     assert first[1] is None, "it is 5 mm off the skins"
@@ -88,7 +88,9 @@ def test_a_region_whose_patches_are_beside_the_skins_is_trimmed(monkeypatch):
     assert member_draft(part, SmoothPlan(part)).trimmed == 0
     limit = SmoothPlan(part).limits.distance
     off = limit * np.array([1.0, 1.1])
-    monkeypatch.setattr("dsfab.export.cad.step.by_members.patches._strays", lambda patches, _: off[-len(patches) :])
+    monkeypatch.setattr(
+        "dsfab.export.cad.step.by_members.patches._stray_distances", lambda patches, _: off[-len(patches) :]
+    )
     assert member_draft(part, SmoothPlan(part)).trimmed == 2
 
 

@@ -128,14 +128,14 @@ def test_weight_is_in_no_group_of_snow(tmp_path):
     loads = (SelfWeight(), Cladding(250.0), Snow(1000.0), Pressure(500.0, case="crowd"))
     sums = (Combination("ULS", {"load": 1.35, "crowd": 1.5}),)
     said = preset.model_copy(update={"surface": given.model_copy(update={"load": loads, "combination": sums})})
-    design = Design.of(said)
+    design = Design.from_preset(said)
     cases = action_cases(said, design.surface, design.statics)
     assert {name: (one.case, one.action) for name, one in cases.items()} == {
         "load permanent": ("load", "permanent"),
         "load snow": ("load", "snow"),
         "crowd": ("crowd", "variable"),
     }
-    area, weight = design.surface.area, said.statics.weight
+    area, weight = design.surface.area, said.statics.area_weight
     for name, pressure in (("load permanent", weight + 250), ("load snow", 1000), ("crowd", 500)):
         assert np.linalg.norm(cases[name].load.force.sum(axis=0)) == pytest.approx(pressure * area), name
     told = said.model_copy(update={"surface": said.surface.model_copy(update={"actions": {"load": "permanent"}})})
@@ -176,7 +176,7 @@ def test_a_sheet_alone_has_no_beam_model(tmp_path):
 
 def test_people_say_saf(tmp_path, capsys):
     assert format_suffix("saf") == format_suffix("saf.xlsx") == ".saf.xlsx"
-    assert Files(format_="stl, saf").overrides() == ('export.formats=["stl", "saf.xlsx"]',)
+    assert Files(format_="stl, saf").preset_overrides() == ('export.formats=["stl", "saf.xlsx"]',)
     assert main(["export", "barrel_vault", "--to", "saff"]) != 0
     assert "did you mean saf?" in capsys.readouterr().err
 

@@ -10,14 +10,14 @@ from dsfab.core.errors import ExportError
 from dsfab.design.output.files import curved_sheet
 from dsfab.export import write
 from dsfab.export.cad.step import soundness
-from dsfab.export.cad.step.shared.skins import dense, excess, prisms
+from dsfab.export.cad.step.shared.skins import dense_surface, excess_volumes, prisms
 from dsfab.export.cad.step.smooth import acceptance, build, edges
 from dsfab.export.cad.step.smooth import acceptance as plan
 from dsfab.export.cad.step.smooth import layout as outline
-from dsfab.export.cad.step.smooth.charts import Patch, patch_through
-from dsfab.export.cad.step.smooth.edges import Nodes
-from dsfab.export.cad.step.smooth.layout import WALL, OutlineRun, layout
-from dsfab.export.splines import Spline, basis, hats, splines_through, straight
+from dsfab.export.cad.step.smooth.charts import SplinePatch, patch_through
+from dsfab.export.cad.step.smooth.edges import OutlineNodes
+from dsfab.export.cad.step.smooth.layout import WALL, OutlineRun, chart_fields
+from dsfab.export.splines import Spline, basis, hats, segment_spline, splines_through
 from dsfab.slicing import cut
 from dsfab.surface import Surface
 from dsfab.surface.shapes.roofs import barrel_vault
@@ -78,7 +78,7 @@ def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
     point, a, b = patch.slopes(at)
     normal = np.cross(a, b) / np.linalg.norm(np.cross(a, b), axis=1, keepdims=True)
     assert patch.nearest(point + 0.05 * normal, at + 0.03) == pytest.approx(at, abs=1e-6)
-    assert isinstance(patch.only(0, 1), Patch)
+    assert isinstance(patch.coordinates(0, 1), SplinePatch)
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_p
     surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
     sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
     monkeypatch.setattr(edges, "_parts", displaced)
-    monkeypatch.setattr(build, "untangle", lambda *_: None)  # it would see that before OCCT is asked
+    monkeypatch.setattr(build, "rebuild_until_sound", lambda *_: None)  # it would see that before OCCT is asked
     monkeypatch.setattr(build, "REFITS", 0)
     monkeypatch.setattr(plan, "LAYOUTS", plan.LAYOUTS[:1])
     with pytest.raises(ExportError, match=r"it is 1\d mm off the mesh, more than [2-5]"):
@@ -143,13 +143,13 @@ def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
     """A zigzag that no cubic follows within a millionth becomes its segments; a wide tolerance leaves it whole."""
     x = np.linspace(0, 1000, 9)
     line = np.c_[x, 40 * (np.arange(9) % 2)]
-    nodes = Nodes({}, {0: line}, {0: np.ones(9)}, [], {}, {})
+    nodes = OutlineNodes({}, {0: line}, {0: np.ones(9)}, [], {}, {})
     run = OutlineRun(np.arange(9), WALL, 1e6)
-    asked = [edges.Asked(run, 0, 0)]
-    (whole,) = edges._parts(asked, nodes, edges.Allowed(60.0, 75.0, 0.0))
+    asked = [edges.RunRequest(run, 0, 0)]
+    (whole,) = edges._parts(asked, nodes, edges.EdgeTolerances(60.0, 75.0, 0.0))
     assert len(whole) == 1
     for distance in (3.0, 3e-4):
-        (parts,) = edges._parts(asked, nodes, edges.Allowed(60.0, distance, 0.0))
+        (parts,) = edges._parts(asked, nodes, edges.EdgeTolerances(60.0, distance, 0.0))
         assert np.concatenate([part.asked.run.vertices[:-1] for part in parts]).tolist() == list(range(8))
         on = np.concatenate([part.flat(np.linspace(0, 1, 500)) for part in parts])
         away = np.abs(on[:, 1] - np.interp(on[:, 0], x, line[:, 1]))
@@ -170,11 +170,11 @@ def test_a_wall_follows_a_skin_that_waves_where_its_outline_is_straight():
     poles[..., [1, 4]] = np.convolve(v, np.ones(3) / 3, "valid")[None, 1:-1, None]
     poles[..., 2] = 10 * np.sin(np.arange(len(poles)) * 1.1)[:, None]
     poles[..., 5] = poles[..., 2] - 80
-    chart = SimpleNamespace(both=Patch(u, v, poles))
-    line = straight(np.array([0.0, 150.0]), np.array([5000.0, 150.0]))
+    chart = SimpleNamespace(both=SplinePatch(u, v, poles))
+    line = segment_spline(np.array([0.0, 150.0]), np.array([5000.0, 150.0]))
     run = OutlineRun(np.arange(2), WALL, 1e6)
-    part = edges._Part(edges.Asked(run, 0, 0), line)
-    ((curve, off),) = edges._on_skins([part], Nodes({0: chart}, {}, {}, [], {}, {}), [wanted])
+    part = edges._RunPart(edges.RunRequest(run, 0, 0), line)
+    ((curve, off),) = edges._on_skins([part], OutlineNodes({0: chart}, {}, {}, [], {}, {}), [wanted])
     x = np.linspace(0, 1, 20_001)
     away = np.linalg.norm((curve(x) - chart.both(line(x))).reshape(-1, 2, 3), axis=2).max()
     assert max(off, away) <= 1.05 * wanted
@@ -183,7 +183,7 @@ def test_a_wall_follows_a_skin_that_waves_where_its_outline_is_straight():
 
 def test_the_sides_of_a_slit_keep_a_share_of_its_width_in_the_plane_and_in_space():
     allowed, wide, slit = (
-        edges.Allowed(60.0, 3.0, 0.0),
+        edges.EdgeTolerances(60.0, 3.0, 0.0),
         *(OutlineRun(np.arange(3), WALL, width) for width in (500.0, 0.5)),
     )
     assert [allowed.outline(wide, 1.0, 0), allowed.in_space(wide, 0)] == pytest.approx([1.65, 1.2])
@@ -212,7 +212,7 @@ def test_a_shell_of_a_sphere_is_known_to_be_larger_than_the_prisms_on_its_triang
     curved = curved_sheet(surface, holed(surface, [[2, 0, 0]], 0.1), THICKNESS)
     of = prisms(1000 * surface.V, 1000 * curved.D, surface.F)
     exact = 4 * np.pi * THICKNESS * (1 + THICKNESS**2 / 12) * 1e9
-    more = excess(dense(surface, curved), curved)
+    more = excess_volumes(dense_surface(surface, curved), curved)
     assert (of * more).sum() == pytest.approx(exact - of.sum(), rel=0.05)
     assert more.min() > 0
 
@@ -221,14 +221,14 @@ def test_a_shell_of_a_sphere_is_known_to_be_larger_than_the_prisms_on_its_triang
 def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypatch):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
     x = surface.V[:, 0]
-    sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).kept()
-    honest = acceptance.Gate._verdict
+    sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).subset()
+    honest = acceptance.PieceJudge._verdict
 
     def harsh(self, k, piece, found, away):
         middle = np.mean([edge.upper.poles[:, 0].mean() for edge in piece.edges])
         return acceptance.Acceptance("it is disliked") if middle > 0 else honest(self, k, piece, found, away)
 
-    monkeypatch.setattr(acceptance.Gate, "_verdict", harsh)
+    monkeypatch.setattr(acceptance.PieceJudge, "_verdict", harsh)
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", "smooth")
     assert said == [said[0]]
     assert "1 of 2 pieces" in said[0]
@@ -245,14 +245,14 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
 def test_in_a_hurry_other_layouts_are_tried_too_but_not_all(tmp_path, monkeypatch, refused):
     """A seam passed .1 mm beside an opening: four of ten surfaces got no STEP for such places in the first layout."""
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
-    honest, layouts = acceptance.Gate._verdict, []
+    honest, layouts = acceptance.PieceJudge._verdict, []
 
     def harsh(self, k, piece, found, away):
         layouts.extend([self] * (self not in layouts))
         some = layouts.index(self) < refused
         return acceptance.Acceptance("it is disliked") if some else honest(self, k, piece, found, away)
 
-    monkeypatch.setattr(acceptance.Gate, "_verdict", harsh)
+    monkeypatch.setattr(acceptance.PieceJudge, "_verdict", harsh)
     monkeypatch.setattr(plan, "LAYOUTS", ((68.0, 1, 0), (20.0, 3, 1), (20.0, 5, 2), (20.0, 7, 3)))
     _, _, said = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step", "quick")
     assert len(layouts) == min(refused + 1, 3)
@@ -288,7 +288,7 @@ def test_smooth_without_its_sheet_is_refused(tmp_path):
 
 def test_charts_lean_within_their_cone():
     surface = sphere(4)
-    fields = layout(surface, np.deg2rad(55), 8)
+    fields = chart_fields(surface, np.deg2rad(55), 8)
     chart = fields[surface.F].sum(axis=1).argmax(axis=1)
     for k in range(fields.shape[1]):
         normals = surface.normals[chart == k]

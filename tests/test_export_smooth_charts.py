@@ -9,11 +9,11 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.design.output.files import _where_largest, curved_sheet
 from dsfab.export import StepOptions, write
-from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.cad.step.smooth import acceptance, charts
 from dsfab.export.cad.step.smooth import charts as points
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
-from dsfab.export.cad.step.smooth.charts import Atlas, fitted
+from dsfab.export.cad.step.smooth.charts import ChartAtlas, fitted_surface
 from dsfab.export.cad.step.smooth.edges import run_key
 from dsfab.export.cad.step.smooth.layout import WALL, sheet_of
 from dsfab.export.part import DividedSheet, part_of
@@ -33,7 +33,7 @@ def bumped() -> Surface:
 
 
 def all_of(surface: Surface) -> Sheet:
-    return cut(surface, [surface.V[:, 0]], [np.array([-2.0])]).kept()
+    return cut(surface, [surface.V[:, 0]], [np.array([-2.0])]).subset()
 
 
 def test_a_chart_is_divided_where_no_spline_follows_it_and_the_other_borders_stay(monkeypatch):
@@ -42,7 +42,7 @@ def test_a_chart_is_divided_where_no_spline_follows_it_and_the_other_borders_sta
     surface = bumped()
     x = surface.V[:, 0]
     fields = np.c_[1.0 - x, x - 1.0]
-    atlas = Atlas(surface, curved_sheet(surface, all_of(surface), THICKNESS), fields, 0.6)
+    atlas = ChartAtlas(surface, curved_sheet(surface, all_of(surface), THICKNESS), fields, 0.6)
     atlas.make([0, 1])
     assert not atlas.failed
     assert sorted(atlas.charts) == list(range(atlas.fields.shape[1]))
@@ -54,7 +54,7 @@ def test_a_chart_is_divided_where_no_spline_follows_it_and_the_other_borders_sta
 
 def test_a_chart_that_no_plane_sees_is_divided():
     surface = sphere(3)
-    atlas = Atlas(surface, curved_sheet(surface, all_of(surface), THICKNESS), np.ones((surface.n, 1)), 1.0)
+    atlas = ChartAtlas(surface, curved_sheet(surface, all_of(surface), THICKNESS), np.ones((surface.n, 1)), 1.0)
     atlas.make([0])
     assert not atlas.failed
     assert len(atlas.charts) == atlas.fields.shape[1]
@@ -70,7 +70,7 @@ def test_a_fit_keeps_its_tolerance_between_its_points_or_asks_for_more():
     others = rng.uniform(-0.95, 0.95, (5000, 2))
     for count, starved in ((400, True), (6000, False)):
         uv = rng.uniform(-1, 1, (count, 2))
-        fit = fitted(uv, skins(uv), np.ones(count, dtype=bool), np.ones(count), 2e-3)
+        fit = fitted_surface(uv, skins(uv), np.ones(count, dtype=bool), np.ones(count), 2e-3)
         assert fit.starved == starved
     assert fit.off <= 2e-3
     assert np.abs(fit.patch(others) - skins(others)).max() < 3 * 2e-3
@@ -85,17 +85,17 @@ def test_the_chord_error_that_counts_is_that_of_the_triangle_where_a_point_is():
     """The vertex nearest to the point is no corner of it."""
     V = np.array([[0.0, 0, 0], [10, 0, 0], [5, 0.3, 0], [5, -3, 0]])
     F = np.array([[0, 1, 2], [1, 0, 3]])
-    limits = Limits(20.0, 1.0, V, F, np.array([0.25, 2.0]), np.zeros(2))
-    assert limits.allowed(np.array([[5.0, -0.1, 0], [5, 0.2, 0.1]])) == pytest.approx([3.0, 1.25])
+    limits = SmoothLimits(20.0, 1.0, V, F, np.array([0.25, 2.0]), np.zeros(2))
+    assert limits.allowed_distances(np.array([[5.0, -0.1, 0], [5, 0.2, 0.1]])) == pytest.approx([3.0, 1.25])
 
 
 def test_what_is_allowed_where_the_mesh_is_coarsest_is_told_if_it_is_far_more():
     """A file 7 mm off was said to be allowed 2 mm and usually 1."""
     V, F = np.zeros((3, 3)), np.zeros((20, 3), dtype=np.int64)
     chord = np.append(np.full(19, 0.3), 9.0)
-    told = Limits(20.0, 1.0, V, F, chord, np.zeros(20)).told
+    told = SmoothLimits(20.0, 1.0, V, F, chord, np.zeros(20)).summary
     assert told == "allowed are 1 mm and the mesh's own chord error, usually under 0.3 mm, 9 mm where it is coarsest"
-    even = Limits(20.0, 1.0, V, F, np.full(20, 0.3), np.zeros(20)).told
+    even = SmoothLimits(20.0, 1.0, V, F, np.full(20, 0.3), np.zeros(20)).summary
     assert even == "allowed are 1 mm and the mesh's own chord error, usually under 0.3 mm"
 
 
@@ -160,7 +160,7 @@ def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, here, monkeypatch):
     monkeypatch.setattr(charts, "HALVED", 2)
     flat = grid(16, 6, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1.5)], flat.F)
-    sheet = cut(surface, [np.abs(surface.V[:, 0] - 1.2) - 0.1], [np.array([0.0])]).kept()
+    sheet = cut(surface, [np.abs(surface.V[:, 0] - 1.2) - 0.1], [np.array([0.0])]).subset()
     solid = thicken(sheet.surface, sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F))
     said: list[str] = []
     curved = partial(curved_sheet, surface, sheet, THICKNESS)
@@ -174,11 +174,11 @@ def test_a_chart_that_the_only_solid_needs_ends_its_layout_where_it_fails(monkey
     """Of eight charts one fails, at x = 1.5: where the solid is there, those after it are not fitted."""
     flat = grid(16, 6, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), 0.2 * flat.V[:, 0] ** 2], flat.F)
-    sheet = cut(surface, [0.2 - np.abs(surface.V[:, 0] - middle)], [np.array([0.0])]).kept()
+    sheet = cut(surface, [0.2 - np.abs(surface.V[:, 0] - middle)], [np.array([0.0])]).subset()
     solid = thicken(sheet.surface, sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F))
     part = replace(part_of(solid, "a"), curved=partial(curved_sheet, surface, sheet, THICKNESS))
     fields = -np.abs(surface.V[:, :1] - np.linspace(0.125, 1.875, 8))
-    made, honest = list[int](), Atlas._chart
+    made, honest = list[int](), ChartAtlas._chart
 
     def disliked(self, k, *how):
         made.append(k)
@@ -186,11 +186,11 @@ def test_a_chart_that_the_only_solid_needs_ends_its_layout_where_it_fails(monkey
             raise ExportError("it is disliked")
         return honest(self, k, *how)
 
-    monkeypatch.setattr(Atlas, "_chart", disliked)
-    monkeypatch.setattr(SmoothPlan, "_near", lambda *_: np.arange(surface.n))
+    monkeypatch.setattr(ChartAtlas, "_chart", disliked)
+    monkeypatch.setattr(SmoothPlan, "_unfinished_vertices", lambda *_: np.arange(surface.n))
     if needed:
         with pytest.raises(ExportError, match="it is disliked"):
-            SmoothPlan(part).built(fields)
+            SmoothPlan(part).build(fields)
     else:
-        assert not SmoothPlan(part).built(fields).model.pieces[0].refused
+        assert not SmoothPlan(part).build(fields).model.pieces[0].refused
     assert (len(made) < 8) == needed

@@ -113,7 +113,7 @@ def vault(tmp_path_factory):
 @pytest.mark.skipif(not piece_check.COPIES, reason="processes are copied on Linux only")
 def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
-    strips = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).kept()
+    strips = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).subset()
     written(surface, strips, tmp_path / "a.step")
     file, alone, shared = tmp_path / "a.step", tmp_path / "alone", tmp_path / "shared"
     alone.mkdir()
@@ -133,14 +133,14 @@ def test_what_is_judged_as_a_whole_is_drawn_as_check_draws_it(tmp_path, solids):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
     sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
     if solids > 1:
-        sheet = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).kept()
+        sheet = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).subset()
     written(surface, sheet, tmp_path / "a.step")
     for name in ("judged", "read", "kept"):
         (tmp_path / name).mkdir()
     found = piece_check.whole_findings(str(tmp_path / "a.step"), str(tmp_path / "judged"), 0.5)
     assert [one["valid"] and one["tessellates"] for one in found] == [True] * solids
-    step_triangles.written(str(tmp_path / "a.step"), str(tmp_path / "read"), "0.5")
-    step_triangles.written(str(tmp_path / "judged" / "shape.bin"), str(tmp_path / "kept"), "0.5")
+    step_triangles.write_results(str(tmp_path / "a.step"), str(tmp_path / "read"), "0.5")
+    step_triangles.write_results(str(tmp_path / "judged" / "shape.bin"), str(tmp_path / "kept"), "0.5")
     found = {"solids": solids, "deflection": 0.5}
     judged, read, kept = (mesh_in(str(tmp_path / name), found, b"-") for name in ("judged", "read", "kept"))
     assert judged.face.max() > 2
@@ -151,7 +151,7 @@ def test_what_is_judged_as_a_whole_is_drawn_as_check_draws_it(tmp_path, solids):
 @pytest.mark.slow
 def test_a_copy_that_asks_while_a_whole_is_drawn_finds_the_same(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
-    sheet = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).kept()
+    sheet = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).subset()
     written(surface, sheet, tmp_path / "a.step")
     here = piece_check.whole_findings(str(tmp_path / "a.step"), str(tmp_path), 0.5)
     mesh, seen = mesh_in(str(tmp_path), {"deflection": 0.5}), []
@@ -184,7 +184,7 @@ def test_triangles_of_a_placed_shape_lie_where_it_is_placed():
     box, move = BRepPrimAPI_MakeBox(1, 2, 3).Shape(), gp_Trsf()
     move.SetTranslation(gp_Vec(10, 20, 30))
     for shape, at in ((box, np.zeros(3)), (box.Moved(TopLoc_Location(move)), np.array([10.0, 20.0, 30.0]))):
-        mesh, found = step_triangles.tessellated(shape, 0.1)
+        mesh, found = step_triangles.triangles_of(shape, 0.1)
         assert found["solids"] == 1
         assert len(mesh["F"]) == 12
         np.testing.assert_allclose([mesh["V"].min(axis=0), mesh["V"].max(axis=0)], [at, at + [1, 2, 3]], atol=1e-9)

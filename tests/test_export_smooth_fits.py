@@ -7,10 +7,10 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from dsfab.export import splines
-from dsfab.export.cad.step.flat_sheets import Entities, step_list
+from dsfab.export.cad.step.flat_sheets import StepEntities, step_list
 from dsfab.export.cad.step.shared.skins import prisms
 from dsfab.export.cad.step.smooth import charts, layout, solid
-from dsfab.export.cad.step.smooth.edges import by_chart, spread
+from dsfab.export.cad.step.smooth.edges import by_chart, even_samples
 from dsfab.export.cad.step.smooth.solid import SmoothModel, SmoothText
 from dsfab.export.cad.step.worker.reports import distinct_points
 from dsfab.export.splines import splines_through
@@ -64,7 +64,7 @@ def test_cubics_are_the_nearest_with_their_ends_where_they_are():
 def test_samples_of_a_polyline_are_even_and_their_number_is_a_power_of_two():
     for n in (2, 3, 5, 17, 300):
         line = np.random.default_rng(n).random((n, 2))
-        x, Q = spread(line)
+        x, Q = even_samples(line)
         assert len(x) - 1 == 2 ** np.ceil(np.log2(np.clip(16 * n, 64, 4096)))
         length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
         assert pytest.approx(np.c_[[np.interp(x * length[-1], length, c) for c in line.T]].T) == Q
@@ -74,7 +74,7 @@ def test_normal_equations_by_cells_are_those_of_all_points():
     rng, p, q = np.random.default_rng(0), 7, 9
     knots = [np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3] for n in (p, q)]
     uv, Q, weight = rng.random((400, 2)), rng.random((400, 6)), rng.random(400)
-    cells = charts._Cells.of(uv, *knots)
+    cells = charts._Cells.from_knots(uv, *knots)
     band, right = cells.normal(weight, Q, p, q)
     u, v = (BSpline.design_matrix(uv[:, k], knots[k], 3).toarray() for k in (0, 1))
     A = np.einsum("kp,kq->kpq", u, v).reshape(-1, p * q)
@@ -154,7 +154,7 @@ def test_faces_at_marked_vertices_have_a_marked_corner():
 def test_points_are_written_as_lists_are():
     rng = np.random.default_rng(0)
     P = np.concatenate([rng.normal(size=(50, 3)) * 10.0 ** rng.integers(-8, 4, (50, 1)), [[-1e-9, 100, 0.5]]])
-    new = Entities()
+    new = StepEntities()
     numbers = list(SmoothText(new, SmoothModel({}, None, [], 1.0))._points(P))  # type: ignore[arg-type]
     wanted = [f"CARTESIAN_POINT('',{step_list(p, 5)})" for p in P]
     assert [new.text[k - numbers[0]] for k in numbers] == [
@@ -184,8 +184,8 @@ def test_chords_that_cross_are_those_of_all_pairs():
     pairs = pairs[:, np.all(apart, axis=0)]
     crossing = [
         {tuple(sorted(pair)) for pair in np.transpose([one, two])[found].tolist()}
-        for one, two in (pairs, solid._near(start, end))
-        for found in [solid._across(start, end, one, two) & solid._across(start, end, two, one)]
+        for one, two in (pairs, solid._close_chords(start, end))
+        for found in [solid._lies_across(start, end, one, two) & solid._lies_across(start, end, two, one)]
     ]
     assert len(crossing[0]) > 50
     assert crossing[0] == crossing[1]
@@ -206,7 +206,7 @@ def test_the_face_nearest_to_the_middle_of_each_cluster():
 def test_fields_that_did_not_move_are_those_solved_again():
     surface = sphere(edge=0.3)
     label = np.argmax(surface.centroids @ np.vstack([np.eye(3), -np.eye(3)]).T, axis=1)
-    fields = layout._straightened(surface, label, 1.0)
+    fields = layout._diffused_fields(surface, label, 1.0)
     mass, stiffness = layout.voronoi_mass(surface), -layout.igl.cotmatrix(surface.V, surface.F)
     radius = np.sqrt(np.bincount(label, surface.areas) / np.pi)
     reach = layout.REACH * max(np.percentile(radius, 10), 4 * surface.mean_edge)
@@ -239,7 +239,7 @@ def tried(monkeypatch, side, offs, stretch=(1.0, 1.0), **how):
         return None, found
 
     monkeypatch.setattr(charts, "_through", through)
-    fit = charts.fitted(uv, Q, inside, weight, 0.5, **how)
+    fit = charts.fitted_surface(uv, Q, inside, weight, 0.5, **how)
     assert left == []
     assert fit.off == offs[-1] / 2
     return counts, fit

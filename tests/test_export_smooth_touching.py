@@ -8,14 +8,14 @@ import pytest
 
 import dsfab
 from dsfab.design.output.files import curved_design
-from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
-from dsfab.export.cad.step.smooth.build import astray, untangle
-from dsfab.export.cad.step.smooth.edges import Edge
+from dsfab.export.cad.step.smooth.build import astray, rebuild_until_sound
+from dsfab.export.cad.step.smooth.edges import SmoothEdge
 from dsfab.export.cad.step.smooth.solid import SmoothPiece, SmoothSkin, crossings
 from dsfab.export.cad.step.strategies import prepare
 from dsfab.export.part import part_of
-from dsfab.export.splines import Spline, straight
+from dsfab.export.splines import Spline, segment_spline
 from tests.presets import DOME_MODES
 
 
@@ -24,8 +24,8 @@ def outline(*corners):
     edges, n = [], len(corners)
     for i in range(n):
         a, b = (np.array(corners[j % n], dtype=float) for j in (i, i + 1))
-        upper, lower = (straight(np.append(a, z), np.append(b, z)) for z in (10.0, 0.0))
-        edges.append(Edge(i, (i + 1) % n, upper, lower, {0: straight(a, b)}, 0.0, True))
+        upper, lower = (segment_spline(np.append(a, z), np.append(b, z)) for z in (10.0, 0.0))
+        edges.append(SmoothEdge(i, (i + 1) % n, upper, lower, {0: segment_spline(a, b)}, 0.0, True))
     return SmoothPiece(edges=edges, skins=[SmoothSkin(0, (tuple((i, True) for i in range(n)),))])
 
 
@@ -51,7 +51,7 @@ def test_two_curves_that_change_sides_just_before_they_meet(ahead, hook):
     for i, (poles, way) in enumerate(zip((above, below), ahead, strict=True)):
         poles = poles[:: 1 if way else -1]
         upper, lower = (Spline(knots, np.c_[poles, np.full(4, z)], 3) for z in (10.0, 0.0))
-        edges.append(Edge(i, i + 1, upper, lower, {0: Spline(knots, poles, 3)}, 0.0, True))
+        edges.append(SmoothEdge(i, i + 1, upper, lower, {0: Spline(knots, poles, 3)}, 0.0, True))
     closing = outline((10, -1), (10, 1)).edges[0]
     loop = ((0, ahead[0]), (1, ahead[1]), (2, True))
     found = crossings(SmoothPiece(edges=[*edges, closing], skins=[SmoothSkin(0, (loop,))]))
@@ -60,11 +60,11 @@ def test_two_curves_that_change_sides_just_before_they_meet(ahead, hook):
 
 def test_corners_of_the_mesh_that_are_farther_from_an_edge_than_the_solid_may_be():
     """A millimetre is allowed, and the mesh's chord error: half of one to the left of x = 50."""
-    lower, upper = (straight(np.array([0.0, 0, z]), np.array([100.0, 0, z])) for z in (0, 50))
-    piece = SmoothPiece(edges=[Edge(0, 1, upper, lower, {}, 0.0, True)])
+    lower, upper = (segment_spline(np.array([0.0, 0, z]), np.array([100.0, 0, z])) for z in (0, 50))
+    piece = SmoothPiece(edges=[SmoothEdge(0, 1, upper, lower, {}, 0.0, True)])
     V = np.array([[-9.0, -9, 0], [50, -9, 0], [50, 9, 0], [-9, 9, 0], [120, -9, 0], [120, 9, 0]])
     F = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
-    limits = Limits(20.0, 1.0, V, F, np.array([0.5, 0.5, 0, 0]), np.zeros(4))
+    limits = SmoothLimits(20.0, 1.0, V, F, np.array([0.5, 0.5, 0, 0]), np.zeros(4))
     corners = np.array([[20, 1.4, 0], [20, 1.6, 0], [70, 1.1, 0], [70, 0.9, 0], [100.9, 0, 0], [101.1, 0, 0]])
     assert astray(piece, corners, limits).tolist() == corners[[1, 2, 5]].tolist()
 
@@ -76,7 +76,7 @@ def test_seams_that_cross_at_a_corner_of_the_domes_charts_are_followed_more_clos
     built = plan_of(design)
     piece, level = built.model.pieces[0], {}
     assert 1 <= len(crossings(piece)) <= 4
-    untangle(built, 0, level)
+    rebuild_until_sound(built, 0, level)
     assert len(crossings(built.model.pieces[0])) == 0
     assert 1 <= len(level) <= 8
     assert len(built.model.pieces[0].edges) == len(piece.edges)
@@ -85,4 +85,4 @@ def test_seams_that_cross_at_a_corner_of_the_domes_charts_are_followed_more_clos
 def plan_of(design):
     part = replace(prepare(part_of(design.solid, "dome", 10**6)), curved=partial(curved_design, design))
     plan = SmoothPlan(part)
-    return plan.built(next(plan.layouts()))
+    return plan.build(next(plan.layouts()))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from dsfab.core.errors import ExportError
 from dsfab.export import STEP_FACES, StepOptions, write
 from dsfab.export.cad.step import file, strategies
-from dsfab.export.cad.step.entities import quoted
+from dsfab.export.cad.step.entities import step_string
 from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, _corners, outline_of, polyhedron
 from dsfab.export.cad.step.worker import step_facts
 from dsfab.export.mesh.soundness import solids_of, winding
@@ -363,6 +363,6 @@ def test_the_checker_runs_alone(tmp_path):
 
 
 def test_names_are_written_as_iso_10303_21_says():
-    assert quoted("it's") == "it''s"
-    assert quoted("a\\b") == "a\\\\b"
-    assert quoted("é") == "\\X4\\000000E9\\X0\\"
+    assert step_string("it's") == "it''s"
+    assert step_string("a\\b") == "a\\\\b"
+    assert step_string("é") == "\\X4\\000000E9\\X0\\"

@@ -109,7 +109,7 @@ def smooth(traced: bool) -> str:
     sheet = holed(surface, [[0.0, 0.3, 0.7]], 0.4)
     made = partial(curved_sheet, surface, sheet, THICKNESS)
     part = replace(strategies.prepare(part_of(thickened(surface, sheet), "a", 10**6)), curved=made, step="smooth")
-    model = (plan := SmoothPlan(part)).built(next(plan.layouts())).model
+    model = (plan := SmoothPlan(part)).build(next(plan.layouts())).model
     model.pieces[:] = [replace(piece, traced=traced) for piece in model.pieces]
     return file_text(part, [(model, k) for k in range(len(model.pieces))])
 

@@ -7,7 +7,7 @@ import pytest
 
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step import soundness
-from dsfab.export.cad.step.soundness import FINER, curved_soundness, step_triangles
+from dsfab.export.cad.step.soundness import REDRAWING_ROUNDS, curved_soundness, step_triangles
 from dsfab.export.cad.step.worker.reports import StepMesh, drawn_anew, read_step
 
 DEFLECTION, SIDES = 0.04, 12
@@ -72,7 +72,7 @@ def test_only_faces_that_cross_and_those_they_could_meet_are_drawn_finer(monkeyp
 def test_faces_that_cross_however_finely_they_are_drawn_are_a_fault(monkeypatch):
     """A pin wider than its tube; the count is of the finest triangles."""
     sound, first, asked = judged(monkeypatch, -0.01)
-    assert asked == [[0, 1, 2]] * FINER
+    assert asked == [[0, 1, 2]] * REDRAWING_ROUNDS
     (fault,) = sound.faults
     assert fault.kind == "crossing"
     assert fault.count == len(sound.crossings) > len(soundness.soundness(first.V, first.F).crossings)

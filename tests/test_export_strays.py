@@ -15,7 +15,7 @@ SQUARE = np.array([[0, 0], [200, 0], [200, 200], [0, 200.0]])
 
 
 def to_bump(height: float) -> Callable[[Floats], Floats]:
-    """The way from points (k, 6) to skins that rise between the edges of `SQUARE`, which they hold."""
+    """The way from points (k, 6) to skins that rise between the edges of `SQUARE_ANGLE`, which they hold."""
 
     def away(Q: Floats) -> Floats:
         way = np.zeros_like(Q)

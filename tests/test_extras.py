@@ -8,7 +8,7 @@ import trimesh
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.core.arrays import closed_length
+from dsfab.core.arrays import polygon_perimeter
 from dsfab.core.errors import PresetError, SolidError
 from dsfab.surface import Surface
 from dsfab.surface.loads.pickers import All, Ball, Side
@@ -110,12 +110,12 @@ def test_ring_beams_follow_curved_boundaries_and_holes():
     ball = Surface(ball.V[(used := np.unique(ball.F))], np.searchsorted(used, ball.F))
     ball = Surface(np.c_[ball.V[:, :2], np.where(ball.V[:, 2] < 1e-9, 0.0, ball.V[:, 2])], ball.F)
     shell = thicken(ball, offsets(ball, 0.02).D), Base(ball, ball, lambda marks: marks)
-    length = closed_length(ball.V[ball.loops[0]])
+    length = polygon_perimeter(ball.V[ball.loops[0]])
     base = made(shell, Ring(width=0.06, height=0.1, at=Side(axis="z", end="min")))
     sunk = 0.03 * length * 0.02  # half of the section's width is in the shell already
     assert base.volume - shell[0].volume == pytest.approx(0.06 * 0.1 * length - sunk, rel=2e-3)
     both = made(shell, Ring(width=0.06, height=0.1))
-    assert both.volume > base.volume + 0.8 * 0.06 * 0.08 * closed_length(ball.V[ball.loops[1]])
+    assert both.volume > base.volume + 0.8 * 0.06 * 0.08 * polygon_perimeter(ball.V[ball.loops[1]])
     assert (base.genus, both.genus) == (1, 1)
 
 
@@ -124,7 +124,7 @@ def test_a_ring_beam_runs_along_the_one_edge_of_a_moebius_strip():
     offset = offsets(strip, 0.02)
     solid = thicken(strip, offset.at_corners(strip.F).reshape(-1, 3)[np.unique(strip.F, return_index=True)[1]])
     ringed = made((solid, Base(strip, strip, lambda marks: marks)), Ring(width=0.05, height=0.06))
-    assert ringed.volume - solid.volume == pytest.approx(closed_length(strip.V[strip.loops[0]]) * 0.0025, rel=0.02)
+    assert ringed.volume - solid.volume == pytest.approx(polygon_perimeter(strip.V[strip.loops[0]]) * 0.0025, rel=0.02)
 
 
 def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(plate):

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.pattern.widths import slopes
 from dsfab.slicing import cut
-from dsfab.slicing.measures.widths import Features, features, kept_cells, under
+from dsfab.slicing.measures.widths import Features, below_limit, features, kept_cells
 from dsfab.study.file_check.file_geometry import clearances
 from dsfab.surface import Surface
 from dsfab.surface.topology import pieces
@@ -176,7 +176,7 @@ def test_the_narrowest_neck_by_sampled_walls(seed):
     radius = random.uniform(0.07, 0.1, len(centres))
     holes = (np.linalg.norm(surface.V[:, None, :2] - centres, axis=2) - radius).min(axis=1)
     sheet = cut(surface, [holes], [[0.0]], 0)
-    kept = sheet.kept().surface
+    kept = sheet.subset().surface
     ends = kept.V[kept.edges.ends[kept.edges.boundary]][:, :, :2]
     points = np.concatenate([(1 - t) * ends[:, 0] + t * ends[:, 1] for t in np.linspace(0, 1, 9)])
     inner = ((points > 1e-9) & (points < 1 - 1e-9)).all(axis=1)
@@ -233,11 +233,11 @@ def test_lines_run_over_a_sheet_with_one_side():
 def test_cells_of_dropped_pieces_are_not_kept():
     surface = grid(20, 10, 2.0, 1.0)
     sheet = cut(surface, [surface.V[:, 0]], [[0.1, 0.3, 0.8, 1.3, 1.5, 1.6]], 0)
-    part = sheet.kept()
+    part = sheet.subset()
     count, label = pieces(part.surface.F, part.surface.edges)
     assert count == 3
     assert (kept_cells(sheet, part) == sheet.material).all()
-    few = part.kept(label == 1)
+    few = part.subset(label == 1)
     kept = kept_cells(sheet, few)
     assert sheet.surface.areas[kept].sum() == pytest.approx(few.surface.area, rel=1e-12)
     assert (np.sort(sheet.surface.centroids[kept], axis=0) == np.sort(few.surface.centroids, axis=0)).all()
@@ -304,4 +304,4 @@ def test_the_wall_of_a_very_small_solid_is_found_too():
 
 
 def test_what_was_widened_to_a_limit_is_not_under_it_for_rounding():
-    assert under(np.array([0.1, 0.1 - 1e-8, 0.1 - 1e-6]), 0.1).tolist() == [False, False, True]
+    assert below_limit(np.array([0.1, 0.1 - 1e-8, 0.1 - 1e-6]), 0.1).tolist() == [False, False, True]

@@ -171,7 +171,7 @@ def test_a_frame_that_moves_freely_is_refused():
 
 @pytest.fixture(scope="module")
 def vault():
-    return dsfab.Design.of(dsfab.load_preset("barrel_vault"))
+    return dsfab.Design.from_preset(dsfab.load_preset("barrel_vault"))
 
 
 @pytest.mark.slow
@@ -227,11 +227,11 @@ def test_a_disc_is_as_wide_as_its_area_says(vault):
 def test_what_is_no_structure_of_beams_is_told():
     found = FrameAgreement("wind", 1.3, 1.4, 0.3)
     assert not found.slender
-    assert found.told.startswith("beams against the sheet, wind: 1.30 of its compliance")
-    assert "30% of the energy" in found.told
-    assert "though its bays are slender" in FrameAgreement("wind", 1.3, 1.0, 0.1).told
-    assert "thin sheet" not in FrameAgreement("wind", 1.0, 1.0, 0.1, 1.01).told
-    assert FrameAgreement("wind", 1.0, 0.97, 0.1, 1.226).told.endswith(
+    assert found.summary.startswith("beams against the sheet, wind: 1.30 of its compliance")
+    assert "30% of the energy" in found.summary
+    assert "though its bays are slender" in FrameAgreement("wind", 1.3, 1.0, 0.1).summary
+    assert "thin sheet" not in FrameAgreement("wind", 1.0, 1.0, 0.1, 1.01).summary
+    assert FrameAgreement("wind", 1.0, 0.97, 0.1, 1.226).summary.endswith(
         "0.97 of its largest displacement, which is 1.23 times that of a thin sheet, since ribs twist as bars"
     )
 
@@ -262,8 +262,8 @@ def test_beams_of_a_preset_are_within_a_tenth_where_they_are_slender_and_told_ot
         assert found.slender == (name in SLENDER), found
         assert off < 0.05 or not found.slender, found
         assert off < 0.1 or name not in RIGHT, found
-        assert ("take displacements from the sheet" in found.told) == (off > 0.1), found
-        assert ("of the energy is in discs, links, bays wider" in found.told) == (off > 0.1), found
+        assert ("take displacements from the sheet" in found.summary) == (off > 0.1), found
+        assert ("of the energy is in discs, links, bays wider" in found.summary) == (off > 0.1), found
 
 
 def test_energy_in_a_disc_of_the_sheet_is_told_though_its_beams_bear_little():
@@ -277,7 +277,7 @@ def test_energy_in_a_disc_of_the_sheet_is_told_though_its_beams_bear_little():
     found = {one.case: one for one in agreement(made, answers, sheet, beside, dict.fromkeys(answers, 1.0))}
     assert (found["in"].stout, found["in"].slender) == (0.63, False)
     assert (found["across"].stout, found["across"].slender) == (0.05, True)
-    assert "63% of the energy is in discs" in found["in"].told
+    assert "63% of the energy is in discs" in found["in"].summary
 
 
 def test_a_bay_that_grazes_another_member_is_no_slender_one(vault):

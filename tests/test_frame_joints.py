@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from dsfab.members import Member, MemberGraph
 from dsfab.members.frame import BeamMaterial, Frame, frame_of, solve_frame
-from dsfab.members.frame.joints import found_joints, join_ends
+from dsfab.members.frame.joints import join_ends, joints_at_nodes
 from dsfab.surface import LoadCase, Surface
 from tests.test_member_forces import axis
 from tests.zoo import grid
@@ -32,9 +32,9 @@ def graph(surface: Surface, *members: Member) -> MemberGraph:
 
 def groups(given: MemberGraph) -> int:
     """Into how many the members fall that nodes and links join."""
-    joints = found_joints(given)
+    joints = joints_at_nodes(given)
     join_ends(joints)
-    number = {member.id: k for k, member in enumerate(joints.lined)}
+    number = {member.id: k for k, member in enumerate(joints.members_with_axis)}
     by_node = {node: number[name] for name, found in joints.on.items() for _, node in found}
     pairs = [(by_node[one], by_node[other]) for one, other, _ in joints.links]
     pairs += [(number[name], by_node[node]) for name, found in joints.on.items() for _, node in found]

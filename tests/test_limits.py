@@ -7,7 +7,7 @@ import pytest
 
 from dsfab.core import limits
 from dsfab.core.errors import StaticsError
-from dsfab.core.limits import BALANCE, RESIDUAL, worst
+from dsfab.core.limits import BALANCE, RESIDUAL, worst_status
 from dsfab.report.compliance.findings import Findings
 from dsfab.statics.solve import _require_solved
 from tests.test_architecture import modules, nodes
@@ -27,13 +27,13 @@ def accepted(imbalance: float, residual: float) -> bool:
 def test_the_report_passes_what_the_solver_accepts(imbalance, residual, off):
     case = SimpleNamespace(imbalance=off * imbalance, residual=off * residual)
     found = SimpleNamespace(judged=SimpleNamespace(cases={"load": case}, check=None))
-    assert (Findings._balanced(found).status == "pass") == accepted(case.imbalance, case.residual) == (off <= 1)
+    assert (Findings._balance_check(found).status == "pass") == accepted(case.imbalance, case.residual) == (off <= 1)
 
 
 def test_the_worst_of_several_counts():
-    assert worst(["pass", "unknown", "fail"]) == "fail"
-    assert worst(["pass", "unknown"]) == "unknown"
-    assert worst([]) == "pass"
+    assert worst_status(["pass", "unknown", "fail"]) == "fail"
+    assert worst_status(["pass", "unknown"]) == "unknown"
+    assert worst_status([]) == "pass"
 
 
 def named(tree: ast.Module) -> set[str]:

@@ -9,7 +9,7 @@ import pytest
 
 import dsfab
 from dsfab.core.errors import ExportError, StaticsError
-from dsfab.design.output.records import found_records
+from dsfab.design.output.records import utilisation_rows
 from dsfab.export import Details
 from dsfab.export.tables.forces import sheet_names
 from dsfab.members import Member, MemberAxis, MemberGraph
@@ -170,7 +170,7 @@ def test_a_grid_of_two_crossing_beams():
 
 @pytest.fixture(scope="module")
 def vault():
-    return dsfab.Design.of(dsfab.load_preset("barrel_vault", {"surface.edge": 0.4}))
+    return dsfab.Design.from_preset(dsfab.load_preset("barrel_vault", {"surface.edge": 0.4}))
 
 
 @pytest.mark.slow
@@ -257,7 +257,7 @@ def rules_for(material, strength=0.0) -> Rules:
 
 def test_members_of_a_design_against_the_code(vault):
     """Of each bay the compression is that of its forces, its width and f_c; the sheet is pressed against its arches."""
-    bays = MemberBays.of(vault.members, vault.member_forces, 0.08)
+    bays = MemberBays.from_forces(vault.members, vault.member_forces, 0.08)
     found = utilisation(bays, rules_for("GL24h"))
     arch = next(k for k, name in enumerate(bays.member) if name.startswith("B"))
     forces = vault.member_forces[bays.member[arch]]
@@ -276,8 +276,8 @@ def test_members_of_a_design_against_the_code(vault):
 
 
 def test_the_table_of_utilisation_reads_back_worst_first(vault, tmp_path):
-    found = utilisation(MemberBays.of(vault.members, vault.member_forces, 0.08), rules_for("GL24h"))
-    records = found_records(found)
+    found = utilisation(MemberBays.from_forces(vault.members, vault.member_forces, 0.08), rules_for("GL24h"))
+    records = utilisation_rows(found)
     path = dsfab.write(vault.sheet.surface, tmp_path / "vault.member_utilisation.csv", details=Details(records=records))
     lines = path.read_text(encoding="utf-8").splitlines()
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))

@@ -15,7 +15,7 @@ from dsfab.design import Design
 from dsfab.members import member_graph
 from dsfab.members.assembly import along_structure
 from dsfab.members.components import _without_slivers
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import CornerField, Surface
@@ -140,7 +140,7 @@ def plate(z, d, edge=0.1, size=(2.0, 1.4), shake=0.2):
 
 
 def graph_of(surface, pattern):
-    return member_graph(surface, cut(surface, pattern.fields, pattern.levels).kept(), pattern)
+    return member_graph(surface, cut(surface, pattern.fields, pattern.levels).subset(), pattern)
 
 
 @settings(max_examples=6, deadline=None)
@@ -153,7 +153,7 @@ def test_stripes_of_a_plate_cross_exactly_where_both_fields_are_whole(turn, betw
     ]
     surface, pattern = plate(z, 0.15)
     graph = graph_of(surface, pattern)
-    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).kept())
+    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).subset())
     A = np.array([[np.cos(a), np.sin(a)] for a in angles]) / 0.31
     for node in graph.nodes:
         both = np.array([graph.by_id[name].stripe for name in node.members])
@@ -214,8 +214,8 @@ def test_a_stripe_whose_middle_is_beside_the_plate_has_an_axis_in_its_own_middle
 def test_a_sliver_that_hangs_on_its_stripe_by_a_corner_is_no_member_and_bends_nothing():
     """At a corner of the strip is a cell above its wall, as of a fillet, and beside that one a cell below it again."""
     surface, pattern = plate([lambda x, y: y / 0.7 - 1 / 14, lambda x, y: x / 2 - 0.8], 1 / 7, shake=0.0)
-    sheet = cut(surface, pattern.fields, pattern.levels).kept()
-    plain = sheet.kept((sheet.surface.centroids[:, 1] < 0.15) & (sheet.surface.centroids[:, 0] > 0.3))
+    sheet = cut(surface, pattern.fields, pattern.levels).subset()
+    plain = sheet.subset((sheet.surface.centroids[:, 1] < 0.15) & (sheet.surface.centroids[:, 0] > 0.3))
     V, F = plain.surface.V, plain.surface.F
     a, b = (int(np.hypot(V[:, 0] - x, V[:, 1] - 0.15).argmin()) for x in (0.3, 0.35))
     added = np.array([[0.32, 0.152, 0], [0.29, 0.14, 0]])
@@ -272,7 +272,7 @@ def test_a_strip_that_runs_into_a_rim_and_follows_it_ends_there():
     """Its middle runs along y = .08, so that .02 m of it are beside the rim; they are the rim's."""
     surface, pattern = beside_a_rim(lambda x, y: y - 0.08 - 0.6 * np.clip(1.2 - x, 0, None) ** 2)
     graph = graph_of(surface, pattern)
-    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).kept())
+    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).subset())
     rim, strip = graph.by_id["rim 1"], graph.by_id["A01"]
     x = np.linspace(0, 1.2 - np.sqrt((RIM - 0.08) / 0.6), 1000)  # where it comes to lie in the rim
     outside = np.hypot(np.diff(x), np.diff(0.6 * (1.2 - x) ** 2)).sum()
@@ -286,7 +286,7 @@ def test_a_strip_that_runs_into_a_rim_and_follows_it_ends_there():
 def test_a_strip_that_comes_down_to_a_rim_and_leaves_it_is_two_members():
     surface, pattern = beside_a_rim(lambda x, y: y - 0.05 - 0.9 * np.clip(np.abs(x - 1) - 0.25, 0, None) ** 2)
     graph = graph_of(surface, pattern)
-    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).kept())
+    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).subset())
     assert [one.id for one in graph.members] == ["A01a", "A01b", "rim 1"]
     assert met(graph, "A01a") == met(graph, "A01b") == ["rim 1"]
 
@@ -305,7 +305,7 @@ def test_what_is_kept_around_a_support_is_one_band_without_its_ends_that_run_out
     levels, widths = (np.array([-0.2]), *pattern.levels), (np.full(surface.n, np.inf), *pattern.half_widths)
     pattern = PatternResult(("keep", "major"), (-away, *pattern.fields), levels, widths)
     graph = graph_of(surface, pattern)
-    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).kept())
+    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).subset())
     assert [one.id for one in graph.members] == ["A01", "band 1"]
     band = graph.by_id["band 1"]
     assert band.area == pytest.approx(0.2 + np.pi * 0.2**2 / 2, rel=0.02)
@@ -413,7 +413,7 @@ def test_a_vault_has_arches_purlins_two_edges_and_two_springing_lines_that_are_j
 
 def test_names_and_numbers_are_the_same_when_it_is_made_again():
     first = design("barrel_vault")
-    again = member_graph(first.surface, first.sheet, Design.of(load_preset("barrel_vault")).pattern)
+    again = member_graph(first.surface, first.sheet, Design.from_preset(load_preset("barrel_vault")).pattern)
     for one, two in ((again.members, first.members.members), (again.nodes, first.members.nodes)):
         assert [x.id for x in one] == [x.id for x in two]
     assert [one.length for one in again.members] == [one.length for one in first.members.members]
@@ -492,7 +492,7 @@ def test_members_of_other_surfaces_are_their_sheets(name):
     if name in ("Botanic", "camelhead"):
         apart = 1.3 * preset.pattern.major.spacing
         spacings = {"pattern.major.spacing": apart, "pattern.minor.spacing": apart}
-        preset = overridden(preset, {"surface.edge": 1.3 * preset.surface.edge, **spacings})
+        preset = with_overrides(preset, {"surface.edge": 1.3 * preset.surface.edge, **spacings})
     made = sliced(preset)
     assert_whole(made.members, made.sheet)
 

@@ -177,7 +177,7 @@ def test_drawings_of_a_member_are_those_of_its_parts(design):
     plan = workshop_plan(design)
     files = drawing_files(plan)
     assert set(files) == {part.member for part in plan.parts}
-    for group in plan.same:
+    for group in plan.equal_parts:
         file = f"{plan.parts[group[0]].id.replace(' ', '_')}.dxf"
         assert all(file in files[plan.parts[k].member] for k in group)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.core.toml_files import headline, shipped_presets
+from dsfab.core.toml_files import preset_headline, shipped_presets
 from dsfab.reproduction.published import FIGURES
 
 COARSER = 2.2
@@ -59,7 +59,7 @@ def test_table_1_has_sixteen_rows_and_every_figure_its_preset():
 @pytest.mark.parametrize("figure", [f for f in FIGURES if "mesh" in f.stand_in], ids=lambda f: f.preset)
 def test_a_stand_in_says_so_in_the_preset(figure):
     file = shipped_presets()[figure.preset]
-    assert "stand-in" in headline(file)
+    assert "stand-in" in preset_headline(file)
     assert f"({figure.timings.vertices})" in file.read_text(encoding="utf-8")
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from dsfab.design import draft
-from dsfab.preset.file import load_preset, overridden, parse_override
+from dsfab.preset.file import load_preset, parse_override, with_overrides
 from dsfab.reproduction.captions import Web, finding, links, loaded_patches, nearby, web
 from dsfab.reproduction.drawing import PaperPicture
 from dsfab.reproduction.figures import FigurePictures, RenditionPicture
-from dsfab.reproduction.page import COLUMNS, measured, rendition_facts
+from dsfab.reproduction.page import COLUMNS, rendition_facts, rendition_section
 from dsfab.reproduction.published import FIGURES
 from dsfab.reproduction.renditions import LETTER, Rendition, departures, measured_rendition, renditions
 from tests.zoo import grid
@@ -111,7 +111,7 @@ def test_the_command_under_a_rendition_makes_it_again(bar):
         words = shlex.split(one.command)
         changes = dict(parse_override(text) for text in words[1::2])
         assert set(words[::2]) <= {"--set"}
-        assert overridden(load_preset("hanging_bar", {"surface.edge": 0.08}), changes) == one.design.preset
+        assert with_overrides(load_preset("hanging_bar", {"surface.edge": 0.08}), changes) == one.design.preset
 
 
 @pytest.mark.parametrize("figure", FIGURES, ids=lambda one: one.preset)
@@ -120,7 +120,7 @@ def test_departures_of_every_preset_are_told(figure):
     preset = load_preset(figure.preset)
     told = departures(preset)
     assert any("kept around" in one for one in told) == bool(preset.pattern.keep)
-    assert not departures(overridden(preset, dict(LETTER)))
+    assert not departures(with_overrides(preset, dict(LETTER)))
 
 
 def test_loads_on_loose_pieces_are_not_carried():
@@ -132,7 +132,7 @@ def test_loads_on_loose_pieces_are_not_carried():
     assert rendition_facts(letter)[3] == "not carried"
     told = FigurePictures(FIGURES[15], ways=(RenditionPicture(letter, PaperPicture("", "", "")),))
     assert letter.uncarried
-    assert f"not carried: {letter.uncarried}." in measured(told, 1.0)
+    assert f"not carried: {letter.uncarried}." in rendition_section(told, 1.0)
     assert finding("web", letter).endswith("; it carries 0% of the load")
 
 

@@ -6,10 +6,10 @@ import pytest
 import dsfab
 from dsfab.design.directions import Steering
 from dsfab.design.even_stripes import _directions
-from dsfab.design.output.archive import even_arrays, even_of
+from dsfab.design.output.archive import even_arrays, even_stripes_from
 from dsfab.design.pattern_measures import pattern_chart
-from dsfab.pattern import Frames, Images, StressDirections, crossed_over
-from dsfab.preset.file import load_preset, overridden
+from dsfab.pattern import Frames, Images, StressDirections, family_crossings
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Pattern
 from dsfab.surface import Surface
 from tests.zoo import grid, jittered, two_pieces
@@ -28,14 +28,14 @@ def upright_where(marked: np.ndarray, angle: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.2])
 @pytest.mark.parametrize("inside", [X > 0.7, np.hypot(X - 0.4, Y - 0.5) < 0.25, np.abs(Y - 0.5) > 0.35])
 def test_the_smaller_regions_change_names(inside, angle):
-    over = crossed_over(Frames.of(PLATE), upright_where(inside, angle))
+    over = family_crossings(Frames.for_surface(PLATE), upright_where(inside, angle))
     assert (over == (inside if inside.mean() < 0.5 else ~inside)).all()
 
 
 def test_regions_in_each_other_change_names_in_turns():
     r = np.hypot(X - 0.5, Y - 0.5)
     ring = (r > 0.15) & (r < 0.35)
-    assert (crossed_over(Frames.of(PLATE), upright_where(ring)) == ring).all()
+    assert (family_crossings(Frames.for_surface(PLATE), upright_where(ring)) == ring).all()
 
 
 def test_a_curve_that_ends_and_a_smooth_turn_change_nothing():
@@ -44,15 +44,15 @@ def test_a_curve_that_ends_and_a_smooth_turn_change_nothing():
     a = np.c_[np.cos(open_curve), np.sin(open_curve), 0 * X]
     jump = np.abs((a[PLATE.edges.ends[:, 0]] * a[PLATE.edges.ends[:, 1]]).sum(axis=1)) < 0.1
     assert jump.any()
-    assert not crossed_over(Frames.of(PLATE), a).any()
+    assert not family_crossings(Frames.for_surface(PLATE), a).any()
     smooth = np.c_[np.cos(3 * X), np.sin(3 * X), 0 * X]
-    assert not crossed_over(Frames.of(PLATE), smooth).any()
+    assert not family_crossings(Frames.for_surface(PLATE), smooth).any()
 
 
 def test_pieces_are_named_by_themselves():
     pieces = two_pieces()
     along = np.tile(np.array([1.0, 0, 0]), (pieces.n, 1))
-    assert not crossed_over(Frames.of(pieces), along).any()
+    assert not family_crossings(Frames.for_surface(pieces), along).any()
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.2])
@@ -66,8 +66,8 @@ def test_where_stresses_cross_is_seen_before_they_are_smoothed(jitter):
     inside = r < 0.3
     stress = np.stack([1 + np.abs(r[:, 0] - 0.3), np.ones(plate.m)], axis=1)
     given = StressDirections(stress, np.stack([np.where(inside, ray, around), np.where(inside, around, ray)], axis=1))
-    frames, steer = Frames.of(plate), Steering(0.0, (), None)
-    along, over = _directions(Pattern(method="stripes"), frames, given, steer, Images.none(plate.n), 0.2)
+    frames, steer = Frames.for_surface(plate), Steering(0.0, (), None)
+    along, over = _directions(Pattern(method="stripes"), frames, given, steer, Images.identity(plate.n), 0.2)
     at = plate.V - [0.5, 0.5, 0]
     far = np.linalg.norm(at, axis=1)
     assert not over[far > 0.34].any()
@@ -103,7 +103,7 @@ def pressed(request, tmp_path_factory):
     rows = [("v", *v) for v in surface.V.tolist()] + [("f", *f) for f in (surface.F + 1).tolist()]
     path.write_text("\n".join(" ".join(map(str, row)) for row in rows))
     changes = {"surface.file": str(path), "pattern.keep": 0.0, "pattern.fillet": 0.0}
-    return dsfab.run(overridden(load_preset("figurine"), changes))
+    return dsfab.run(with_overrides(load_preset("figurine"), changes))
 
 
 def test_members_of_a_ring_go_on_where_the_stresses_cross(pressed):
@@ -122,7 +122,7 @@ def test_members_of_a_ring_go_on_where_the_stresses_cross(pressed):
 
 def test_an_archive_keeps_where_names_have_changed(pressed):
     even = pressed.pattern.even
-    back = even_of(pressed.surface, even_arrays(even))
+    back = even_stripes_from(pressed.surface, even_arrays(even))
     assert (back.steered.over == even.steered.over).all()
     assert (back.steered.along == even.steered.along).all()
     assert pattern_chart(pressed) is even.chart

@@ -13,7 +13,7 @@ from dsfab.design.even_stripes import even_stripes
 from dsfab.design.kept_material import kept_regions
 from dsfab.design.log import Log
 from dsfab.design.stripe_pattern import pattern_step
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.results import CaseResult, EvenStripes, StaticsResult, StressedSurface
 from dsfab.slicing import cut
 from dsfab.statics import Material, SheetModel, solve_statics, stress
@@ -46,7 +46,7 @@ class Case:
         for name, spacing in zip(("major", "minor"), self.spacing, strict=True):
             asked |= {f"pattern.{name}.spacing": spacing, f"pattern.{name}.frequency": 0.0, f"pattern.{name}.mode": 1}
             asked |= {f"pattern.{name}.phase": 0.0, f"pattern.{name}.threshold": 0.5}
-        return overridden(load_preset(DOME_MODES), asked | self.more)
+        return with_overrides(load_preset(DOME_MODES), asked | self.more)
 
     @cached_property
     def statics(self) -> StaticsResult:

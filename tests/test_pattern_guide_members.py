@@ -7,7 +7,7 @@ from dsfab.core.errors import PatternError, PresetError
 from dsfab.pattern import Guide, Stripes
 from dsfab.pattern.guides import GuideError
 from dsfab.preset.file import load_preset
-from dsfab.surface.mesh import nearest
+from dsfab.surface.mesh import nearest_places
 from tests.test_pattern_steering import plate, towards
 
 MIDDLE = np.array([1.5, 1.5, 0.0])
@@ -63,9 +63,9 @@ def test_its_member_is_as_wide_as_others_and_joined_by_them():
     width = 2 * Stripes(1.0, 0.0, 0.5).half_width * SPACING
     points = MIDDLE + np.linspace(-0.9, 0.9, 91)[:, None] * along
     for side in (-1, 1):
-        off = nearest(points + side * 0.45 * width * across, sheet.surface.V, sheet.surface.F).distance
+        off = nearest_places(points + side * 0.45 * width * across, sheet.surface.V, sheet.surface.F).distance
         assert off.max() < 0.03 * width
-        beyond = nearest(points + side * 0.65 * width * across, sheet.surface.V, sheet.surface.F).distance
+        beyond = nearest_places(points + side * 0.65 * width * across, sheet.surface.V, sheet.surface.F).distance
         assert 0.3 < (beyond > 0.05 * width).mean() < 0.95  # void, but where the other family joins it
 
 

@@ -13,7 +13,7 @@ from dsfab.pattern.kept_regions import EVEN, FINEST, boundary_origins, curve_fie
 from dsfab.preset.file import load_preset
 from dsfab.slicing import Sheet, cut, material_area
 from dsfab.surface import Surface
-from dsfab.surface.fields import CornerField, Divided, DividedField
+from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from tests.test_slicing import check_laws
 from tests.test_surface_geodesic import prism
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
@@ -293,10 +293,10 @@ def test_a_rim_within_a_kept_region_asks_for_no_parts():
 
 def test_a_divided_field_is_known_at_points_of_faces():
     surface = ZOO["saddle"]()
-    divided = Divided.nowhere(surface)
+    divided = DividedSurface.undivided(surface)
     rng = np.random.default_rng(0)
     for _ in range(3):
-        divided = divided.halved(rng.random(len(divided.surface.edges.ends)) < 0.1)
+        divided = divided.with_halved_edges(rng.random(len(divided.surface.edges.ends)) < 0.1)
     assert divided.surface.m > 2 * surface.m
     assert divided.weights @ surface.V == pytest.approx(divided.surface.V, abs=1e-15)
     x = surface.V @ [1.0, 2.0, 3.0]
@@ -312,13 +312,13 @@ def test_a_divided_field_is_known_at_points_of_faces():
 def test_angles_do_not_shrink_however_often_edges_are_halved():
     """Always one edge alone: the shortest of those from one vertex."""
     surface = ZOO["flat"]()
-    divided = Divided.nowhere(surface)
+    divided = DividedSurface.undivided(surface)
     for _ in range(24):
         parts = divided.surface
         ends = parts.edges.ends
         size = np.linalg.norm(np.diff(parts.V[ends], axis=1)[:, 0], axis=1)
         size[~(ends == 20).any(axis=1)] = np.inf
-        divided = divided.halved(np.arange(len(ends)) == size.argmin())
+        divided = divided.with_halved_edges(np.arange(len(ends)) == size.argmin())
     assert smallest_angle(divided.surface) > smallest_angle(surface) / 3
     assert divided.surface.edges.boundary.sum() == surface.edges.boundary.sum()
     assert divided.surface.area == pytest.approx(surface.area, rel=1e-12)

@@ -24,7 +24,7 @@ from dsfab.pattern import (
     through_peaks,
 )
 from dsfab.pattern.frames import FEW
-from dsfab.pattern.phases import _carry, krylov_power
+from dsfab.pattern.phases import _propagate, krylov_power
 from dsfab.surface import Surface
 from dsfab.surface.fields import hat_gradients
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
@@ -60,7 +60,7 @@ def test_on_a_plate_phases_are_linear_and_the_spacing_exact(angle, spacing):
     """Whatever signs the directions come in."""
     plate = jittered(grid(16, 10, 3.2, 2.0), 0.15)
     g = np.array([np.cos(angle), np.sin(angle), 0.0])
-    flow = Flow(Frames.of(plate), g * signs(plate.n), np.full(plate.n, 1 / spacing))
+    flow = Flow(Frames.for_surface(plate), g * signs(plate.n), np.full(plate.n, 1 / spacing))
     phase = corner_phase(flow, flow.solve(np.exp(-plate.V[:, 0]), nowhere(plate)))
     assert phase.single_valued
     gradients = phase.gradients(plate)
@@ -76,7 +76,7 @@ def test_a_locked_edge_is_the_middle_of_a_stripe():
     g = np.tile([0.0, 1.0, 0.0], (plate.n, 1))
     lock = boundary_lines(plate, g)
     assert np.array_equal(lock, (plate.V[:, 1] < 1e-9) | (plate.V[:, 1] > 2 - 1e-9))
-    flow = Flow(Frames.of(plate), g, np.full(plate.n, 2.6))
+    flow = Flow(Frames.for_surface(plate), g, np.full(plate.n, 2.6))
     value = corner_phase(flow, flow.solve(np.ones(plate.n), lock)).value
     low, high = value[plate.V[:, 1] < 1e-9], value[plate.V[:, 1] > 2 - 1e-9]
     assert low == pytest.approx(np.rint(low), abs=0.06)
@@ -132,7 +132,7 @@ def test_phases_are_read_at_images_as_by_the_blocks_of_a_matrix():
 def test_a_line_runs_through_the_peak_of_the_start():
     plate = grid(20, 12, 4.0, 2.4)
     peak = np.exp(-8 * (plate.V[:, 0] - 1.3) ** 2) ** 4
-    flow = Flow(Frames.of(plate), np.tile([1.0, 0, 0], (plate.n, 1)), np.full(plate.n, 1.4))
+    flow = Flow(Frames.for_surface(plate), np.tile([1.0, 0, 0], (plate.n, 1)), np.full(plate.n, 1.4))
     value = flow.solve(peak, nowhere(plate))
     at = np.abs(plate.V[:, 0] - 1.3).argmin()
     assert value[at] == pytest.approx(1.4 * (plate.V[at, 0] - 1.3), abs=0.08)
@@ -181,7 +181,7 @@ def test_products_of_vectors_are_made_on_one_thread():
 def test_twisted_laplacians_are_sums_over_edges(name, turned):
     """x^H (K + d) x = sum of w |x_i - e^{i turn} C x_j|^2 + sum of d |x|^2, whose gradient is 2 (K + d) x: the
     factor solves with it: with no conjugates C, a few and many."""
-    frames = Frames.of(ZOO[name]())
+    frames = Frames.for_surface(ZOO[name]())
     rng, n, (i, j) = np.random.default_rng(1), frames.surface.n, frames.ends.T
     for flat in (False, True):  # what is 0 everywhere stays in the pattern
         turn, diagonal = rng.uniform(-3, 3, len(i)) * (not flat), rng.uniform(0.5, 2, n)
@@ -196,7 +196,7 @@ def test_twisted_laplacians_are_sums_over_edges(name, turned):
         other = step * np.where(over, x[j].conj(), x[j])
         energy = frames.weight @ np.abs(x[i] - other) ** 2 + diagonal @ np.abs(x) ** 2
         assert np.vdot(x, Kx).real == pytest.approx(energy, rel=1e-12)
-        assert frames.twisted.factor(coupling, diagonal, over)(Kx) == pytest.approx(x, abs=1e-8)
+        assert frames.twisted_factors.factor(coupling, diagonal, over)(Kx) == pytest.approx(x, abs=1e-8)
 
 
 # --- seams
@@ -213,7 +213,7 @@ def half_turns(plate: Surface, *centres: tuple[float, float]) -> np.ndarray:
 def test_signs_that_can_agree_do(name):
     """A smooth field without a half turn, in any signs: no seam on a disc, around a hole, or on a closed surface."""
     surface = ZOO.get(name, lambda: annulus(8, part=1.0))()
-    frames = Frames.of(surface)
+    frames = Frames.for_surface(surface)
     smooth = np.cross(frames.normal, [0.3, 0.2, 0.9]) + 1e-9
     g = smooth / np.linalg.norm(smooth, axis=1, keepdims=True)
     g = g * signs(surface.n)
@@ -224,7 +224,7 @@ def test_signs_that_can_agree_do(name):
 def test_a_seam_is_about_as_short_as_it_can_be():
     """Between two half turns, or from one to the nearest boundary: edges that a straight line over faces crosses."""
     plate = jittered(grid(30, 30, 3.0, 3.0), 0.15)
-    frames, edge = Frames.of(plate), 0.1
+    frames, edge = Frames.for_surface(plate), 0.1
     for centres, far in ((((0.8, 1.52), (1.6, 1.52)), 0.8), (((1.5, 2.6),), 0.4), (((0.31, 1.5), (2.71, 1.5)), 0.6)):
         g = half_turns(plate, *centres)
         for seed in (0, 1):
@@ -237,7 +237,7 @@ def test_a_seam_is_about_as_short_as_it_can_be():
 def test_signs_do_not_change_where_lines_run():
     """Phases of the same directions in signs that agree and in any: the same lines, around half turns as well."""
     plate = jittered(grid(18, 14, 1.8, 1.4), 0.15)
-    frames = Frames.of(plate)
+    frames = Frames.for_surface(plate)
     g = half_turns(plate, (0.62, 0.71), (0.95, 0.71))
     found = []
     for given in (g * signs(plate.n), g * signs(plate.n, 1), signs_with_short_seams(frames, g)[:, None] * g):
@@ -262,7 +262,7 @@ def test_steps_are_added_along_a_search_as_one_by_one():
     link = csr_array((number, (f, g)), shape=(n, n)) + csr_array((-number, (g, f)), shape=(n, n))
     order, parent = breadth_first_order(csr_array(link), int(name[0]), directed=False)
     signs_, shifts = np.ones(n), np.zeros(n)
-    _carry(csr_array(link), order.astype(np.int64), parent.astype(np.int64), s, q, signs_, shifts)
+    _propagate(csr_array(link), order.astype(np.int64), parent.astype(np.int64), s, q, signs_, shifts)
     sign, shift = {int(name[0]): 1.0}, {int(name[0]): 0.0}
     for c in order[1:].tolist():
         p = int(parent[c])
@@ -295,7 +295,9 @@ def test_of_two_phases_half_a_period_apart_it_is_the_one_with_lines_through_the_
 
 def test_parallel_stripes_have_one_density():
     plate = jittered(grid(12, 8, 3.0, 2.0))
-    u = log_density(Frames.of(plate), np.tile([0.6, 0.8, 0.0], (plate.n, 1)) * signs(plate.n), np.ones(plate.m))
+    u = log_density(
+        Frames.for_surface(plate), np.tile([0.6, 0.8, 0.0], (plate.n, 1)) * signs(plate.n), np.ones(plate.m)
+    )
     assert u == pytest.approx(0, abs=1e-9)
 
 
@@ -304,7 +306,7 @@ def test_rays_crowd_like_one_over_the_radius():
     errors = []
     for cells in (8, 16, 32):
         ring = annulus(cells)
-        u = log_density(Frames.of(ring), around(ring) * signs(ring.n), np.ones(ring.m))
+        u = log_density(Frames.for_surface(ring), around(ring) * signs(ring.n), np.ones(ring.m))
         v = -np.log(np.linalg.norm(ring.V, axis=1))
         off = (u - v) - weighted_quantile(u - v, ring.vertex_areas, 0.5)
         errors.append(float(np.sqrt(ring.vertex_areas @ off**2 / ring.area)))
@@ -317,9 +319,9 @@ def test_circles_are_even():
     """Circular stripes: g along the radius is a gradient."""
     ring = annulus(24)
     g = np.cross(around(ring), [0, 0, 1.0])
-    u = log_density(Frames.of(ring), g * signs(ring.n), np.ones(ring.m))
+    u = log_density(Frames.for_surface(ring), g * signs(ring.n), np.ones(ring.m))
     assert np.abs(u).max() < 0.01
-    flow = Flow(Frames.of(ring), g * signs(ring.n), np.full(ring.n, 3.0))
+    flow = Flow(Frames.for_surface(ring), g * signs(ring.n), np.full(ring.n, 3.0))
     phase = corner_phase(flow, flow.solve(np.ones(ring.n), nowhere(ring)))
     assert phase.single_valued
     assert np.linalg.norm(phase.gradients(ring), axis=1) == pytest.approx(3.0, rel=0.05)
@@ -329,7 +331,7 @@ def test_a_ring_of_rays_has_as_many_lines_inside_as_outside():
     """With the density 1 / r the phase is an angle: no line begins or ends."""
     ring = annulus(20)
     r = np.linalg.norm(ring.V, axis=1)
-    flow = Flow(Frames.of(ring), around(ring) * signs(ring.n), 6 / (np.pi * r))
+    flow = Flow(Frames.for_surface(ring), around(ring) * signs(ring.n), 6 / (np.pi * r))
     phase = corner_phase(flow, flow.solve(np.ones(ring.n), nowhere(ring)))
     assert phase.single_valued
     angle = np.arctan2(ring.V[:, 1], ring.V[:, 0])
@@ -341,7 +343,7 @@ def test_a_ring_of_rays_has_as_many_lines_inside_as_outside():
 
 def test_density_is_the_asked_one_on_average():
     ring = annulus(12)
-    u = log_density(Frames.of(ring), around(ring), np.ones(ring.m))
+    u = log_density(Frames.for_surface(ring), around(ring), np.ones(ring.m))
     for allowed in (True, False):
         halved = halving(u, ring.vertex_areas, allowed)
         assert halved.most == (1 if allowed else 0)  # 1 / r from 1 to 3
@@ -383,7 +385,7 @@ def test_a_halving_that_gains_little_is_not_made():
 def test_turning_around_faces_of_a_sphere_is_their_solid_angle():
     """Holonomy: around a triangle a direction turns by the area of its Gauss image; whole sphere: 4 pi."""
     ball = sphere(3)
-    total = _holonomy(Frames.of(ball))
+    total = _holonomy(Frames.for_surface(ball))
     exact = np.array([_solid_angle(*ball.vertex_normals[face]) for face in ball.F])
     assert np.abs(total) == pytest.approx(exact, rel=1e-6)
     assert abs(total.sum()) == pytest.approx(4 * np.pi, rel=1e-9)
@@ -407,7 +409,7 @@ def _solid_angle(a, b, c) -> float:
 def test_turning_does_not_depend_on_the_frames(name):
     """Other frames, the same holonomy; and on a plane there is none."""
     surface = ZOO[name]()
-    frames = Frames.of(surface)
+    frames = Frames.for_surface(surface)
     angle = np.random.default_rng(0).uniform(-3, 3, surface.n)
     other = Frames(surface, frames.normal, frames.direction(angle), frames.direction(angle + np.pi / 2), frames.weight)
     assert _holonomy(other) == pytest.approx(_holonomy(frames), abs=1e-9)
@@ -427,7 +429,7 @@ def uniaxial(surface: Surface, e: np.ndarray, size: np.ndarray) -> StressDirecti
 def test_a_pulled_plate_has_its_directions_along_the_pull():
     plate = jittered(grid(12, 8, 3.0, 2.0))
     e = np.tile([0.6, 0.8, 0.0], (plate.m, 1)) * signs(plate.m)
-    found = cross_field(Frames.of(plate), uniaxial(plate, e, np.ones(plate.m)), 0.3)
+    found = cross_field(Frames.for_surface(plate), uniaxial(plate, e, np.ones(plate.m)), 0.3)
     assert np.abs(found @ [0.6, 0.8, 0.0]) == pytest.approx(1, abs=1e-12)
 
 
@@ -436,19 +438,21 @@ def test_unstressed_parts_are_filled_in_from_around():
     e = np.tile([0.6, 0.8, 0.0], (plate.m, 1))
     size = np.where(np.linalg.norm(plate.centroids - [2, 1.4, 0], axis=1) < 0.8, 0.0, 1.0)
     wrong = np.where(size[:, None] > 0, e, np.cross([0, 0, 1.0], e))
-    found = cross_field(Frames.of(plate), uniaxial(plate, wrong, size), 0.3)
+    found = cross_field(Frames.for_surface(plate), uniaxial(plate, wrong, size), 0.3)
     assert np.abs(found @ [0.6, 0.8, 0.0]) == pytest.approx(1, abs=1e-9)
 
 
 def test_without_stress_there_is_nothing_to_follow():
     plate = grid(3, 3, 1.0, 1.0)
     with pytest.raises(PatternError, match="nothing is stressed"):
-        cross_field(Frames.of(plate), uniaxial(plate, np.tile([1.0, 0, 0], (plate.m, 1)), np.zeros(plate.m)), 0.1)
+        cross_field(
+            Frames.for_surface(plate), uniaxial(plate, np.tile([1.0, 0, 0], (plate.m, 1)), np.zeros(plate.m)), 0.1
+        )
 
 
 def test_directions_do_not_depend_on_the_frames():
     surface = ZOO["dome"]()
-    frames = Frames.of(surface)
+    frames = Frames.for_surface(surface)
     d = surface.centroids @ np.random.default_rng(2).normal(size=(3, 3)) + 0.3
     d -= np.einsum("mi,mi->m", d, surface.normals)[:, None] * surface.normals
     given = uniaxial(surface, d / np.linalg.norm(d, axis=1, keepdims=True), np.linalg.norm(d, axis=1))
@@ -460,7 +464,7 @@ def test_directions_do_not_depend_on_the_frames():
 
 def turning_sum(surface: Surface, along: np.ndarray) -> float:
     """Sum of the indices of a line field's singular faces: whole turns of the field against its own connection."""
-    frames = Frames.of(surface)
+    frames = Frames.for_surface(surface)
     i, j = frames.ends.T
     angle = np.arctan2((along * frames.t2).sum(axis=1), (along * frames.t1).sum(axis=1))
     step = angle[j] + frames.turning - angle[i]  # of lines: up to half turns
@@ -479,7 +483,7 @@ def test_indices_sum_to_the_euler_characteristic(name, euler, seed):
     d = surface.centroids @ rng.normal(size=(3, 3)) + rng.normal(size=3)
     d -= np.einsum("mi,mi->m", d, surface.normals)[:, None] * surface.normals
     e = d / np.linalg.norm(d, axis=1, keepdims=True)
-    along = cross_field(Frames.of(surface), uniaxial(surface, e, np.linalg.norm(d, axis=1)), 0.2)
+    along = cross_field(Frames.for_surface(surface), uniaxial(surface, e, np.linalg.norm(d, axis=1)), 0.2)
     assert abs(turning_sum(surface, along)) == euler
 
 
@@ -500,7 +504,7 @@ def torus(around_: int = 30, tube: int = 14) -> Surface:
 def test_corners_agree_across_edges_but_for_sign_and_period(name):
     """On every edge between two faces with a phase, both see it up to sign and whole numbers; most see it alike."""
     surface = ZOO[name]()
-    frames = Frames.of(surface)
+    frames = Frames.for_surface(surface)
     x = (surface.V - surface.V.mean(axis=0)) / surface.size
     g = np.cross(frames.normal, np.stack([np.sin(3 * x[:, 1]), np.cos(2 * x[:, 0]), x[:, 2] + 0.3], axis=1))
     g /= np.linalg.norm(g, axis=1, keepdims=True)
@@ -537,11 +541,11 @@ def test_images_make_directions_and_densities_symmetric():
     R = np.diag([-1.0, 1.0, 1.0])
     at = np.array([np.abs(plate.V @ R - v).sum(axis=1).argmin() for v in plate.V])
     images = Images(np.stack([np.eye(3), R]), (np.eye(plate.n), np.eye(plate.n)[at]))
-    frames = Frames.of(plate)
+    frames = Frames.for_surface(plate)
     angle = np.random.default_rng(0).uniform(-0.5, 0.5, plate.n)
     found = images.directions(frames, frames.direction(angle))
     cosine = np.abs(np.einsum("ni,ni->n", found[at] @ R, found))
     assert cosine == pytest.approx(1, abs=1e-12)
     x = plate.V[:, 0] ** 3 + plate.V[:, 1]
     assert images.mean(x) == pytest.approx(plate.V[:, 1], abs=1e-12)
-    assert Images.none(plate.n).directions(frames, found) is found
+    assert Images.identity(plate.n).directions(frames, found) is found

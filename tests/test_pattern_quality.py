@@ -9,17 +9,17 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab import load_preset
 from dsfab.app.build import Files, PictureFlags, build
-from dsfab.app.editor.drafts import cut_as_built, figures
+from dsfab.app.editor.drafts import sheet_figures, tidied_cut
 from dsfab.app.listing import inspect
 from dsfab.app.options import Source
 from dsfab.design import Design, draft, run
 from dsfab.design.pattern_measures import cut_error, symmetry_error
-from dsfab.diffusion.symmetry import symmetry_under
+from dsfab.diffusion.symmetry import checked_symmetry
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.inspection import quality_facts, quality_lines
-from dsfab.report.html_pages import Numbers
+from dsfab.report.html_pages import CaptionNumbers
 from dsfab.slicing import Chart, cut
-from dsfab.slicing.measures.chart import Drawn
+from dsfab.slicing.measures.chart import StripeChart
 from dsfab.slicing.measures.pattern_quality import pattern_quality
 from dsfab.study.comparison import comparison
 from dsfab.study.sweeps import METRICS
@@ -53,7 +53,7 @@ def drawn(surface, z, d, known=None, kept=None):
     scale = np.ones((n, 2))
     chart = Chart(surface, np.arange(m), csr_array(eye_array(n)), np.stack(z, axis=1), scale)
     widths = np.broadcast_to(np.asarray(d, dtype=float), (n, 2))
-    made = Drawn.of(chart, widths, np.full(n, -1.0) if kept is None else kept)
+    made = StripeChart.from_chart(chart, widths, np.full(n, -1.0) if kept is None else kept)
     return made if known is None else replace(made, known=known)
 
 
@@ -188,7 +188,7 @@ def test_openings_narrower_than_members_are_counted_bay_by_bay():
 def test_material_that_is_shifted_differs_from_its_mirror_image():
     surface = plate(60)
     x = surface.V[:, 0]
-    mirror = symmetry_under(surface, np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])]), [], "x")
+    mirror = checked_symmetry(surface, np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])]), [], "x")
     straight = drawn(surface, (0 * x + 0.5, x / 0.4), (0.0, 0.15))
     assert symmetry_error(surface, straight, mirror) == 0
     moved = drawn(surface, (0 * x + 0.5, x / 0.4 + 0.05), (0.0, 0.15))  # from its image by a tenth of a period
@@ -198,7 +198,7 @@ def test_material_that_is_shifted_differs_from_its_mirror_image():
 def test_material_of_a_cut_that_is_shifted_differs_from_its_mirror_image():
     """A strip of width w whose middle is off the mirror by a: 4 a of the side are on one side of it only."""
     surface = plate(12)
-    mirror = symmetry_under(surface, np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])]), [], "x")
+    mirror = checked_symmetry(surface, np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])]), [], "x")
     for a, w in ((0.0, 0.6), (0.03, 0.6), (0.03, 0.5)):
         cells = cut(surface, [surface.V[:, 0]], [np.array([a - w / 2, a + w / 2])], snap=0.0)
         assert cut_error(surface, cells, mirror) == pytest.approx(4 * a / 2, abs=0.01 if a else 0)
@@ -240,7 +240,7 @@ def test_the_dome_of_even_stripes_is_even(even):
     found = even.quality()
     assert found.major.evenness < 1.1
     assert found.minor.evenness < 2.2
-    assert Design.of(even.preset, even).until("slicing").quality(symmetry=False).slits == 0
+    assert Design.from_preset(even.preset, even).until("slicing").quality(symmetry=False).slits == 0
     assert found.deviation < 2.5
     assert found.crossing_angle > 75
     assert 0 <= found.symmetry_error < 0.02
@@ -278,11 +278,11 @@ def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsy
 def test_reports_and_the_editor_have_them_too(modes):
     compared = comparison(run(load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5})), against=())
     assert compared.pattern is not None
-    table = pattern_table(compared.pattern, Numbers())
+    table = pattern_table(compared.pattern, CaptionNumbers())
     assert [len(row) for row in table.rows] == [3] * 7
     assert table.rows[3] == ("Dead ends", "0", str(compared.pattern.dead_ends))
     assert table.note.startswith("Members cross at ")
-    told = figures(modes, *cut_as_built(modes))["pattern"]
+    told = sheet_figures(modes, *tidied_cut(modes))["pattern"]
     found = modes.quality()
     assert told["dead_ends"] == found.dead_ends > 0
     assert told["openings"] == [found.minor.opening[0], found.minor.opening[2]]

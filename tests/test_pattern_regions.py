@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
 import dsfab
-from dsfab.app.editor.drafts import model
+from dsfab.app.editor.drafts import draft_model
 from dsfab.core.errors import DsfabError, PatternError, PresetError, SurfaceError
 from dsfab.design import draft
 from dsfab.design.buildability import objections
-from dsfab.design.regions_and_loads import one_sided_words
+from dsfab.design.regions_and_loads import one_sided_message
 from dsfab.pattern.kept_regions import outline_edges, region_bands
 from dsfab.render.striped_mesh import distances
-from dsfab.report.design.inspection import acting_facts
+from dsfab.report.design.inspection import load_facts
 from dsfab.slicing import cut
 from dsfab.study.fabrication import fabrication
 from dsfab.surface import (
@@ -27,10 +27,10 @@ from dsfab.surface import (
     PlanPolygon,
     Side,
     Surface,
-    refined,
+    refined_surface,
     with_regions,
 )
-from dsfab.surface.loads.outline_cuts import EVEN, with_outline
+from dsfab.surface.loads.outline_cuts import LINE_TOLERANCE, with_outline
 from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of
 from dsfab.surface.topology import manifold_faults
 from tests.presets import DOME_MODES
@@ -84,11 +84,11 @@ def test_a_round_void_takes_the_area_of_a_circle(surface):
     void = PatternRegion(Ball((4.0, 3.0, 0.0), 1.1), "void")
     left, taken, _, _ = with_regions(surface, [void])
     circle = np.pi * 1.1**2
-    assert taken[0] == pytest.approx(circle, rel=2 * EVEN)
-    assert left.area == pytest.approx(48 - circle, rel=2 * EVEN)
+    assert taken[0] == pytest.approx(circle, rel=2 * LINE_TOLERANCE)
+    assert left.area == pytest.approx(48 - circle, rel=2 * LINE_TOLERANCE)
     assert len(left.loops) == 2
     away = np.linalg.norm(left.V[left.loops[1]] - (4, 3, 0), axis=1)
-    assert np.abs(away - 1.1).max() <= EVEN * 1.1 + 1e-9
+    assert np.abs(away - 1.1).max() <= LINE_TOLERANCE * 1.1 + 1e-9
 
 
 @pytest.mark.parametrize("surface", [PLATE, grid(1, 1, 8.0, 6.0), grid(80, 60, 8.0, 6.0)], ids=["usual", "two", "fine"])
@@ -118,7 +118,7 @@ def test_any_polygon_is_cut_out_of_any_mesh(seed, corners, cells):
         assert found.areas[inside].sum() == pytest.approx(enclosed_area(P), rel=1e-2)
         width = 2 * enclosed_area(P) / np.linalg.norm(P - np.roll(P, 1, axis=0), axis=1).sum()
         off = np.abs(depth_in([P], on_outline(found, inside)[:, :2]))
-        assert np.quantile(off, 0.9) <= EVEN * width + 1e-9
+        assert np.quantile(off, 0.9) <= LINE_TOLERANCE * width + 1e-9
     assert np.quantile(found.areas, 0.01) > 0
 
 
@@ -141,7 +141,7 @@ def test_balls_are_cut_out_of_bumpy_sheets(seed, radius, x, y):
     assert len(made.loops) == 1
     if outline_edges(made, inside).any():
         off = np.abs(extent.depth(on_outline(made, inside))) / radius
-        assert np.quantile(off, 0.8) <= 1.01 * EVEN
+        assert np.quantile(off, 0.8) <= 1.01 * LINE_TOLERANCE
         assert off.max() <= 0.03  # where it leaves the surface at a flat angle
 
 
@@ -173,7 +173,7 @@ def test_creases_stay_where_they_are():
     roof = Surface(
         [[0, 0, 0], [4, 0, 0], [4, 2, 2], [0, 2, 2], [4, 4, 0], [0, 4, 0]], [[0, 1, 2], [0, 2, 3], [3, 2, 4], [3, 4, 5]]
     )
-    fine = refined(roof, 0.5)
+    fine = refined_surface(roof, 0.5)
     for at in (Side("y", "min", 2.04), Ball((2.03, 2.02, 2.0), 0.9)):
         found = outlined(fine, at)
         assert np.abs(found.V[:, 2] - (2 - np.abs(found.V[:, 1] - 2))).max() < 1e-9
@@ -286,7 +286,7 @@ def test_supports_are_where_they_were_without_the_void(void):
     load = [{"kind": "self_weight"}]
     preset = dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [void], "surface.load": load})
     assert preset.surface.support[0].at == Boundary()
-    held = draft(preset).load.held
+    held = draft(preset).load.supported
     V = draft(preset).surface.V[held]
     assert held.any()
     assert np.abs(V[:, 2]).max() < 1e-9
@@ -309,7 +309,7 @@ def test_vertices_by_number_are_those_of_the_mesh_that_was_given():
             pattern={"region": [void]},
         )
     )
-    held = made.surface.V[made.load.held]
+    held = made.surface.V[made.load.supported]
     assert len(held) in (len(bottom) - 2, len(bottom) - 1)
     assert not held[:, 1].any()
     assert held[:, 0].min() >= 1 - 1e-9
@@ -334,8 +334,8 @@ def test_tables_and_pieces_know_what_was_held_before_the_void():
     """The edge of an oculus is in no table and touches no piece as if it were held."""
     load = [{"kind": "self_weight"}]
     design = dsfab.run(dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [TOP], "surface.load": load}))
-    (ring,) = acting_facts(design)["supports"]
-    assert ring["vertices"] == design.load.held.sum()
+    (ring,) = load_facts(design)["supports"]
+    assert ring["vertices"] == design.load.supported.sum()
     assert ring["along_m"] == pytest.approx(2 * np.pi * 6, rel=0.01)
     assert list(ring["share"].values()) == pytest.approx([1.0])
     (piece,) = fabrication(design).pieces
@@ -394,7 +394,7 @@ def kept_only(surface: Surface, regions: list[PatternRegion], rim: float = 0.0):
 
     made = with_regions(surface, regions).surface
     layers = kept_layers(made, np.zeros(made.n, dtype=bool), 0.0, rim, [one for one in regions if one.do != "void"])
-    return cut(made, [layer.field for layer in layers], [layer.levels for layer in layers], 0.05).kept()
+    return cut(made, [layer.field for layer in layers], [layer.levels for layer in layers], 0.05).subset()
 
 
 def test_a_solid_region_has_its_area_and_its_straight_edges():
@@ -419,7 +419,7 @@ def test_a_band_on_faces_as_they_are_is_that_on_parts_of_them():
     made = with_regions(PLATE, [PatternRegion(PlanPolygon(SQUARE), "rim", 0.5)]).surface
     (band,) = region_bands(made, [PatternRegion(PlanPolygon(SQUARE), "rim", 0.5)], 0.0)
     layer = band.layer(-np.abs(depth_in([np.array(SQUARE)], made.V[:, :2])))
-    sheet = cut(made, [layer.field], [layer.levels], 0.0).kept()
+    sheet = cut(made, [layer.field], [layer.levels], 0.0).subset()
     assert sheet.surface.area == pytest.approx(2.2**2 - 1.2**2, rel=0.05)
     assert np.abs(depth_in([np.array(SQUARE)], sheet.surface.V[sheet.surface.loops[0]][:, :2])).max() < 1e-9
 
@@ -478,10 +478,10 @@ def test_every_pattern_knows_its_regions(way, drafted):
     preset = wall(OCULUS, RING, BAND, **WAYS[way])
     assert preset.surface == drafted.preset.surface
     before = {name: getattr(drafted, name) for name in ("surface", "statics", "diffusion")}
-    design = dsfab.Design.known(preset, **before).until("thickening")
+    design = dsfab.Design.from_results(preset, **before).until("thickening")
     sheet, surface = design.sheet, design.surface
     centre = np.linalg.norm(sheet.surface.centroids - (0.6, 0.3, 0), axis=1)
-    assert centre.min() > 0.8 * (1 - 2 * EVEN) - 0.02
+    assert centre.min() > 0.8 * (1 - 2 * LINE_TOLERANCE) - 0.02
     material = np.bincount(sheet.parent, sheet.surface.areas, surface.m)
     for region in design.preset.pattern.region[1:]:
         inside = region.faces(surface)
@@ -555,7 +555,7 @@ def test_a_region_on_one_side_is_told():
     )
     middle = {**RING, "at": {"pick": "ball", "center": [0, 0.3, 0], "radius": 1.7}}
     assert not any("images" in note.text for note in dsfab.run(wall(middle)).notes)
-    assert one_sided_words(design.surface, design.preset.pattern.region, None) == ""
+    assert one_sided_message(design.surface, design.preset.pattern.region, None) == ""
 
 
 def test_a_void_is_told_with_its_area():
@@ -578,7 +578,7 @@ def test_the_preview_shows_regions_and_ends_them_where_they_are_drawn(drafted):
 
 
 def test_the_editor_begins_with_regions(drafted):
-    facts, arrays = model(drafted)
+    facts, arrays = draft_model(drafted)
     assert np.isfinite(arrays["kept"]).all()
     assert (arrays["kept"][:, 0] < 0).any()
     assert facts

@@ -11,7 +11,7 @@ import dsfab
 from dsfab import design
 from dsfab.core.errors import DsfabError, PatternError
 from dsfab.design.design import Design
-from dsfab.design.directions import _same_guides, _same_sense
+from dsfab.design.directions import _keeps_guides, _keeps_orientation
 from dsfab.design.even_stripes import even_stripes
 from dsfab.design.log import Log
 from dsfab.design.output.archive import read_archive, write_archive
@@ -19,10 +19,10 @@ from dsfab.design.output.fields import design_lines
 from dsfab.design.stripe_pattern import pattern_step, stripe_stresses
 from dsfab.diffusion import symmetry_of
 from dsfab.pattern import Frames, Guidance, Guide, relative_stresses
-from dsfab.preset.file import load_preset, overridden, preset_toml
+from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.inspection import quality_facts, quality_lines
-from dsfab.report.html_pages import Numbers
+from dsfab.report.html_pages import CaptionNumbers
 from dsfab.results import CaseResult, StaticsResult, StressedSurface
 from dsfab.slicing import material_area
 from dsfab.slicing.measures.pattern_quality import pattern_quality
@@ -149,9 +149,9 @@ def test_left_out_a_reach_is_the_smaller_spacing():
 
 def test_where_a_curve_bends_no_side_is_preferred():
     """Points whose nearest is the corner of a right angle see both pieces, which cancel: what is left is the stress."""
-    frames = Frames.of(plate().surface)
+    frames = Frames.for_surface(plate().surface)
     bent = Guide(curve=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0)), reach=1.0)
-    (found,) = Guidance.of(frames, (bent,), 1.0)
+    (found,) = Guidance.from_guides(frames, (bent,), 1.0)
     V = frames.surface.V
     beyond = (V[:, 0] > 1.01) & (V[:, 1] > 1.01)
     assert found.weight[beyond].max() < 1e-9
@@ -250,17 +250,17 @@ def test_what_turns_on_a_surface_turns_in_some_images_only():
     surface = grid(8, 8, 2.0, 2.0)
     for words, same in ((["x"], False), (["z"], True), (["rot:2:x"], False), (["rot:2:z"], True)):
         symmetry = symmetry_of(surface, words)
-        assert _same_sense(surface, symmetry).tolist() == [True, same], words
+        assert _keeps_orientation(surface, symmetry).tolist() == [True, same], words
 
 
 def test_guides_are_compared_with_their_images():
     """Along x through the middle: the same in both mirrors. To one side: in one of them. At 45 degrees: in none."""
     surface = grid(16, 16, 2.0, 2.0)
-    frames = Frames.of(surface)
+    frames = Frames.for_surface(surface)
 
     def same(*guides: Guide) -> list[list[bool]]:
-        asked = Guidance.of(frames, guides, 0.5)
-        return [bool(_same_guides(frames, symmetry_of(surface, [axis]), asked)[1]) for axis in ("x", "y")]
+        asked = Guidance.from_guides(frames, guides, 0.5)
+        return [bool(_keeps_guides(frames, symmetry_of(surface, [axis]), asked)[1]) for axis in ("x", "y")]
 
     def curve(*points: tuple[float, float]) -> Guide:
         return Guide(curve=tuple((x, y, 0.0) for x, y in points))
@@ -285,7 +285,7 @@ def drafted_with(pattern: str) -> Design:
     keys = {f"pattern.{key}": value for key, value in json.loads(pattern).items()}
     before = drafted_with("{}") if keys else None
     known = {name: getattr(before, name) for name in ("surface", "statics", "diffusion") if before}
-    return Design.known(load_preset(DOME_MODES, SMALL | keys), **known).until("pattern")
+    return Design.from_results(load_preset(DOME_MODES, SMALL | keys), **known).until("pattern")
 
 
 def drafted(**more):
@@ -424,11 +424,13 @@ def test_one_family_is_built_drawn_and_measured(ribs):
     assert "crossing" not in found.summary
     told = list(quality_lines(quality_facts(found)))
     assert [line.split()[0] for line in told[1:]] == ["minor"]
-    table = pattern_table(found, Numbers())
+    table = pattern_table(found, CaptionNumbers())
     assert table.head == ("Measure", "Minor members")
     assert {len(row) for row in table.rows} == {2}
     member = float(next(n.text.split()[2] for n in ribs.notes if n.text.startswith("members are"))) / 1e3  # told in mm
-    assert 0.6 * member < metric_value("min_width", Design.of(ribs.preset)) < 1.05 * member  # thinner where they crowd
+    assert (
+        0.6 * member < metric_value("min_width", Design.from_preset(ribs.preset)) < 1.05 * member
+    )  # thinner where they crowd
     assert not ribs.pattern.tidy
 
 
@@ -447,13 +449,13 @@ def test_the_archive_and_the_preset_give_the_same_design_back(ribs, tmp_path):
         assert np.array_equal(back.pattern.even.phases[k].singular, ribs.pattern.even.phases[k].singular)
     lines = [(line.id, line.points.tobytes()) for line in design_lines(ribs)]
     assert [(line.id, line.points.tobytes()) for line in design_lines(back)] == lines
-    other = overridden(ribs.preset, {"pattern.rotate": 21})
+    other = with_overrides(ribs.preset, {"pattern.rotate": 21})
     assert read_archive(tmp_path, other) is None
 
 
 @pytest.mark.slow
 def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
-    wider = dsfab.revise(ribs, overridden(ribs.preset, {"pattern.width.solid_fraction": 0.5}))
+    wider = dsfab.revise(ribs, with_overrides(ribs.preset, {"pattern.width.solid_fraction": 0.5}))
     assert wider.pattern.even is ribs.pattern.even
     assert [n.text for n in wider.notes if "guides break" in n.text]
     guide = ribs.preset.pattern.guide[0]
@@ -463,8 +465,8 @@ def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
         {"pattern.guide": []},
         {"pattern.guide.0.weight": 2 * guide.weight},
     ):
-        preset = overridden(ribs.preset, change)
-        made, fresh = design.draft(preset, old=ribs), design.draft(preset)
+        preset = with_overrides(ribs.preset, change)
+        made, fresh = design.draft(preset, earlier=ribs), design.draft(preset)
         assert made.pattern.even is not ribs.pattern.even
         k = 0 if "pattern.families" in change else 1
         assert not np.array_equal(made.pattern.even.phases[k].value, ribs.pattern.even.phases[k].value)
@@ -552,9 +554,9 @@ def test_auto_leaves_modes_out_where_they_cannot_follow():
 @pytest.mark.slow
 def test_competitors_on_modes_know_nothing_of_guides():
     made = drafted(rotate=45, guide=[{"at": {"pick": "all"}, "direction": [1, 0, 0]}])
-    given = ComparisonTask.of(made, 60.0).on_modes
+    given = ComparisonTask.from_design(made, 60.0).on_modes
     assert (given.pattern.rotate, given.pattern.guide, given.pattern.method) == (0.0, (), "modes")
-    assert overridden(given, {"pattern.width.solid_fraction": 0.3}).pattern.method == "modes"
-    assert [one.says for one in isotropic(ComparisonTask.of(made, 60.0))][:2] == ["modes 1, 1", "modes 1, 2"]
-    ribs = ComparisonTask.of(drafted(families="minor"), 60.0)
+    assert with_overrides(given, {"pattern.width.solid_fraction": 0.3}).pattern.method == "modes"
+    assert [one.says for one in isotropic(ComparisonTask.from_design(made, 60.0))][:2] == ["modes 1, 1", "modes 1, 2"]
+    ribs = ComparisonTask.from_design(drafted(families="minor"), 60.0)
     assert [one.says for one in isotropic(ribs)] == ["modes 1, 1", "modes 1, 2", "modes 1, 3"]

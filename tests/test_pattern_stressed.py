@@ -7,9 +7,9 @@ import pytest
 
 import dsfab
 from dsfab.core.errors import PatternError
-from dsfab.design.mode_search import Stressed
-from dsfab.design.stripe_pattern import _reached
-from dsfab.pattern import evened
+from dsfab.design.mode_search import StressedTrial
+from dsfab.design.stripe_pattern import _layers_with_share
+from dsfab.pattern import evened_grading
 from dsfab.study.comparison import comparison
 from tests.zoo import grid
 
@@ -40,7 +40,7 @@ def test_a_step_widens_by_the_root_of_the_energy_density_and_keeps_its_geometric
     left = plate.centroids[:, :1] < 1
     grading = np.linspace(1, 3, plate.n)[:, None] * [1.0, 0.5]
     material = np.full((plate.m, 2), 0.3) * plate.areas[:, None]
-    new = evened(plate, grading, np.where(left, 4.0, 1.0) * material, material, 0.2) / grading
+    new = evened_grading(plate, grading, np.where(left, 4.0, 1.0) * material, material, 0.2) / grading
     x = plate.V[:, 0]
     assert new[x < 0.7] == pytest.approx(np.sqrt(2), rel=0.01)  # the border's vertices count in the mean too
     assert new[x > 1.3] == pytest.approx(new[0, 0] / 2, rel=1e-9)
@@ -51,17 +51,17 @@ def test_families_are_measured_by_one_scale_and_a_step_at_most_doubles():
     plate = grid(8, 8, 1.0, 1.0)
     material = np.tile(plate.areas[:, None], 2)
     one = np.ones((plate.n, 2))
-    assert evened(plate, one, material * [9.0, 1.0], material, 0.2) == pytest.approx(one * [3**0.5, 3**-0.5])
-    assert evened(plate, one, material * [1e8, 1.0], material, 0.2) == pytest.approx(one * [2.0, 0.5])
+    assert evened_grading(plate, one, material * [9.0, 1.0], material, 0.2) == pytest.approx(one * [3**0.5, 3**-0.5])
+    assert evened_grading(plate, one, material * [1e8, 1.0], material, 0.2) == pytest.approx(one * [2.0, 0.5])
 
 
 def test_an_even_sheet_and_one_without_material_stay_as_they_are():
     plate = grid(8, 8, 1.0, 1.0)
     grading = np.random.default_rng(2).uniform(0.1, 2, (plate.n, 2))
     material = np.tile(plate.areas[:, None] * 0.4, 2)
-    assert evened(plate, grading, 7e-5 * material, material, 0.2) == pytest.approx(grading, rel=1e-12)
+    assert evened_grading(plate, grading, 7e-5 * material, material, 0.2) == pytest.approx(grading, rel=1e-12)
     nothing = np.zeros((plate.m, 2))
-    assert np.array_equal(evened(plate, grading, nothing, nothing, 0.2), grading)
+    assert np.array_equal(evened_grading(plate, grading, nothing, nothing, 0.2), grading)
 
 
 # --- in a design
@@ -106,7 +106,7 @@ def test_bounds_in_metres_hold_and_the_same_preset_gives_the_same_sheet(stressed
 @pytest.mark.parametrize("good", [0, 2])
 def test_a_step_that_carries_nothing_ends_the_search_and_is_told(stressed, monkeypatch, good):
     """After two good steps the better one is taken; after none, the widths of the rule `graded`."""
-    carrying, called = Stressed.carrying, []
+    carrying, called = StressedTrial.carrying, []
 
     def breaks(self, layers):
         called.append(layers)
@@ -114,10 +114,10 @@ def test_a_step_that_carries_nothing_ends_the_search_and_is_told(stressed, monke
             raise PatternError("no piece of material reaches a support")
         return carrying(self, layers)
 
-    monkeypatch.setattr(Stressed, "carrying", breaks)
-    made = dsfab.design.draft(cantilever(rule="stressed", steps=7), old=stressed)
+    monkeypatch.setattr(StressedTrial, "carrying", breaks)
+    made = dsfab.design.draft(cantilever(rule="stressed", steps=7), earlier=stressed)
     assert f"step {good + 1} of the width rule stressed was given up: no piece" in made.notes[-2 - (good > 0)].text
-    graded = dsfab.design.draft(cantilever(rule="graded"), old=stressed)
+    graded = dsfab.design.draft(cantilever(rule="graded"), earlier=stressed)
     off = max(
         np.abs(a - b).max()
         for a, b in zip(made.pattern.half_widths, graded.pattern.half_widths, strict=True)
@@ -143,7 +143,7 @@ def test_widths_that_are_far_from_those_that_close_openings_are_not_taken():
         def layers(at, closing):
             return [SimpleNamespace(at=at, closing=closing, closed=closed)]
 
-        (layer,), factor = _reached(layers, lambda _: 0.0, 2.0, lambda _: next(results))
+        (layer,), factor = _layers_with_share(layers, lambda _: 0.0, 2.0, lambda _: next(results))
         return layer.at, layer.closing, factor
 
     assert reached([0.01, 0.9], True) == (1.8, 2 * 0.97, 1.8)

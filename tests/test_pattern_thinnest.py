@@ -35,14 +35,14 @@ def free():
 
 def test_members_are_no_thinner_than_the_sheet(free):
     assert narrowest(free) < 0.02  # a hairline of a third of the thickness
-    made = draft(load_preset("dome", GRADED), old=free)
+    made = draft(load_preset("dome", GRADED), earlier=free)
     assert narrowest(made) == pytest.approx(made.preset.statics.thickness, rel=1e-9)
     assert made.pattern.half_widths[0] is not None
 
 
 def test_a_width_that_is_said_counts(free):
     for said in (0.03, 0.07):
-        made = draft(load_preset("dome", {**GRADED, "pattern.width.min_width": said}), old=free)
+        made = draft(load_preset("dome", {**GRADED, "pattern.width.min_width": said}), earlier=free)
         assert narrowest(made) == pytest.approx(said, rel=1e-9)
 
 

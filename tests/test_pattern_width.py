@@ -13,7 +13,7 @@ import dsfab
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.messages import length
 from dsfab.design import draft
-from dsfab.design.kept_material import corrected
+from dsfab.design.kept_material import corrected_pattern
 from dsfab.pattern import (
     CornerPhase,
     EvenFamily,
@@ -27,7 +27,7 @@ from dsfab.pattern import (
     vertex_means,
     wave,
 )
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Width
 from dsfab.slicing import cut
 from tests.designs import sliced
@@ -100,7 +100,7 @@ def test_members_on_a_plate_have_the_asked_width(angle, member):
     """z = f (x cos + y sin): lines 1/f apart; every boundary of material inside lies member / 2 from one of them."""
     plate, f = jittered(grid(9, 6, 2.0, 1.0)), 5.3
     along = np.array([np.cos(angle), np.sin(angle), 0])
-    family = ModeFamily.on(plate, "major", Stripes(f, 0.31), plate.V @ along)
+    family = ModeFamily.from_mode(plate, "major", Stripes(f, 0.31), plate.V @ along)
     sheet = sheet_of(plate, family.layers(Widths("constant", member=member))[0])
     kept = sheet.kept().surface
     border = kept.V[kept.edges.ends[kept.edges.boundary]]
@@ -117,7 +117,7 @@ def test_members_on_a_plate_have_the_asked_width(angle, member):
 def test_members_keep_their_width_where_the_mode_flattens():
     """x = cos(pi s / 2) on 0 < s < 2: plain members swell towards s = 0 and 2, constant ones do not."""
     plate = grid(400, 2, 2.0, 0.02)
-    family = ModeFamily.on(plate, "major", Stripes(6.0, 0.5), np.cos(np.pi * plate.V[:, 0] / 2))
+    family = ModeFamily.from_mode(plate, "major", Stripes(6.0, 0.5), np.cos(np.pi * plate.V[:, 0] / 2))
 
     def widths(rule):
         kept = sheet_of(plate, family.layers(rule)[0]).kept().surface
@@ -139,7 +139,7 @@ def test_graded_share_is_proportional_to_the_stress():
     plate = grid(40, 4, 2.0, 1.0)
     stress = 1 + 3 * plate.V[:, 0]
     for q in (0.5, 1.0, 2.0):
-        family = ModeFamily.on(plate, "major", Stripes(20.0, 0.1, 0.5), plate.V[:, 1], stress)
+        family = ModeFamily.from_mode(plate, "major", Stripes(20.0, 0.1, 0.5), plate.V[:, 1], stress)
         widths = Widths("graded", q=q)
         factor = mean_duty_factor(plate, [family], widths)
         sheet = sheet_of(plate, family.layers(widths, factor)[0])
@@ -155,7 +155,7 @@ def test_families_share_the_material_as_their_stresses_and_thresholds_ask():
     plate = grid(4, 4, 1.0, 1.0)
     stress = relative_stresses(plate, np.tile([-3.0, 1.0], (plate.m, 1)))
     assert stress == pytest.approx(np.tile([1.5, 0.5], (plate.n, 1)))
-    one, two = (ModeFamily.on(plate, "a", Stripes(5.0, 0.0, 0.6), plate.V[:, 0], s) for s in stress.T)
+    one, two = (ModeFamily.from_mode(plate, "a", Stripes(5.0, 0.0, 0.6), plate.V[:, 0], s) for s in stress.T)
     factor = mean_duty_factor(plate, [one, two], Widths("graded"))
     d = [2 * family.half_widths(Widths("graded"), factor) for family in (one, two)]
     assert d[0] == pytest.approx(np.full(plate.n, 0.3))  # mean duty (1 - 0.6) / 2, at the ratio 3 : 1
@@ -172,7 +172,7 @@ def test_stress_that_is_nowhere_cannot_be_followed():
         relative_stresses(plate, np.zeros((plate.m, 2)))
     corner = np.zeros(plate.n)
     corner[0] = 1
-    family = ModeFamily.on(plate, "major", Stripes(5.0), plate.V[:, 0], corner)
+    family = ModeFamily.from_mode(plate, "major", Stripes(5.0), plate.V[:, 0], corner)
     with pytest.raises(PatternError, match=r"cannot keep 50\.0% .*at most 3\.\d%"):
         mean_duty_factor(plate, [family], Widths("graded"))
 
@@ -192,7 +192,7 @@ def test_widths_in_metres_stay_within_their_bounds_and_grow_with_the_factor(name
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size + 0.1 * np.sin(9 * surface.V[:, 1] / surface.size)
     stress = np.random.default_rng(3).exponential(size=surface.n)
-    family = ModeFamily.on(surface, "major", Stripes(7.0, 0.2, 0.1), x, stress)
+    family = ModeFamily.from_mode(surface, "major", Stripes(7.0, 0.2, 0.1), x, stress)
     size = surface.size
     widths = Widths(rule, member=0.03 * size, min_width=low * size, max_width=(low + span) * size)
     less, more = (family.half_widths(widths, f) for f in sorted(factors))
@@ -208,7 +208,7 @@ def test_gaps_are_filled_where_they_are_narrower_than_asked():
     """Stress s from 0 to 2 along stripes 0.1 apart, d = s / 4 periods: the gap 0.1 (1 - s / 2) is filled under 0.03."""
     plate = grid(100, 20, 2.0, 1.0)
     s = plate.V[:, 0]
-    family = ModeFamily.on(plate, "major", Stripes(10.0, 0.03, 0.0), plate.V[:, 1], s)
+    family = ModeFamily.from_mode(plate, "major", Stripes(10.0, 0.03, 0.0), plate.V[:, 1], s)
     widths = Widths("graded", min_gap=0.03)
     d = family.half_widths(widths)
     assert (d[s > 1.401] == 0.5).all()
@@ -222,7 +222,7 @@ def test_gaps_are_filled_where_they_are_narrower_than_asked():
 def test_plain_widths_without_bounds_are_the_thresholds(name):
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size
-    family = ModeFamily.on(surface, "major", Stripes(7.0, 0.2, 0.35), x)
+    family = ModeFamily.from_mode(surface, "major", Stripes(7.0, 0.2, 0.35), x)
     layer = family.layers(Widths())[0]
     assert np.array_equal(layer.field, x)
     assert np.array_equal(layer.levels, Stripes(7.0, 0.2, 0.35).levels(x))
@@ -235,10 +235,10 @@ def test_plain_widths_without_bounds_are_the_thresholds(name):
 
 def test_stripes_are_widened_until_they_touch():
     stripes = Stripes(3.0, 0.1, 0.6)
-    assert stripes.widened(1) is stripes
-    assert stripes.widened(2.0).threshold == pytest.approx(0.2)
-    assert stripes.widened(99).threshold == -1
-    assert stripes.widened(0).threshold == 1
+    assert stripes.with_width_factor(1) is stripes
+    assert stripes.with_width_factor(2.0).threshold == pytest.approx(0.2)
+    assert stripes.with_width_factor(99).threshold == -1
+    assert stripes.with_width_factor(0).threshold == 1
 
 
 @pytest.mark.parametrize(
@@ -290,7 +290,7 @@ def test_the_factor_for_a_share_is_found_in_few_steps(share, wanted):
 def test_near_a_guess_it_is_found_in_fewer(share, off, slope):
     """The share is wanted that a factor near 1 gives; the slope is a rough one."""
     asked = []
-    factor = solved_factor(lambda f: asked.append(f) or share(f), share(off), 4e-4, slope, near=True)
+    factor = solved_factor(lambda f: asked.append(f) or share(f), share(off), 4e-4, slope, near_one=True)
     assert share(factor) == pytest.approx(share(off), abs=4e-4)
     assert len(asked) <= (1 if off == 1 else 6)
 
@@ -347,7 +347,7 @@ def test_the_nearest_share_is_delivered_with_a_note(wanted, nearest):
     """Once 32.49 % was delivered for 32.1: the first that was allowed."""
     preset = dsfab.load_preset("cantilever", JUMPING)
     assert preset.pattern.width.solid_fraction_tolerance == 0.005
-    design = draft(overridden(preset, {"pattern.width.solid_fraction": wanted}))
+    design = draft(with_overrides(preset, {"pattern.width.solid_fraction": wanted}))
     share = design.sheet.surface.area / design.surface.area
     assert share == pytest.approx(nearest, abs=1e-4)
     assert [note.text for note in design.notes if f"{nearest:.2%} is the nearest: the share jumps there" in note.text]
@@ -358,14 +358,14 @@ def test_a_share_past_a_jump_is_refused_where_no_more_is_allowed():
     with pytest.raises(
         PatternError, match=r"jumps past 31\.1% of the surface \(nearest: 30\.94%\).*allow more with .*_tolerance"
     ):
-        _ = draft(overridden(preset, {"pattern.width.solid_fraction_tolerance": 0.001})).pattern
+        _ = draft(with_overrides(preset, {"pattern.width.solid_fraction_tolerance": 0.001})).pattern
 
 
 def test_a_small_jump_is_told_too():
     """31.9 % is wanted, and 31.87 % is there: less than the share may miss anyway is not told, more is."""
     preset = dsfab.load_preset("cantilever", JUMPING)
     for wanted, told in ((0.3190, False), (0.3240, True)):
-        notes = draft(overridden(preset, {"pattern.width.solid_fraction": wanted})).notes
+        notes = draft(with_overrides(preset, {"pattern.width.solid_fraction": wanted})).notes
         assert any("is the nearest" in note.text for note in notes) == told
 
 
@@ -539,7 +539,7 @@ def test_evenly_spaced_members_leave_no_slit_where_the_stress_is_large(rule):
 @pytest.mark.slow
 def test_round_corners_and_filled_specks_are_in_the_share():
     """The fillets of the dome alone are .17 % of its surface."""
-    design = dsfab.Design.of(dsfab.load_preset("dome", {"surface.edge": 0.5}))
+    design = dsfab.Design.from_preset(dsfab.load_preset("dome", {"surface.edge": 0.5}))
     assert design.preset.pattern.fillet > 0
     assert design.sheet.surface.area / design.surface.area == pytest.approx(0.4, abs=1e-3)
 
@@ -575,7 +575,7 @@ def test_bridges_are_in_the_share_too():
         asked.append(aims[-1])
         return 0.1 * (0.5 - aims[-1])
 
-    _, total = corrected(Width(solid_fraction=0.4), made, lambda x: x, lambda _: 0.02, bridged)
+    _, total = corrected_pattern(Width(solid_fraction=0.4), made, lambda x: x, lambda _: 0.02, bridged)
     assert aims[-1] + 0.02 + 0.1 * (0.5 - aims[-1]) == pytest.approx(0.4, abs=4e-4)
     assert total == 0.4
     assert len(asked) < len(aims)  # not before the rest is known
@@ -596,7 +596,7 @@ def test_a_bridge_that_comes_and_goes_is_not_sought_for_longer_than_the_nearer_s
         return 0.012 if aims[-1] > 0.4015 else 0.0
 
     width = Width(solid_fraction=0.41, solid_fraction_tolerance=0.005)
-    best, total = corrected(width, made, lambda x: x, lambda _: 0.006, bridged)
+    best, total = corrected_pattern(width, made, lambda x: x, lambda _: 0.006, bridged)
     assert len(aims) <= 6
     assert np.diff(sorted(aims)).min() > 4e-4  # none twice
     assert total == pytest.approx(best.aim + 0.006)  # the side without it is the nearer one

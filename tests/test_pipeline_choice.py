@@ -12,8 +12,8 @@ from dsfab.design import mode_search as choosing
 from dsfab.design.mode_search import Trial
 from dsfab.design.sheet_loads import sheet_load
 from dsfab.pattern import Layer, ModeFamily, Stripes, Widths, face_points, material_points
-from dsfab.preset.file import load_preset, overridden, preset_toml
-from dsfab.report.design.facts import choice_facts, choice_lines, facts
+from dsfab.preset.file import load_preset, preset_toml, with_overrides
+from dsfab.report.design.facts import choice_facts, choice_lines, design_facts
 from dsfab.results import Candidate
 from dsfab.slicing import material_area
 from dsfab.statics import Elements, SheetModel, solve_statics
@@ -48,8 +48,8 @@ def test_counted_material_is_near_what_is_cut(name):
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size + 0.1 * np.sin(9 * surface.V[:, 1] / surface.size)
     stress = 1 + np.abs(surface.V[:, 2]) / surface.size
-    plain = ModeFamily.on(surface, "major", Stripes(5.0, 0.2, 0.3), x).layers(Widths())[0]
-    graded = ModeFamily.on(surface, "minor", Stripes(6.0, 0.1, 0.1), surface.V[:, 1] / surface.size, stress)
+    plain = ModeFamily.from_mode(surface, "major", Stripes(5.0, 0.2, 0.3), x).layers(Widths())[0]
+    graded = ModeFamily.from_mode(surface, "minor", Stripes(6.0, 0.1, 0.1), surface.V[:, 1] / surface.size, stress)
     layers = [plain, graded.layers(Widths("graded"))[0]]
     rim = Layer("rim", -x, np.array([0.0]), stress)
     for some in ([rim], layers[:1], layers[1:], [rim, *layers]):
@@ -66,7 +66,7 @@ def test_the_best_of_the_candidates_is_drawn_and_its_compliance_is_that_of_its_c
     best = found[0]
     assert len(found) >= 16
     assert (chosen.pattern.mode, chosen.pattern.phase) == (best.mode, best.phase)
-    soft = [c.compliance * c.kept for c in found if not c.refused and c.whole >= choosing.WHOLE]
+    soft = [c.compliance * c.kept for c in found if not c.refused and c.whole >= choosing.CONNECTED_SHARE]
     assert soft[0] <= min(soft) * 1.01
     assert max(soft) > 1.5 * soft[0]  # phases matter
     statics = chosen.preset.statics
@@ -91,19 +91,19 @@ def test_what_was_chosen_builds_the_same_design_without_a_search(chosen, tmp_pat
     for one, other in zip(again.pattern.fields, chosen.pattern.fields, strict=True):
         assert getattr(one, "x", one) == pytest.approx(getattr(other, "x", other), abs=1e-9)
     plain = dsfab.run(load_preset("cantilever", COARSE))
-    assert plain.settled is plain.preset
+    assert plain.resolved_preset is plain.preset
 
 
 def test_a_revision_searches_again_only_when_the_pattern_or_what_comes_before_it_changes(chosen, monkeypatch):
     tried = []
     monkeypatch.setattr(Trial, "candidate", lambda self, mode, phase: tried.append(mode) or Candidate(mode, phase, 1.0))
-    later = dsfab.revise(chosen, overridden(chosen.preset, {"slicing.snap": 0.1, "export.formats": ["stl"]}))
+    later = dsfab.revise(chosen, with_overrides(chosen.preset, {"slicing.snap": 0.1, "export.formats": ["stl"]}))
     assert later.pattern is chosen.pattern
     assert not tried
-    fixed = dsfab.revise(chosen, overridden(chosen.settled, {"pattern.keep": 0.05}))
+    fixed = dsfab.revise(chosen, with_overrides(chosen.settled, {"pattern.keep": 0.05}))
     assert fixed.pattern.choice is None
     assert not tried
-    other = draft(overridden(chosen.preset, {"pattern.keep": 0.05}), old=chosen)
+    other = draft(with_overrides(chosen.preset, {"pattern.keep": 0.05}), earlier=chosen)
     assert other.pattern.choice
     assert tried
     assert other.diffusion is chosen.diffusion
@@ -124,7 +124,7 @@ def test_all_sixteen_pairs_of_modes_are_tried_and_only_what_is_auto_varies(monke
     assert made.pattern.mode == (3, 1)
     assert made.pattern.phase[0] == pytest.approx(0.6, abs=0.05)
     del tried[:]
-    draft(load_preset("cantilever", {**COARSE, "diffusion.modes": 2, "pattern.minor.mode": "auto"}), old=made)
+    draft(load_preset("cantilever", {**COARSE, "diffusion.modes": 2, "pattern.minor.mode": "auto"}), earlier=made)
     assert sorted(tried) == [((1, 1), (0.3, 0.3)), ((1, 2), (0.3, 0.3))]
 
 
@@ -162,13 +162,13 @@ def test_candidates_that_lose_their_load_are_refused_and_so_is_the_search_when_a
     assert all("stands on a piece that reaches no support" in candidate.refused for candidate in refused)
     assert "refused" in choice_lines(found)[0]
     assert json.dumps(choice_facts(found)).count("refused") == len(refused)
-    lost = overridden(preset, {"pattern.major.threshold": 0.95, "pattern.minor.threshold": 0.95})
+    lost = with_overrides(preset, {"pattern.major.threshold": 0.95, "pattern.minor.threshold": 0.95})
     with pytest.raises(PatternError, match=r"none of 8 modes and phases carries the loads; .* reaches no support; set"):
         draft(lost)
 
 
 def test_a_search_is_shown_and_stored(chosen):
-    told = facts(chosen, dict(chosen.seconds), [], [])
+    told = design_facts(chosen, dict(chosen.seconds), [], [])
     found = chosen.pattern.choice.candidates
     assert json.loads(json.dumps(told))["preset"]["pattern"]["major"]["phase"] == found[0].phase[0]
     assert [c["phases"] for c in told["candidates"]] == [c.phase for c in found]
@@ -179,7 +179,7 @@ def test_a_search_is_shown_and_stored(chosen):
     assert chosen.seconds["choice"] > 0
     assert any(f"of {len(found)} tried" in note.text for note in chosen.notes)
     assert choice_lines(None) == []
-    assert "candidates" not in facts(dsfab.run(load_preset("cantilever", COARSE)), {}, [], [])
+    assert "candidates" not in design_facts(dsfab.run(load_preset("cantilever", COARSE)), {}, [], [])
 
 
 @pytest.mark.parametrize(

@@ -7,15 +7,15 @@ from typing import Any
 import pytest
 
 import dsfab
-from dsfab.app.carrier import carried
+from dsfab.app.carrier import pickled
 from dsfab.app.cli import main
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.design import Design, draft
 from dsfab.design.output.archive import read_archive, write_archive
 from dsfab.export import last_line
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.report.design import save
-from dsfab.report.design.save import said_once
+from dsfab.report.design.save import merged_notes
 from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 1.2, "pattern.keep": 0.6, "export.formats": ["stl", "3mf"]}
@@ -36,7 +36,7 @@ def made(design: Design) -> list[str]:
 
 
 def test_nothing_is_made_before_it_is_asked_for() -> None:
-    design = Design.of(load_preset(DOME_MODES, SMALL))
+    design = Design.from_preset(load_preset(DOME_MODES, SMALL))
     assert made(design) == []
     surface = design.surface
     assert made(design) == ["surface"]
@@ -68,7 +68,7 @@ def test_a_draft_is_a_design_whose_cut_is_still_to_be_made(whole: Design) -> Non
 )
 def test_a_revision_shares_the_stages_before_the_first_change(whole: Design, changes: dict, shared: int) -> None:
     names = ("surface", "statics", "diffusion", "pattern", "slicing", "solid")
-    new = Design.of(overridden(whole.preset, changes), whole)
+    new = Design.from_preset(with_overrides(whole.preset, changes), whole)
     assert [name for name in names if name in vars(new)] == list(names[:shared])
     assert all(vars(new)[name] is getattr(whole, name) for name in names[:shared])
     assert set(new.seconds) <= set(whole.seconds)
@@ -78,11 +78,17 @@ def test_a_revision_shares_the_stages_before_the_first_change(whole: Design, cha
 def test_what_was_worked_out_once_goes_with_the_stage_it_hangs_on(whole: Design) -> None:
     calls: list[str] = []
     for _ in range(2):
-        assert whole.once("slicing", "answer", lambda: calls.append("made") or 42) == 42
+        assert whole.cached_result("slicing", "answer", lambda: calls.append("made") or 42) == 42
     assert calls == ["made"]
     later, earlier = ({"export.step_faces": 9}, {"pattern.major.phase": 0.3})
-    assert Design.of(overridden(whole.preset, later), whole).once("slicing", "answer", lambda: 1) == 42
-    assert Design.of(overridden(whole.preset, earlier), whole).once("slicing", "answer", lambda: 1) == 1
+    assert (
+        Design.from_preset(with_overrides(whole.preset, later), whole).cached_result("slicing", "answer", lambda: 1)
+        == 42
+    )
+    assert (
+        Design.from_preset(with_overrides(whole.preset, earlier), whole).cached_result("slicing", "answer", lambda: 1)
+        == 1
+    )
 
 
 def test_the_refusal_is_that_of_the_stage_and_the_stages_before_it_stay() -> None:
@@ -92,7 +98,7 @@ def test_the_refusal_is_that_of_the_stage_and_the_stages_before_it_stay() -> Non
         "pattern.major.threshold": 1.0,
         "pattern.minor.threshold": 1.0,
     }
-    design = Design.of(load_preset(DOME_MODES, SMALL | empty))
+    design = Design.from_preset(load_preset(DOME_MODES, SMALL | empty))
     for _ in range(2):
         with pytest.raises(PatternError, match="leaves no material"):
             design.until("thickening")
@@ -101,9 +107,9 @@ def test_the_refusal_is_that_of_the_stage_and_the_stages_before_it_stay() -> Non
 
 def test_it_goes_to_another_process_without_who_is_told_of_it(whole: Design) -> None:
     told: list[str] = []
-    design = Design.of(whole.preset, None, lambda stage, doing: told.append(stage)).until("pattern")
+    design = Design.from_preset(whole.preset, None, lambda stage, doing: told.append(stage)).until("pattern")
     assert told
-    there = pickle.loads(carried(design))
+    there = pickle.loads(pickled(design))
     assert made(there) == made(design)
     count = len(told)
     assert there.sheet.surface.area == whole.sheet.surface.area
@@ -112,7 +118,7 @@ def test_it_goes_to_another_process_without_who_is_told_of_it(whole: Design) -> 
 
 def test_a_folder_reads_back_as_a_design(whole: Design, tmp_path: Path) -> None:
     write_archive(whole, tmp_path)
-    back = read_archive(tmp_path, whole.settled)
+    back = read_archive(tmp_path, whole.resolved_preset)
     assert isinstance(back, Design)
     assert back.mass == pytest.approx(whole.mass)
     assert (back.sheet.surface.V == whole.sheet.surface.V).all()
@@ -163,7 +169,7 @@ def test_other_files_are_written_while_a_program_judges_a_step_file(
         return one(thing, path, **how)
 
     monkeypatch.setattr(save, "write", judged)
-    design = dsfab.revise(whole, overridden(whole.preset, {"export.formats": ["stl", "step", "3mf"]}))
+    design = dsfab.revise(whole, with_overrides(whole.preset, {"export.formats": ["stl", "step", "3mf"]}))
     saved = save.save(design, tmp_path / "out", lambda stage, text: told.append(text) or False, picture=False)
     name = whole.preset.name
     assert told[-5:] == [
@@ -180,17 +186,17 @@ def test_it_says_what_it_is_in_five_lines(whole: Design) -> None:
     assert len(lines) == 5
     assert lines[0].startswith(f"Design {whole.preset.name}")
     assert f"{whole.solid.volume:.4g} m3" in lines[4]
-    assert "made when it is asked for" in repr(Design.of(whole.preset))
+    assert "made when it is asked for" in repr(Design.from_preset(whole.preset))
     assert max(map(len, lines)) < 160
 
 
 def test_an_unknown_stage_and_a_wrong_key_are_refused(whole: Design) -> None:
     with pytest.raises(PresetError):
-        overridden(whole.preset, {"pattern.nothing": 1})
+        with_overrides(whole.preset, {"pattern.nothing": 1})
     with pytest.raises(ValueError, match="not in"):
         whole.until("cooking")
 
 
 def test_what_several_files_say_alike_is_said_once() -> None:
     notes = {"saf.xlsx": ["beams are soft"], "stl": [], "tcl": ["beams are soft", "more"], "step": ["by members"]}
-    assert said_once(notes) == ["saf.xlsx, tcl: beams are soft", "more", "by members"]
+    assert merged_notes(notes) == ["saf.xlsx, tcl: beams are soft", "more", "by members"]

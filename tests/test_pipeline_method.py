@@ -7,8 +7,8 @@ import pytest
 
 import dsfab
 from dsfab.design import Log, method_search
-from dsfab.design.method_search import CLOSE
-from dsfab.design.mode_search import Stressed
+from dsfab.design.method_search import NEAR_BEST
+from dsfab.design.mode_search import StressedTrial
 from dsfab.report.design.facts import attempt_facts, attempt_lines
 from dsfab.results import Attempt
 from dsfab.study.baselines import ComparisonTask, Structure
@@ -44,7 +44,7 @@ def test_all_are_told_and_the_best_is_taken(chosen):
     assert all(f"{one.name} {one.over_uncut:.3g} x" in note for one in tried if not one.refused)
     found = [one.rank for one in tried]
     assert [rank[:-1] for rank in found] == [rank[:-1] for rank in sorted(found)]
-    close = [rank for rank in found if rank[:-1] == found[0][:-1] and rank[-1] <= (1 + CLOSE) * min(found)[-1]]
+    close = [rank for rank in found if rank[:-1] == found[0][:-1] and rank[-1] <= (1 + NEAR_BEST) * min(found)[-1]]
     assert found[0] in close  # these are put in order by better elements
     assert found[len(close) :] == sorted(found)[len(close) :]
     width = chosen.settled.pattern.width
@@ -99,10 +99,10 @@ def spaced(found, asked, monkeypatch, crowded=True):
     """Presets of the ways at other distances, by name, none of which is drawn."""
     even = SimpleNamespace(wanted=((np.ones(1),), ()) if crowded else ((), ()))
     monkeypatch.setattr(method_search, "even_stripes", lambda *_: even)
-    monkeypatch.setattr(method_search, "_tried", lambda way, _given, _log: way)
-    best = method_search.Way(asked, Attempt(found, 1.0, 1.0, 0.5), None, even)
-    given = dsfab.design.Design.of(asked).stressed
-    return {way.attempt.name: way.preset for way in method_search.spaced_ways(asked, [best], given, Log(None))}
+    monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)
+    best = method_search.MethodCandidate(asked, Attempt(found, 1.0, 1.0, 0.5), None, even)
+    given = dsfab.design.Design.from_preset(asked).analysis
+    return {way.attempt.name: way.preset for way in method_search.respaced_candidates(asked, [best], given, Log(None))}
 
 
 def test_distances_that_nobody_asked_for_are_tried_closer_and_wider(monkeypatch):
@@ -149,7 +149,7 @@ def test_the_settled_preset_makes_the_same_sheet(chosen):
     again = dsfab.run(asked)
     assert np.array_equal(again.sheet.surface.V, chosen.sheet.surface.V)
     assert np.array_equal(again.sheet.surface.F, chosen.sheet.surface.F)
-    assert again.settled is again.preset
+    assert again.resolved_preset is again.preset
     assert again.pattern.attempts == ()
 
 
@@ -158,8 +158,10 @@ def test_a_preset_on_modes_can_be_opened_again_whatever_forces_were_asked_for(mo
     asked = dsfab.load_preset(
         "cantilever", {"surface.edge": 0.2, "pattern.method": "auto", "pattern.forces": "optimal"}
     )
-    monkeypatch.setattr(method_search, "_tried", lambda way, _given, _log: way)
-    (way, *_) = method_search.first_ways(asked, dsfab.design.Design.of(asked).stressed, Log(None), "modes", halve=True)
+    monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)
+    (way, *_) = method_search.method_candidates(
+        asked, dsfab.design.Design.from_preset(asked).analysis, Log(None), "modes", halve=True
+    )
     assert dsfab.Preset(**way.preset.model_dump()).pattern.method == "modes"
 
 
@@ -204,7 +206,7 @@ def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation():
     share = 0.5
     made = dsfab.design.draft(coarse_shape("bracket", share, 0.055))
     own = against_simp.structure(made)
-    task = ComparisonTask.of(made, own.sheet.surface.area)
+    task = ComparisonTask.from_design(made, own.sheet.surface.area)
     most = against_simp.ASKED[share] * quick(task, against_simp.simp(task)).compliance
     assert quick(task, own).compliance < most
     assert own.sheet.surface.area / made.surface.area == pytest.approx(share, abs=6e-3)
@@ -222,7 +224,7 @@ def test_a_plate_with_a_hole_and_a_wall_over_an_arch_come_near_to_topology_optim
     }
     made = dsfab.design.draft(coarse_shape(name, share, edge, **quicker))
     own = against_simp.structure(made)
-    task = ComparisonTask.of(made, own.sheet.surface.area)
+    task = ComparisonTask.from_design(made, own.sheet.surface.area)
     other = quick(task, against_simp.simp(task)).compliance
     assert quick(task, own).compliance < against_simp.ASKED[share] * other
     assert other < 1.3 * against_simp.least(task) * quick(task, Structure.uncut(made.surface, own.thickness)).compliance
@@ -242,7 +244,7 @@ def test_half_a_sphere_is_as_stiff_as_topology_optimisation_begun_at_ribs():
     )
     made = dsfab.design.draft(asked)
     own = against_simp.structure(made)
-    task = ComparisonTask.of(made, own.sheet.surface.area)
+    task = ComparisonTask.from_design(made, own.sheet.surface.area)
     other = against_simp.over_uncut(*against_simp.ribbed(task))
     assert other < against_simp.POOR * against_simp.least(task)
     assert against_simp.over_uncut(task, own) < other
@@ -264,7 +266,7 @@ def test_of_modes_the_pair_that_evening_makes_the_stiffest_is_taken():
 
 def evened(made, one):
     """What modes and phases are worth after eight steps."""
-    trial = Stressed(made.preset.settled(one.mode, one.phase), made.stressed)
+    trial = StressedTrial(made.preset.settled(one.mode, one.phase), made.stressed)
     worth, grading = [], trial.start
     for _ in range(8):
         step = trial.step(grading)

@@ -9,7 +9,7 @@ import dsfab
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.design import Design
 from dsfab.design.even_stripes import even_stripes, optimal_statics, same_stripes
-from dsfab.design.output.archive import even_arrays, even_of
+from dsfab.design.output.archive import even_arrays, even_stripes_from
 from dsfab.design.stripe_pattern import stripe_stresses
 from dsfab.statics import Material, SheetModel, varying_thickness
 from dsfab.surface import LoadCase, Surface
@@ -74,7 +74,7 @@ def asked():
 
 
 def test_stripes_and_their_widths_follow_these_forces(asked):
-    made = Design.of(asked)
+    made = Design.from_preset(asked)
     surface, uncut = made.surface, even_stripes(asked.with_pattern(forces="uncut"), made.surface, made.statics)
     best = even_stripes(asked, surface, made.statics)
     assert uncut.forces is None
@@ -83,7 +83,7 @@ def test_stripes_and_their_widths_follow_these_forces(asked):
     sizes, plain = (stripe_stresses(surface, made.diffusion, even) for even in (best, uncut))
     corner = np.linalg.norm(surface.V[:, :2] - [1.0, 0.5], axis=1) < 0.2  # beyond the load nothing is carried
     assert sizes[corner].max() < 0.3 * plain[corner].max()
-    again = even_of(surface, even_arrays(best))
+    again = even_stripes_from(surface, even_arrays(best))
     assert again is not None
     assert np.array_equal(again.forces, best.forces)
 
@@ -111,7 +111,7 @@ def test_what_cannot_be_is_refused(changes, says):
 
 def test_where_bending_is_followed_it_is_refused():
     keys = {"surface.edge": 1.0, "pattern.forces": "optimal", "statics.stress": "layers"}
-    made = Design.of(dsfab.load_preset("slab", keys))
+    made = Design.from_preset(dsfab.load_preset("slab", keys))
     statics = made.statics
     with pytest.raises(PatternError, match=r'the pattern follows bending here: set pattern\.forces = "uncut"'):
         optimal_statics(made.preset, made.surface, statics)

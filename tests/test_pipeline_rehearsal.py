@@ -22,7 +22,7 @@ def dome() -> dsfab.Preset:
 
 def drawn(preset: dsfab.Preset) -> Design:
     """A design up to its pattern, whose rehearsal is at hand."""
-    return Design.of(preset).until("pattern")
+    return Design.from_preset(preset).until("pattern")
 
 
 def counting(monkeypatch, module, name: str) -> list[str]:
@@ -49,7 +49,7 @@ def assert_same(one: Design, other: Design) -> None:
 @pytest.mark.slow
 def test_the_sheet_is_the_same_without_a_rehearsal(dome):
     rehearsed, plain = drawn(dome), drawn(dome)
-    assert finishing._REHEARSALS.pop(plain.surface)
+    assert finishing._TRIAL_CUTS.pop(plain.surface)
     assert_same(rehearsed, plain)
 
 
@@ -61,7 +61,7 @@ def test_nothing_is_cut_or_rounded_again(dome, monkeypatch):
     )
     assert design.slicing.sheet.surface.m
     assert cuts == rounded == []
-    assert design.surface not in finishing._REHEARSALS
+    assert design.surface not in finishing._TRIAL_CUTS
 
 
 @pytest.mark.slow
@@ -71,7 +71,7 @@ def test_nothing_is_cut_or_rounded_again(dome, monkeypatch):
 def test_other_terms_are_cut_anew(dome, change, monkeypatch):
     other = dsfab.load_preset("dome", COARSE | change)
     rehearsed, plain = drawn(other), drawn(other)
-    del finishing._REHEARSALS[plain.surface]
+    del finishing._TRIAL_CUTS[plain.surface]
     cuts = counting(monkeypatch, slicing_and_thickening, "cut")
     assert_same(rehearsed, plain)
     assert cuts == ["cut", "cut"]
@@ -79,11 +79,11 @@ def test_other_terms_are_cut_anew(dome, change, monkeypatch):
 
 def test_another_pattern_on_the_same_surface_is_cut_anew(dome):
     design = drawn(dome)
-    rehearsal = finishing._REHEARSALS[design.surface]
-    assert rehearsal.serves(replace(design.pattern, factor=2.0), rehearsal.terms)
-    assert not rehearsal.serves(replace(design.pattern, levels=design.pattern.levels[:1]), rehearsal.terms)
-    assert not rehearsal.serves(replace(design.pattern, tidy=None), rehearsal.terms)
-    assert not rehearsal.serves(replace(design.pattern, fields=design.pattern.fields[:1]), rehearsal.terms)
+    rehearsal = finishing._TRIAL_CUTS[design.surface]
+    assert rehearsal.matches(replace(design.pattern, factor=2.0), rehearsal.terms)
+    assert not rehearsal.matches(replace(design.pattern, levels=design.pattern.levels[:1]), rehearsal.terms)
+    assert not rehearsal.matches(replace(design.pattern, tidy=None), rehearsal.terms)
+    assert not rehearsal.matches(replace(design.pattern, fields=design.pattern.fields[:1]), rehearsal.terms)
 
 
 def test_a_rehearsal_lets_its_surface_go(dome):
@@ -91,7 +91,7 @@ def test_a_rehearsal_lets_its_surface_go(dome):
     design = drawn(dome)
     assert any(isinstance(field, DividedField) for field in design.pattern.fields)
     surface = weakref.ref(design.surface)
-    assert surface() in finishing._REHEARSALS
+    assert surface() in finishing._TRIAL_CUTS
     del design
     gc.collect()
     assert surface() is None

@@ -8,7 +8,7 @@ from dsfab.core.errors import PatternError
 from dsfab.design import Design, Log, method_search, pattern_stage
 from dsfab.design.directions import followed_stress
 from dsfab.design.even_stripes import even_stripes, same_stripes
-from dsfab.design.pattern_stage import drawn_share, turned, weighed_statics
+from dsfab.design.pattern_stage import direction_change, drawn_share, statics_with_weight_share
 from dsfab.surface import Surface
 from tests.benchmarks.weight_rounds import compliance, plain
 
@@ -18,12 +18,12 @@ COARSE = {"surface.edge": 1.2, "pattern.minor.spacing": 1.6, "pattern.fillet": 0
 @pytest.fixture(scope="module")
 def vault() -> Design:
     """Coarse; weight is a quarter of what it carries."""
-    return Design.of(plain("barrel_vault", **COARSE))
+    return Design.from_preset(plain("barrel_vault", **COARSE))
 
 
 def under(design: Design, share: np.ndarray) -> np.ndarray:
     """(m, 3, 3) Pa, what its pattern follows where faces weigh these shares of what they do."""
-    lighter = weighed_statics(design.preset, design.surface, design.statics, share)
+    lighter = statics_with_weight_share(design.preset, design.surface, design.statics, share)
     return followed_stress(design.preset, design.surface, lighter)
 
 
@@ -33,9 +33,9 @@ def test_directions_that_are_turned_by_an_angle_are_that_far_apart():
     c, s = np.cos(np.radians(12)), np.sin(np.radians(12))
     R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
     after = np.stack([R @ before[0] @ R.T, before[1]])
-    assert turned(surface, before, after) == pytest.approx((6.0, 12.0))
+    assert direction_change(surface, before, after) == pytest.approx((6.0, 12.0))
     alike = np.broadcast_to(np.diag([2.0, 2.0, 0.0]), (2, 3, 3))
-    assert turned(surface, alike, after) == (0.0, 0.0)  # no direction is clear before
+    assert direction_change(surface, alike, after) == (0.0, 0.0)  # no direction is clear before
 
 
 def test_stress_is_linear_in_the_weight(vault):
@@ -52,13 +52,15 @@ def test_stress_is_linear_in_the_weight(vault):
 def test_weight_alone_that_is_less_by_the_same_share_turns_nothing(membrane):
     asked = plain("barrel_vault", **COARSE, **{"statics.membrane": membrane})
     alone = [load for load in asked.surface.load if load.kind == "self_weight"]
-    light = Design.of(asked.model_copy(update={"surface": asked.surface.model_copy(update={"load": tuple(alone)})}))
+    light = Design.from_preset(
+        asked.model_copy(update={"surface": asked.surface.model_copy(update={"load": tuple(alone)})})
+    )
     followed = followed_stress(light.preset, light.surface, light.statics)
     less = under(light, np.full(light.surface.m, 0.4))
     assert np.abs(less - 0.4 * followed).max() < 1e-9 * np.abs(followed).max()
-    assert max(turned(light.surface, followed, less)) < 1e-4
+    assert max(direction_change(light.surface, followed, less)) < 1e-4
     uneven = np.where(light.surface.centroids[:, 0] > 0, 0.2, 1.0)
-    assert max(turned(light.surface, followed, under(light, uneven))) > 1
+    assert max(direction_change(light.surface, followed, under(light, uneven))) > 1
 
 
 def test_each_face_weighs_what_stripes_leave_of_it(vault):
@@ -66,7 +68,7 @@ def test_each_face_weighs_what_stripes_leave_of_it(vault):
     surface = vault.surface
     assert share.min() < 0.5 < share.max() <= 1
     assert share @ surface.areas == pytest.approx(vault.sheet.surface.area, rel=0.02)
-    lighter = weighed_statics(vault.preset, surface, vault.statics, share)
+    lighter = statics_with_weight_share(vault.preset, surface, vault.statics, share)
     (name,) = vault.preset.followed
     gone = lighter.cases[name].load.force.sum(axis=0) - vault.statics.cases[name].load.force.sum(axis=0)
     weight = vault.preset.statics.weight * (surface.area - share @ surface.areas)
@@ -76,9 +78,9 @@ def test_each_face_weighs_what_stripes_leave_of_it(vault):
 
 def test_a_round_draws_stripes_along_the_stress_of_the_lighter_sheet(vault):
     asked = vault.preset.with_pattern(weight_rounds=1)
-    made = dsfab.design.draft(asked, old=vault)
+    made = dsfab.design.draft(asked, earlier=vault)
     share = drawn_share(vault.preset, vault.stressed, vault.pattern.even)
-    lighter = weighed_statics(asked, vault.surface, vault.statics, share)
+    lighter = statics_with_weight_share(asked, vault.surface, vault.statics, share)
     expected, found = even_stripes(asked, vault.surface, lighter), made.pattern.even
     assert made.statics is vault.statics
     assert np.array_equal(found.phases[1].value, expected.phases[1].value)
@@ -116,13 +118,15 @@ def test_where_no_width_keeps_what_is_asked_the_stripes_before_stay(vault, monke
 
     monkeypatch.setattr(pattern_stage, "drawn_share", refused)
     log = Log(None)
-    found = pattern_stage.weighed_stripes(vault.preset.with_pattern(weight_rounds=2), vault.stressed, log)
+    found = pattern_stage.stripes_under_own_weight(vault.preset.with_pattern(weight_rounds=2), vault.stressed, log)
     assert f"directions were not sought {told}: too wide" in [note.text for note in log.notes]
     assert np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value) is (after == 0)
 
 
 def test_on_modes_it_has_no_effect_and_that_is_told(vault):
-    made = [dsfab.design.draft(vault.preset.with_pattern(method="modes", weight_rounds=k), old=vault) for k in (0, 1)]
+    made = [
+        dsfab.design.draft(vault.preset.with_pattern(method="modes", weight_rounds=k), earlier=vault) for k in (0, 1)
+    ]
     assert all(np.array_equal(*pair) for pair in zip(*(one.pattern.fields[2:] for one in made), strict=True))
     told = [[note.text for note in one.notes if "weight_rounds has no effect" in note.text] for one in made]
     assert [len(one) for one in told] == [0, 1]
@@ -131,15 +135,15 @@ def test_on_modes_it_has_no_effect_and_that_is_told(vault):
 def test_of_several_methods_each_is_tried_without_it(vault, monkeypatch):
     """What is settled makes the same design again, whichever width was the best."""
     asked = vault.preset.with_pattern(method="auto", weight_rounds=1)
-    monkeypatch.setattr(method_search, "_tried", lambda way, _given, _log: way)
-    (way, *_) = method_search.first_ways(asked, vault.stressed, Log(None), "stripes", halve=True)
+    monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)
+    (way, *_) = method_search.method_candidates(asked, vault.stressed, Log(None), "stripes", halve=True)
     assert way.preset.pattern.weight_rounds == 0
     assert np.array_equal(way.even.phases[1].value, vault.pattern.even.phases[1].value)
 
 
 @pytest.mark.slow
 def test_a_tower_that_weighs_most_of_its_load_is_stiffer_by_a_round():
-    made = [Design.of(plain("tower", rounds)).until("slicing") for rounds in (0, 1)]
+    made = [Design.from_preset(plain("tower", rounds)).until("slicing") for rounds in (0, 1)]
     assert made[0].sheet.surface.area == pytest.approx(made[1].sheet.surface.area, rel=0.02)
     before, after = (compliance(one) for one in made)
     assert after < 0.98 * before

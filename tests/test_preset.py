@@ -12,9 +12,9 @@ from dsfab import run
 from dsfab.app.editor.workspace import open_preset
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.core.materials import KEYS, MATERIALS
-from dsfab.core.toml_files import PRESETS, headline, shipped_presets
+from dsfab.core.toml_files import PRESETS, preset_headline, shipped_presets
 from dsfab.design.output.archive import sections
-from dsfab.preset.file import load_preset, overridden, parse_override, preset_from, preset_toml, require_mesh
+from dsfab.preset.file import load_preset, parse_override, preset_from, preset_toml, require_mesh, with_overrides
 from dsfab.preset.model import STAGES, Preset
 from dsfab.preset.surface_section import FileSurface
 
@@ -32,7 +32,7 @@ def test_shipped_presets_are_valid_described_and_named_after_their_file(name):
     preset = load_preset(name)
     assert preset.name == name
     assert len(preset.description) > 20
-    assert headline(shipped_presets()[name]) == preset.description.split("\n")[0]
+    assert preset_headline(shipped_presets()[name]) == preset.description.split("\n")[0]
     text = shipped_presets()[name].read_text(encoding="utf-8")
     sections = [line.strip("[]").split(".")[0] for line in text.splitlines() if line.startswith("[")]
     order = [(*STAGES, "workshop", "eurocode").index(section) for section in sections]
@@ -57,7 +57,7 @@ def test_short_lists_are_written_on_one_line(tmp_path):
     """A box of two corners was ten lines of a design's preset, and four feet of it were a page of its report."""
     box = {"pick": "box", "min": [-1.5, 0, 1e-9], "max": [1, 2.25, 3], "boundary": True}
     text = preset_toml(
-        load_preset("dome", {"surface.support": [{"at": box}], "export.formats": ["stl", "3mf"]}), brief=True
+        load_preset("dome", {"surface.support": [{"at": box}], "export.formats": ["stl", "3mf"]}), for_people=True
     )
     assert "\nmin = [-1.5, 0.0, 1e-09]\n" in text
     assert '\nformats = ["stl", "3mf"]\n' in text
@@ -314,7 +314,7 @@ def test_own_values_win_over_those_of_a_material_and_a_new_material_over_all_old
     heavy = load_preset("dome", {"statics.material": "S355", "statics.density": 8000.0, "statics.strength": 0})
     assert (heavy.statics.young, heavy.statics.density, heavy.statics.strength) == (210e9, 8000.0, 0.0)
     assert heavy.statics.material_words == "S355, but for density, strength"
-    timber = overridden(heavy, {"statics.material": "clt"}).statics  # though the preset says young = 210e9
+    timber = with_overrides(heavy, {"statics.material": "clt"}).statics  # though the preset says young = 210e9
     assert {key: getattr(timber, key) for key in KEYS} == MATERIALS["CLT"].values
     assert timber.material_words == "CLT"
     assert load_preset("barrel_vault").statics.material_words == ""

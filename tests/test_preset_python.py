@@ -12,12 +12,12 @@ import pytest
 import trimesh
 
 import dsfab
-from dsfab.app.carrier import carried
+from dsfab.app.carrier import pickled
 from dsfab.app.cli import main
-from dsfab.app.editor.workspace import Opened
+from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.core.errors import DsfabError, PresetError, SurfaceError
 from dsfab.design.output.archive import MESH, read_archive
-from dsfab.preset.file import overridden, preset_from, preset_toml
+from dsfab.preset.file import preset_from, preset_toml, with_overrides
 from dsfab.preset.surface_section import FileSurface, MeshSurface
 from dsfab.surface import SHAPES, Surface
 from tests.zoo import ZOO
@@ -97,10 +97,10 @@ def test_overrides_and_text_keep_every_bit_of_the_mesh() -> None:
     made = preset((HYPAR.V / 3, HYPAR.F))
     again = preset_from(tomllib.loads(preset_toml(made)))
     assert again == made
-    finer = overridden(made, {"surface.refine": 0.1})
+    finer = with_overrides(made, {"surface.refine": 0.1})
     assert finer.surface.build().m > made.surface.build().m
-    assert overridden(finer, {"surface.refine": 0.0}) == made
-    assert f"given in Python: {HYPAR.n} vertices" in preset_toml(made, brief=True)
+    assert with_overrides(finer, {"surface.refine": 0.0}) == made
+    assert f"given in Python: {HYPAR.n} vertices" in preset_toml(made, for_people=True)
 
 
 BALL = {"pick": "ball", "center": [0, 0]}
@@ -194,8 +194,8 @@ def test_a_name_alone_is_told_to_be_loaded() -> None:
 def test_the_editor_of_a_notebook_takes_a_mesh_in_a_preset_only() -> None:
     with pytest.raises(PresetError, match="supports, loads and a thickness are missing"):
         dsfab.edit(HYPAR)
-    page = Opened(preset(HYPAR))
-    assert page.reopened(page.toml({})).preset == page.preset
+    page = OpenedPreset(preset(HYPAR))
+    assert page.open_toml(page.toml({})).preset == page.preset
 
 
 @pytest.mark.slow
@@ -225,7 +225,7 @@ def test_a_mesh_in_memory_is_varied_and_goes_to_other_processes() -> None:
     given = preset(HYPAR, pattern=PATTERN)
     runs = dsfab.sweep(given, {"surface.refine": [0.0, 0.4], "pattern.keep": [0.2]}, metrics=["kept_share"])
     assert [run.error for run in runs] == ["", ""]
-    again = pickle.loads(carried(dsfab.Design(given)))
+    again = pickle.loads(pickled(dsfab.Design(given)))
     assert again.preset == given
     assert dsfab.Design(given).surface is given.surface.build()
 

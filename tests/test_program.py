@@ -5,7 +5,7 @@ import subprocess
 import pytest
 
 from dsfab.export import subprocesses as programs
-from dsfab.export.subprocesses import Ahead, ProgramError, last_line, meanwhile
+from dsfab.export.subprocesses import PreparedProgram, ProgramError, last_line, work_while_waiting
 
 ECHO = "import json, sys\nprint('loaded')\nprint(*reversed(json.loads(sys.stdin.readline())))\n"
 
@@ -13,7 +13,7 @@ ECHO = "import json, sys\nprint('loaded')\nprint(*reversed(json.loads(sys.stdin.
 def program(tmp_path, text):
     path = tmp_path / "program.py"
     path.write_text(text)
-    return Ahead(str(path))
+    return PreparedProgram(str(path))
 
 
 def test_it_answers_with_its_last_line(tmp_path):
@@ -58,7 +58,7 @@ WAITS = "import json, pathlib, sys, time\n" + (
 def test_other_work_is_done_while_a_program_is_waited_for(tmp_path):
     """The program ends only once that is done, and says so; it is done once."""
     path, done = tmp_path / "done", []
-    with meanwhile(lambda: done.append(path.touch())), program(tmp_path, WAITS) as ahead:
+    with work_while_waiting(lambda: done.append(path.touch())), program(tmp_path, WAITS) as ahead:
         assert not done
         assert ahead.last_line(str(path), seconds=30) == "seen"
         (tmp_path / "b.py").write_text("print('b')")
@@ -67,13 +67,13 @@ def test_other_work_is_done_while_a_program_is_waited_for(tmp_path):
 
 
 def test_a_program_gets_its_answer_in_when_other_work_took_longer_than_it_may(tmp_path):
-    with program(tmp_path, ECHO) as ahead, meanwhile(ahead._run.wait):
+    with program(tmp_path, ECHO) as ahead, work_while_waiting(ahead._run.wait):
         assert ahead.last_line("a", seconds=0.001) == "a"
 
 
 def test_other_work_is_done_at_the_end_if_nothing_was_waited_for():
     done = []
-    with meanwhile(lambda: done.append(1)):
+    with work_while_waiting(lambda: done.append(1)):
         assert not done
     assert done == [1]
 
@@ -82,9 +82,9 @@ def test_other_work_fails_for_who_asked_for_it_and_not_for_who_waits(tmp_path):
     def fail():
         raise ValueError("no picture")
 
-    with pytest.raises(ValueError, match="no picture"), meanwhile(fail), program(tmp_path, ECHO) as ahead:
+    with pytest.raises(ValueError, match="no picture"), work_while_waiting(fail), program(tmp_path, ECHO) as ahead:
         assert ahead.last_line("a", seconds=30) == "a"
-    with pytest.raises(KeyError), meanwhile(fail):
+    with pytest.raises(KeyError), work_while_waiting(fail):
         raise KeyError
 
 
@@ -112,15 +112,15 @@ DRAWS = "import json, pathlib, sys, time\n" + (
 def test_work_begins_with_what_a_program_writes_while_it_goes_on(tmp_path):
     """It ends only once that is done; what else waits is done before."""
     first, second, order = tmp_path / "first", tmp_path / "second", []
-    with meanwhile(lambda: order.append("waiting")), program(tmp_path, DRAWS) as ahead:
+    with work_while_waiting(lambda: order.append("waiting")), program(tmp_path, DRAWS) as ahead:
         ahead.ask(str(first), str(second))
-        assert ahead.answer_and(first.exists, lambda: order.append(second.touch() or "work"), 30) == "seen"
+        assert ahead.answer_with_work(first.exists, lambda: order.append(second.touch() or "work"), 30) == "seen"
     assert order == ["waiting", "work"]
 
 
 def test_without_what_the_work_needs_it_is_not_done(tmp_path):
     with program(tmp_path, "exit(3)") as ahead, pytest.raises(ProgramError, match="code 3"):
-        ahead.answer_and(lambda: False, lambda: 1 / 0, 30)
+        ahead.answer_with_work(lambda: False, lambda: 1 / 0, 30)
 
 
 def test_a_mistake_in_the_work_ends_the_program(tmp_path):
@@ -128,5 +128,5 @@ def test_a_mistake_in_the_work_ends_the_program(tmp_path):
     with program(tmp_path, DRAWS) as ahead:
         ahead.ask(str(first), str(tmp_path / "never"))
         with pytest.raises(ZeroDivisionError):
-            ahead.answer_and(first.exists, lambda: 1 / 0, 30)
+            ahead.answer_with_work(first.exists, lambda: 1 / 0, 30)
     assert ahead._run.returncode

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.editor.workspace import open_preset
-from dsfab.app.new import bearing
+from dsfab.app.new import strength_warning
 from dsfab.app.options import Source
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.design import Design
@@ -26,10 +26,10 @@ from dsfab.preset.proposal.feet import feet, stems
 from dsfab.preset.proposal.reading import is_nearly_closed, likely_up, preset_name
 from dsfab.preset.proposal.sizes import is_figure, sizes
 from dsfab.slicing.measures.widths import features, kept_cells
-from dsfab.surface import Boundary, Box, Snow, Surface, Wind, read_surface, upright
+from dsfab.surface import Boundary, Box, Snow, Surface, Wind, read_surface, upright_vertices
 from dsfab.surface.clean import repair
 from dsfab.surface.files import mesh_files
-from dsfab.surface.files.reader import normalized
+from dsfab.surface.files.reader import normalized_surface
 from dsfab.surface.shapes import barrel_vault, cylinder, dome, plate, sphere, torus, tower
 from tests.canopy import canopy
 from tests.designs import sliced
@@ -60,7 +60,7 @@ def obj(path, surface, unit=1.0, comment="# made by hand"):
 @pytest.mark.parametrize("up", WAYS)
 def test_turning_is_a_turn_and_puts_the_axis_up(up):
     axis = np.eye(3)["xyz".index(up[-1])] * (-1 if up[0] == "-" else 1)
-    turned = upright(np.vstack([np.eye(3), axis]), up)
+    turned = upright_vertices(np.vstack([np.eye(3), axis]), up)
     assert np.linalg.det(turned[:3]) == pytest.approx(1)
     assert turned[3].tolist() == [0, 0, 1]
 
@@ -70,7 +70,7 @@ def test_turning_is_a_turn_and_puts_the_axis_up(up):
 )
 @pytest.mark.parametrize("way", BACK)
 def test_the_vertical_axis_of_roofs_is_found(shape, way):
-    assert likely_up(Surface(upright(shape.V, way), shape.F)) == BACK[way]
+    assert likely_up(Surface(upright_vertices(shape.V, way), shape.F)) == BACK[way]
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_files_that_have_z_up_are_turned_only_for_plain_reasons():
     assert likely_up(bench()) == "y"
     assert likely_up(bench(), ".stl") == "z"
     roof = dome(edge=0.8)
-    lying = Surface(upright(roof.V, "-y"), roof.F)
+    lying = Surface(upright_vertices(roof.V, "-y"), roof.F)
     assert likely_up(lying, ".stl") == likely_up(lying, ".obj") == "y"
     assert likely_up(lying, ".3MF") == "z"
 
@@ -122,10 +122,10 @@ def test_a_wall_that_stands_on_the_ground_is_not_laid_on_its_back():
     assert likely_up(wall(), ".obj") == likely_up(wall(), ".obj", "y") == "z"
     assert likely_up(wall(base=0.7), ".obj") != "z"
     assert likely_up(wall(base=0.7), ".obj", "z") == "z"
-    turned = Surface(upright(wall().V, "-y"), wall().F)
+    turned = Surface(upright_vertices(wall().V, "-y"), wall().F)
     assert likely_up(turned, ".obj", "y") == "y"
     vault = barrel_vault(edge=1.0)
-    from_zero = upright(vault.V - [0, vault.V[:, 1].min(), 0], "-y") * [1, 1, -1]
+    from_zero = upright_vertices(vault.V - [0, vault.V[:, 1].min(), 0], "-y") * [1, 1, -1]
     assert from_zero[:, 2].min() == 0 == from_zero[:, 1].min()
     assert likely_up(Surface(from_zero, vault.F[:, ::-1]), ".obj") == "y"  # an end of it is on z = 0
 
@@ -142,7 +142,7 @@ def test_a_wall_that_stands_on_the_ground_is_not_laid_on_its_back():
 )
 def test_comments_say_the_unit_and_which_axis_is_up(tmp_path, said, unit, up):
     """A wall on z = 0 drawn behind y = 0, or a wall on y = 0: its program decides."""
-    file = obj(tmp_path / "wall.obj", Surface(upright(wall().V, "-y"), wall().F), comment=said)
+    file = obj(tmp_path / "wall.obj", Surface(upright_vertices(wall().V, "-y"), wall().F), comment=said)
     decided = {one.topic: one.choice for one in propose(file).decisions}
     assert decided["unit"].startswith(f"{unit}: " if "unit" not in said or "in metres" in said else f"{unit}, as the")
     assert propose(file).preset.surface.up == up
@@ -200,7 +200,7 @@ def test_a_closed_surface_with_a_hole_low_in_its_side_stands_on_its_lowest_part(
     assert not is_nearly_closed(open_)
     (foot,) = feet(open_, 2.0)
     assert foot.points[:, 2].max() < -0.9
-    door = normalized(Surface(ball.V, ball.F[(away > 0.2) & (ball.centroids[:, 2] > -0.8)]))
+    door = normalized_surface(Surface(ball.V, ball.F[(away > 0.2) & (ball.centroids[:, 2] > -0.8)]))
     assert names(door) == ["base ring"]
 
 
@@ -368,12 +368,12 @@ def test_whether_it_carries_snow_is_decided_once(monkeypatch):
 @pytest.mark.parametrize("unit", [None, "mm"])
 def test_a_file_is_read_and_mended_once(tmp_path, monkeypatch, unit):
     path, read, merged = tmp_path / "cap.obj", [], []
-    cap, one, two = dome(edge=1.2), mesh_files._POLYGONS[".obj"], repair.merged
+    cap, one, two = dome(edge=1.2), mesh_files._POLYGONS[".obj"], repair.merged_vertices
     torn = cap.F.copy()
     torn[0, 0] = cap.n
     obj(path, Surface(np.vstack([cap.V, cap.V[cap.F[0, :1]]]), torn), 1000.0)
     monkeypatch.setitem(mesh_files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
-    monkeypatch.setattr(repair, "merged", lambda *given: merged.append(given) or two(*given))
+    monkeypatch.setattr(repair, "merged_vertices", lambda *given: merged.append(given) or two(*given))
     proposal = propose(path, unit)
     assert (len(read), len(merged)) == (1, 1)
     surface = proposal.given.surface
@@ -390,8 +390,8 @@ def test_a_mesh_in_python():
     assert preset.statics.thickness == pytest.approx(0.06)
     assert len(preset.surface.support) == 4
     assert any(isinstance(load, Snow) for load in preset.surface.load)
-    turned = Surface(upright(roof.V, "-y"), roof.F)
-    assert np.ptp(preset_for(turned).surface.given().V[:, 2]) == pytest.approx(np.ptp(roof.V[:, 2]))
+    turned = Surface(upright_vertices(roof.V, "-y"), roof.F)
+    assert np.ptp(preset_for(turned).surface.base_surface().V[:, 2]) == pytest.approx(np.ptp(roof.V[:, 2]))
     assert preset_for(dome(edge=0.8)).surface.support[0].at == Boundary(0)
 
 
@@ -466,14 +466,16 @@ def built_words(command):
     flags.add_argument("--unit")
     flags.add_argument("--up")
     said = flags.parse_args(words[3:])
-    return Source(tuple(said.set), said.mesh, said.unit, said.up).read(words[2])
+    return Source(tuple(said.set), said.mesh, said.unit, said.up).read_preset(words[2])
 
 
 @pytest.mark.parametrize("target", ["hall.obj", "roof"])
 def test_the_editor_opens_a_mesh_by_the_words_of_a_build(tmp_path, target):
     """Its unit, axis and material are as said, and "Copy command" says them again."""
     mesh = obj(
-        tmp_path / "hall.obj", Surface(upright(barrel_vault(edge=1.6).V, "-y"), barrel_vault(edge=1.6).F), 1000.0
+        tmp_path / "hall.obj",
+        Surface(upright_vertices(barrel_vault(edge=1.6).V, "-y"), barrel_vault(edge=1.6).F),
+        1000.0,
     )
     target, given = ("roof", mesh) if target == "roof" else (str(mesh), None)
     guessed = open_preset(target, Source(mesh=given))
@@ -486,14 +488,14 @@ def test_the_editor_opens_a_mesh_by_the_words_of_a_build(tmp_path, target):
     assert "z, as you say" in [each.choice for each in opened.decided]
     command, save = opened.command({"pattern.rim": 0.2})
     assert not save
-    assert built_words(command) == opened.changed({"pattern.rim": 0.2})
-    assert shlex.split(command)[2:] == [*source.words(target), "--set", "pattern.rim=0.2"]
+    assert built_words(command) == opened.preset_with({"pattern.rim": 0.2})
+    assert shlex.split(command)[2:] == [*source.command_words(target), "--set", "pattern.rim=0.2"]
 
 
 def test_another_material_in_the_editor_leaves_the_thickness_that_is_shown(tmp_path):
     opened = open_preset(str(obj(tmp_path / "hall.obj", barrel_vault(edge=1.6))))
     for changes in ({"statics.material": "S235"}, {"statics.material": "S235", "statics.thickness": 0.07}):
-        built, shown = built_words(opened.command(changes)[0]), opened.changed(changes)
+        built, shown = built_words(opened.command(changes)[0]), opened.preset_with(changes)
         assert built.statics == shown.statics
         assert built.surface == shown.surface
 
@@ -597,7 +599,7 @@ def test_a_long_deck_has_as_few_and_wide_members_as_its_thickness_asks_for():
 @pytest.mark.slow
 def test_a_long_deck_bears_its_load():
     """Its timber bore 144 % of its strength, as `dsfab build` told at the end."""
-    design = Design.of(propose(long_deck()).preset)
+    design = Design.from_preset(propose(long_deck()).preset)
     assert 0.5 < design.statics.answers.stress.peak.stress / design.preset.statics.strength < 1
 
 
@@ -647,7 +649,7 @@ def test_a_surface_in_coordinates_of_a_survey_gets_an_origin_of_its_own(tmp_path
     assert np.all(np.array(at.origin) % 1 == 0)
     assert at.origin[2] == 0  # a height above the sea is no long way
     assert np.abs(at.build().V[:, :2]).max() < 2 * vault.size
-    assert_allclose(at.given().V + at.origin, vault.V + site, atol=1e-6)
+    assert_allclose(at.base_surface().V + at.origin, vault.V + site, atol=1e-6)
     for foot in at.support:
         assert foot.at.vertices(at.build()).any()
     assert any("move what is written back by that; change surface.origin" in line for line in away.lines)
@@ -785,13 +787,13 @@ def test_a_shade_sail_hangs_from_all_of_its_corners():
 def test_what_its_own_weight_stresses_beyond_its_strength_is_told(own):
     """A roof of 140 m x 200 m on two feet was proposed at 256 % of its strength without a word; all around it bears."""
     wide = Surface(25 * canopy(0.5).V, canopy(0.5).F)
-    told = bearing(propose(wide))
+    told = strength_warning(propose(wide))
     share = [float(word.rstrip("%")) for word in re.findall(r"[0-9]+(?=%)", told)]
     assert share[0] > 100
     assert share[0] > share[1]
     assert "its own weight, and a thicker one weighs more: give it more feet" in told
-    assert not bearing(propose(canopy(0.5)))
-    assert not bearing(propose(Surface(12 * dome(edge=0.8).V, dome(edge=0.8).F)))
+    assert not strength_warning(propose(canopy(0.5)))
+    assert not strength_warning(propose(Surface(12 * dome(edge=0.8).V, dome(edge=0.8).F)))
 
 
 def test_what_would_turn_about_the_line_through_its_feet_is_told():
@@ -818,7 +820,7 @@ def test_snow_lies_on_top_of_what_is_nearly_closed_and_built():
         surface = proposal.preset.surface.build()
         assert snow.kind == "snow"
         assert "on the plan of its top" in " ".join(proposal.lines)
-        assert -snow.on(surface, 0.0)[:, 2].sum() / snow.pressure == pytest.approx(
+        assert -snow.forces(surface, 0.0)[:, 2].sum() / snow.pressure == pytest.approx(
             np.pi * 16 * np.sin(np.radians(60)) ** 2, rel=0.15
         )
         loaded = np.linalg.norm(snow.traction(surface), axis=1) > 0
@@ -832,7 +834,10 @@ def test_lines_for_wind_are_there_for_what_is_no_roof(own):
     assert "lines for wind" in " ".join(proposal.lines)
     lines = proposal.text().partition("# Wind,")[2].splitlines()[1:5]
     wind = tomllib.loads("\n".join(line.removeprefix("# ") for line in lines))["surface"]["load"][0]
-    assert abs(Wind(wind["pressure"], tuple(wind["direction"])).on(wall, 0.0)[:, 1].sum()) > 0.4 * wind["pressure"] * 32
+    assert (
+        abs(Wind(wind["pressure"], tuple(wind["direction"])).forces(wall, 0.0)[:, 1].sum())
+        > 0.4 * wind["pressure"] * 32
+    )
     assert "Wind," not in propose(own["canopy_mm"]).text()
 
 
@@ -843,6 +848,6 @@ def test_a_low_window_of_a_tower_is_no_foot(sill):
     turn, z = flat.V[:, 0], flat.V[:, 1]
     V = np.column_stack([6 * np.cos(turn), 6 * np.sin(turn), z])
     x, y = flat.centroids[:, :2].T
-    raw = repair.mended(V, flat.F[~((np.abs(x - 1 - 0.3 * (y - sill)) < 0.2) & (y > sill) & (y < sill + 0.8))])
+    raw = repair.mended_mesh(V, flat.F[~((np.abs(x - 1 - 0.3 * (y - sill)) < 0.2) & (y > sill) & (y < sill + 0.8))])
     assert len(Surface(raw.V, raw.F).loops) == 3
     assert names(Surface(raw.V, raw.F)) == ["base ring"]

@@ -6,7 +6,7 @@ import pytest
 
 from dsfab.core.errors import DsfabError
 from dsfab.design import run
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.render import design_picture, opengl
 from dsfab.render.picture import Look
 
@@ -15,7 +15,7 @@ SMALL = Look((160, 120))
 
 @pytest.fixture(scope="module")
 def vault():
-    return run(overridden(load_preset("barrel_vault"), {"surface.edge": 0.9}))
+    return run(with_overrides(load_preset("barrel_vault"), {"surface.edge": 0.9}))
 
 
 @pytest.fixture(scope="module")
@@ -32,18 +32,18 @@ def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_d
     """It loads what draws while there is no design yet."""
     monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(design_picture, "write_picture", None)  # nobody draws here
-    started, one, path = list[str](), design_picture.Ahead, tmp_path / "preview.png"
-    monkeypatch.setattr(design_picture, "Ahead", lambda program: started.append(program) or one(program))
-    with design_picture.picture_ahead():
+    started, one, path = list[str](), design_picture.PreparedProgram, tmp_path / "preview.png"
+    monkeypatch.setattr(design_picture, "PreparedProgram", lambda program: started.append(program) or one(program))
+    with design_picture.start_picture_program():
         assert len(started) == 1  # before there is anything to draw
         for count in (1, 2):
-            with design_picture.picture_meanwhile(vault, path, SMALL) as finish:
+            with design_picture.picture_in_background(vault, path, SMALL) as finish:
                 finish()
             assert path.read_bytes() == expected
             assert len(started) == count
             assert list(tmp_path.iterdir()) == [path]
             path.unlink()
-    with design_picture.picture_meanwhile(vault, path, SMALL):
+    with design_picture.picture_in_background(vault, path, SMALL):
         assert len(started) == 3
 
 
@@ -55,15 +55,15 @@ def test_it_is_drawn_here_where_the_other_process_fails(program, vault, expected
     monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(design_picture, "SECONDS", 0.5)
     monkeypatch.setattr(design_picture.picture_program, "__file__", str(file))
-    with design_picture.picture_meanwhile(vault, tmp_path / "preview.png", SMALL) as finish:
+    with design_picture.picture_in_background(vault, tmp_path / "preview.png", SMALL) as finish:
         finish()
     assert (tmp_path / "preview.png").read_bytes() == expected
 
 
 def test_one_core_draws_last_and_starts_nothing(vault, expected, tmp_path, monkeypatch):
     monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 1)
-    monkeypatch.setattr(design_picture, "Ahead", None)
-    with design_picture.picture_meanwhile(vault, tmp_path / "preview.png", SMALL) as finish:
+    monkeypatch.setattr(design_picture, "PreparedProgram", None)
+    with design_picture.picture_in_background(vault, tmp_path / "preview.png", SMALL) as finish:
         assert not list(tmp_path.iterdir())
         finish()
     assert (tmp_path / "preview.png").read_bytes() == expected
@@ -71,15 +71,15 @@ def test_one_core_draws_last_and_starts_nothing(vault, expected, tmp_path, monke
 
 def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch):
     monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
-    started = list[design_picture.Ahead]()
+    started = list[design_picture.PreparedProgram]()
 
-    class Seen(design_picture.Ahead):
+    class Seen(design_picture.PreparedProgram):
         def __init__(self, program: str) -> None:
             super().__init__(program)
             started.append(self)
 
-    monkeypatch.setattr(design_picture, "Ahead", Seen)
-    with pytest.raises(KeyError), design_picture.picture_meanwhile(vault, tmp_path / "preview.png", SMALL):
+    monkeypatch.setattr(design_picture, "PreparedProgram", Seen)
+    with pytest.raises(KeyError), design_picture.picture_in_background(vault, tmp_path / "preview.png", SMALL):
         raise KeyError
     assert started[0]._run.returncode is not None
     assert not Path(tmp_path / "preview.png").exists()
@@ -87,11 +87,11 @@ def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch):
 
 def test_where_nothing_can_be_drawn_it_is_said_before_a_process_starts(vault, tmp_path, monkeypatch):
     monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(design_picture, "Ahead", None)
+    monkeypatch.setattr(design_picture, "PreparedProgram", None)
     monkeypatch.setattr(opengl, "_draws", lambda name: False)
     monkeypatch.setattr(opengl, "_KNOWN", set())
     with (
         pytest.raises(DsfabError, match="cannot be drawn"),
-        design_picture.picture_meanwhile(vault, tmp_path / "a.png"),
+        design_picture.picture_in_background(vault, tmp_path / "a.png"),
     ):
         pass

@@ -13,17 +13,17 @@ import pytest
 from dsfab.design import Design
 from dsfab.export import MemberShape
 from dsfab.export.part import open_edges
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.render import PAPER
 from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
-from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces, painted
+from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces, painted_faces
 from dsfab.report.assembly.bar_pages import _bar_row, bar_steps
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.overview import refolded_pages, strip_quads
-from dsfab.report.assembly.paper import HIGH, WIDE, Fitted, Paper, PaperBox, usual_scale
+from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH, DrawingTransform, Paper, PaperBox, usual_scale
 from dsfab.surface import Surface, signed_volume
 from dsfab.thickening import closed_skin
-from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, refolded, workshop_plan
+from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, refolded_plan, workshop_plan
 from dsfab.workshop.bars import bar_body
 from dsfab.workshop.bodies import strip_body
 from tests.browser import browser, opened
@@ -108,8 +108,8 @@ def test_words_are_inside_of_the_page_and_names_of_members_are_not_on_each_other
     for title, words in pages.items():
         for text, x, y, wide, high in words:
             assert x > 0, (title, text)
-            assert x + wide < WIDE, (title, text)
-            assert 0 < y < y + high < HIGH, (title, text)
+            assert x + wide < PAPER_WIDTH, (title, text)
+            assert 0 < y < y + high < PAPER_HEIGHT, (title, text)
     for title in pages:
         if title.startswith("Members, "):
             for (a, x, y, w, h), (b, u, v, p, q) in combinations(pages[title], 2):
@@ -119,7 +119,7 @@ def test_words_are_inside_of_the_page_and_names_of_members_are_not_on_each_other
 @pytest.fixture(scope="module")
 def barred(vault):
     changes = {"workshop.route": "bars", "workshop.stock": [[5.0, 1.25]]}
-    return workshop_plan(Design.of(overridden(vault.preset, changes), vault).until("slicing"))
+    return workshop_plan(Design.from_preset(with_overrides(vault.preset, changes), vault).until("slicing"))
 
 
 def test_pages_of_bars_name_every_bar_and_every_plate_inside_of_the_page(barred, vault):
@@ -129,8 +129,8 @@ def test_pages_of_bars_name_every_bar_and_every_plate_inside_of_the_page(barred,
         draw(paper)
         found[title] = {words[0] for words in paper.words}
         for text, x, y, wide, high in paper.words:
-            assert 0 < x < x + wide < WIDE, (title, text)
-            assert 0 < y < y + high < HIGH, (title, text)
+            assert 0 < x < x + wide < PAPER_WIDTH, (title, text)
+            assert 0 < y < y + high < PAPER_HEIGHT, (title, text)
     bars = {part.id for part in barred.parts if part.member}
     (node,) = (title for title in found if title.startswith("How a node"))
     arms = next(joint for joint in barred.bars.found.joints if joint.node.id == node.split()[-1])
@@ -167,20 +167,20 @@ def test_the_file_is_a_pdf_with_all_pages_and_the_same_bytes_twice(plan, vault, 
 
 
 def test_a_plan_looks_down_and_an_axonometry_keeps_what_is_upright_upright():
-    plan = Axonometry.of(UP, -90.0, 90.0)
-    assert plan.flat(np.eye(3)) == pytest.approx(np.array([[1, 0], [0, 1], [0, 0]]))
-    tilted = Axonometry.of(UP)
-    assert tilted.flat(UP)[0] == pytest.approx(0)
-    assert tilted.flat(UP)[1] > 0
-    assert np.stack([tilted.right, tilted.above, tilted.eye]) @ np.stack(
-        [tilted.right, tilted.above, tilted.eye]
+    plan = Axonometry.from_angles(UP, -90.0, 90.0)
+    assert plan.projected(np.eye(3)) == pytest.approx(np.array([[1, 0], [0, 1], [0, 0]]))
+    tilted = Axonometry.from_angles(UP)
+    assert tilted.projected(UP)[0] == pytest.approx(0)
+    assert tilted.projected(UP)[1] > 0
+    assert np.stack([tilted.right, tilted.upwards, tilted.eye]) @ np.stack(
+        [tilted.right, tilted.upwards, tilted.eye]
     ).T == pytest.approx(np.eye(3))
 
 
 def test_what_is_near_is_drawn_last():
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     low, high = (MemberFaces(name, (1, 0, 0), (square + [0, 0, z])[None]) for name, z in (("low", 0), ("high", 1)))
-    drawn = painted([high, low], Axonometry.of(UP, -90, 90), {"high": (0, 0, 1)})
+    drawn = painted_faces([high, low], Axonometry.from_angles(UP, -90, 90), {"high": (0, 0, 1)})
     assert drawn.colours.tolist() == [[1, 0, 0], [0, 0, 1]]
 
 
@@ -188,8 +188,8 @@ def test_scales_are_usual_ones_and_drawings_are_in_their_boxes():
     assert usual_scale(60.0) == (pytest.approx(50.0), "1:20")
     assert usual_scale(50.0) == (pytest.approx(50.0), "1:20")
     assert usual_scale(3.0) == (pytest.approx(2.0), "1:500")
-    fitted = Fitted.into(np.array([-1.0, 2.0]), np.array([3.0, 4.0]), PaperBox(10, 20, 80, 100))
-    assert fitted.of(np.array([[-1.0, 2.0], [3.0, 4.0]])) == pytest.approx(np.array([[10, 50], [90, 90]]))
+    fitted = DrawingTransform.fit_to_box(np.array([-1.0, 2.0]), np.array([3.0, 4.0]), PaperBox(10, 20, 80, 100))
+    assert fitted.to_paper(np.array([[-1.0, 2.0], [3.0, 4.0]])) == pytest.approx(np.array([[10, 50], [90, 90]]))
 
 
 # --- the page
@@ -211,11 +211,11 @@ def test_the_page_lays_every_part_on_its_sheet_where_the_nest_has_it(page, plan,
             loop = np.array(facts["parts"][number]["loops"][0]).reshape(-1, 2)
             c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
             there = loop @ np.array([[c, s], [-s, c]]) + [x, y]
-            placed = 1000 * one.placed.outline
+            placed = 1000 * one.placed_part.outline
             assert there.min(axis=0) == pytest.approx(placed.min(axis=0), abs=0.7)
             assert there.max(axis=0) == pytest.approx(placed.max(axis=0), abs=0.7)
             assert np.linalg.norm(there[0] - placed, axis=1).min() < 0.2
-    for one, strip in zip(facts["built"], refolded(plan).strips, strict=True):  # and each bent back into space
+    for one, strip in zip(facts["built"], refolded_plan(plan).strips, strict=True):  # and each bent back into space
         assert (one["id"], one["member"]) == (strip.id, strip.member)
         corners = np.array(one["faces"]).reshape(-1, 4, 3)
         assert corners[0, [0, 3]] == pytest.approx(strip.edges[0], abs=1e-3)
@@ -256,7 +256,7 @@ def test_a_click_on_a_member_shows_its_parts_and_sheets_and_nothing_is_fetched(p
             mine = [part.id for part in plan.parts if part.member == name]
             assert parts == mine
             sheets = tab.run("[...document.querySelectorAll('[data-sheet]')].map((one) => +one.dataset.sheet)")
-            assert sheets == sorted({plan.sheet_of[part] for part in mine})
+            assert sheets == sorted({plan.sheet_numbers[part] for part in mine})
             assert tab.run("document.querySelectorAll('[data-sheet] .mine').length") == len(mine)
         tab.run("document.querySelector('[data-shape=parts]').click()")
         tab.run(NEXT_FRAME)
@@ -313,7 +313,7 @@ def lightness(colour: str) -> float:
 @pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
 def test_a_clients_page_is_coloured_cut_and_read_in_light_and_in_dark(plan, vault, tmp_path):
     """`structure.html` of `dsfab report`, by the pixels that a browser draws."""
-    strong = Design.of(overridden(vault.preset, {"statics.strength": 20e6}), vault).until("slicing")
+    strong = Design.from_preset(with_overrides(vault.preset, {"statics.strength": 20e6}), vault).until("slicing")
     file = tmp_path / "structure.html"
     file.write_text(assembly_page(plan, strong, judged=True), encoding="utf-8")
     with opened(tmp_path / "browser", (1400, 900)) as tab:
@@ -383,17 +383,17 @@ def longer(plan, factor):
 
 
 def test_holes_are_on_the_lines_of_their_bolts_and_parts_that_are_too_long_are_found_out(plan):
-    found = refolded(plan)
+    found = refolded_plan(plan)
     assert [strip.id for strip in found.strips] == [part.id for part in plan.parts if len(part.axis)]
     nodes = {node.id for node in plan.graph.nodes}
-    assert len(found.off) == sum(hole.bolt in nodes for part in plan.parts for hole in part.holes) > 50
-    assert found.off.max() < 1e-4
-    wrong = refolded(longer(plan, 1.003)).off.max()
+    assert len(found.deviations) == sum(hole.bolt in nodes for part in plan.parts for hole in part.holes) > 50
+    assert found.deviations.max() < 1e-4
+    wrong = refolded_plan(longer(plan, 1.003)).deviations.max()
     assert 2e-3 < wrong < 2e-2
 
 
 def test_strips_are_as_wide_as_their_parts_and_pieces_go_on_where_others_end(plan):
-    strips, parts = {strip.id: strip for strip in refolded(plan).strips}, {part.id: part for part in plan.parts}
+    strips, parts = {strip.id: strip for strip in refolded_plan(plan).strips}, {part.id: part for part in plan.parts}
     for name, strip in strips.items():
         wide = np.linalg.norm(parts[name].outline - parts[name].outline[::-1], axis=1)[: len(strip.edges)]
         assert np.linalg.norm(np.diff(strip.edges, axis=1)[:, 0], axis=1) == pytest.approx(wide, abs=1e-9)
@@ -411,10 +411,10 @@ def test_the_page_tells_how_far_holes_are_off_and_models_have_none(plan):
     draw(paper)
     said = " ".join(words for words, *_ in paper.words)
     assert title == "Parts bent back into space"
-    assert f"{len(refolded(plan).off)} holes at nodes are up to 0.0" in said
+    assert f"{len(refolded_plan(plan).deviations)} holes at nodes are up to 0.0" in said
     assert "plate" not in said
     assert refolded_pages(replace(plan, model=50.0), faces, UP) == []
-    strip = refolded(plan).strips[0]
+    strip = refolded_plan(plan).strips[0]
     quads = strip_quads(strip, 0.2)
     assert np.array_equal(quads[0, [0, 3]], strip.edges[0])
     assert np.array_equal(quads[-1, [1, 2]], strip.edges[-1])
@@ -423,7 +423,7 @@ def test_the_page_tells_how_far_holes_are_off_and_models_have_none(plan):
 
 def test_the_body_of_a_strip_is_closed_and_as_large_as_its_part_is_thick(plan):
     """Between the chords of its bend a part of thickness t is within (t / 2R)^2 of its area times t."""
-    for strip, part in zip(refolded(plan).strips, [one for one in plan.parts if len(one.axis)], strict=True):
+    for strip, part in zip(refolded_plan(plan).strips, [one for one in plan.parts if len(one.axis)], strict=True):
         V, F = strip_body(strip, plan.thickness)
         assert open_edges(F) == 0
         assert signed_volume(V, F) == pytest.approx(part.area * plan.thickness, rel=2e-3)
@@ -432,7 +432,7 @@ def test_the_body_of_a_strip_is_closed_and_as_large_as_its_part_is_thick(plan):
 def test_plates_lie_below_all_whatever_side_the_sheet_is_thick_on(plan):
     plate = Surface(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
     part = FlatPart("disc 1", "disc 1", (0.0, 0.0), plate.V[:, :2])
-    low = plan.layering.height(plan.layering.plates)
+    low = plan.layering.height(plan.layering.plate_layer)
     for shift in (-1, 0, 1):
         V, F = closed_skin(plate, np.tile([0, 0, 0.1], (3, 1)), shift)
         (shape,) = built_shapes(replace(plan, parts=(part,)), [MemberShape("disc 1", "keep", V, F)], shift)

@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 
 from dsfab.report.compliance.tables import reactions_table
-from dsfab.report.html_pages import COLOURS, Document, Numbers, ReportSection, Table, html_page, image, page, style, why
+from dsfab.report.html_pages import (
+    COLOURS,
+    CaptionNumbers,
+    Document,
+    ReportSection,
+    Table,
+    document_html,
+    html_page,
+    image_tag,
+    page_style,
+    reason_paragraph,
+)
 from tests.browser import browser, opened
 
 
@@ -28,17 +39,17 @@ def test_words_stand_out_from_the_paper(name, under):
 def test_a_page_is_one_file_with_the_style_of_all_and_its_own_after_it():
     text = html_page("a < b", "<p>body</p>", "p { margin: 0; }")
     assert "<title>a &lt; b</title>" in text
-    assert f"<style>{style()}p {{ margin: 0; }}</style>" in text
+    assert f"<style>{page_style()}p {{ margin: 0; }}</style>" in text
     assert "<p>body</p>" in text
     assert "http" not in text
     assert all(f"--{name}: rgb{colour};" in text for name, colour in COLOURS.items())
 
 
 def test_words_beside_a_picture_or_instead_of_it_cannot_become_markup():
-    assert image("a.png", 'wide "vault" <b>', (3, 2)) == (
+    assert image_tag("a.png", 'wide "vault" <b>', (3, 2)) == (
         '<img src="a.png" alt="wide &quot;vault&quot; &lt;b&gt;" width="3" height="2" loading="lazy">'
     )
-    assert why("no <mesh>") == '<p class="why">no &lt;mesh&gt;</p>'
+    assert reason_paragraph("no <mesh>") == '<p class="why">no &lt;mesh&gt;</p>'
 
 
 @pytest.mark.skipif(browser() is None, reason="no Chromium is installed")
@@ -53,7 +64,9 @@ def test_long_heads_of_a_table_do_not_make_it_wider_than_a_telephone(tmp_path):
         )
     ]
     path = tmp_path / "report.html"
-    path.write_text(page(Document("Report", "Leaf", [], [ReportSection("Stress", tables)], "")), encoding="utf-8")
+    path.write_text(
+        document_html(Document("Report", "Leaf", [], [ReportSection("Stress", tables)], "")), encoding="utf-8"
+    )
     with opened(tmp_path) as tab:
         tab.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
         tab.open(path.as_uri(), "document.readyState === 'complete'")
@@ -71,7 +84,9 @@ def test_heads_are_broken_before_columns_are_cut_off_on_a_sheet_of_paper(tmp_pat
     heads, cells = ["Structure", *numbers], ["Thinner", *numbers.values()]
     table = Table("Others of the same mass.", heads, [cells])
     path = tmp_path / "report.html"
-    path.write_text(page(Document("Report", "Leaf", [], [ReportSection("Others", [table])], "")), encoding="utf-8")
+    path.write_text(
+        document_html(Document("Report", "Leaf", [], [ReportSection("Others", [table])], "")), encoding="utf-8"
+    )
     with opened(tmp_path, (1280, 900)) as tab:
         tab.open(path.as_uri(), "document.readyState === 'complete'")
         assert tab.run("[...document.querySelectorAll('.table')].every((t) => t.scrollWidth <= t.clientWidth)")
@@ -87,6 +102,6 @@ def test_reactions_that_are_dust_beside_the_loads_are_nothing():
         cases=["load"],
         task=SimpleNamespace(preset=SimpleNamespace(surface=SimpleNamespace(support=supports))),
     )
-    rows = reactions_table(found, "load", Numbers()).rows
+    rows = reactions_table(found, "load", CaptionNumbers()).rows
     assert [row[1:4] for row in rows[:3]] == [("133.0", "0", "346.0"), ("-133.0", "0", "0"), ("0", "0", "346.0")]
     assert rows[3] == ("Loads", "0", "0", "-346.0", "346.0")

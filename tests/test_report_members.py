@@ -15,7 +15,7 @@ from dsfab.members.eurocode import Rules, utilisation
 from dsfab.members.frame import MemberForces
 from dsfab.preset.file import load_preset
 from dsfab.report import members
-from dsfab.report.html_pages import Numbers, ReportFigure
+from dsfab.report.html_pages import CaptionNumbers, ReportFigure
 from dsfab.report.members import force_diagrams
 from tests.test_app_compliance import pdf_words
 from tests.test_eurocode import bar
@@ -42,13 +42,13 @@ def found(N=-10e3, material="S235", **more):
     ],
 )
 def test_the_banner_passes_only_what_a_code_passes_with_its_factors(given, status, title):
-    banner = members.summary(given, PICTURE, Numbers()).blocks[0]
+    banner = members.summary_section(given, PICTURE, CaptionNumbers()).blocks[0]
     assert (banner.status, banner.title) == (status, title)
     assert given.standard in banner.text
 
 
 def test_the_worst_are_listed_with_clause_and_forces_in_one_unit():
-    decisive, sizes = members.worst(found(N=[-10e3, -10e3, -12e3, -10e3, 0]), Numbers()).blocks
+    decisive, sizes = members.worst_section(found(N=[-10e3, -10e3, -12e3, -10e3, 0]), CaptionNumbers()).blocks
     name, bay, check, clause, case, share = decisive.rows[0]
     assert (name, bay, check, case) == ("A1", "N1 N2", "buckling and bending", "load")
     assert clause == "EN 1993-1-1 6.3.3 (6.61), (6.62)"
@@ -58,7 +58,7 @@ def test_the_worst_are_listed_with_clause_and_forces_in_one_unit():
 
 
 def test_each_check_has_its_largest():
-    (table,) = members.checks(found(), Numbers()).blocks
+    (table,) = members.checks_section(found(), CaptionNumbers()).blocks
     rows = {row[0]: row for row in table.rows}
     assert rows["tension"][2:] == ("-", "0 %")
     assert rows["compression"][2:] == ("A1", "4.3 %")
@@ -66,7 +66,7 @@ def test_each_check_has_its_largest():
 
 
 def test_diagrams_show_six_forces_of_each_member_in_the_case_that_is_named(monkeypatch):
-    monkeypatch.setattr("dsfab.report.members.png", lambda figure: figure)
+    monkeypatch.setattr("dsfab.report.members.png_with_size", lambda figure: figure)
     s = np.array([0.0, 1.0, 2.0])
     size = np.array([1e3, 2.0, 3e3, 4.0, 5e3, 6.0])  # N and N m
     forces = {"wind": np.outer([1, -1, 2], size), "snow": np.outer([3, 0, 1], size)}
@@ -87,7 +87,9 @@ def test_diagrams_show_six_forces_of_each_member_in_the_case_that_is_named(monke
 
 def test_what_is_not_checked_is_said_in_full():
     given = found()
-    assert list(members.scope(given).blocks[3].items) == [line[0].upper() + line[1:] + "." for line in given.unchecked]
+    assert list(members.scope_section(given).blocks[3].items) == [
+        line[0].upper() + line[1:] + "." for line in given.unchecked
+    ]
 
 
 def test_all_members_are_listed_in_three_columns():
@@ -99,7 +101,7 @@ def test_all_members_are_listed_in_three_columns():
         **{key: np.repeat(getattr(one.bays, key), 4, axis=0) for key in ("s", "width", "length", "curvature")},
         forces={"load": np.repeat(one.bays.forces["load"], 4, axis=0) * np.array([1, 2, 3, 4])[:, None, None]},
     )
-    (table,) = members.members(utilisation(bays, Rules("S235", 210e9, 81e9, 0.0)), Numbers()).blocks
+    (table,) = members.members_section(utilisation(bays, Rules("S235", 210e9, 81e9, 0.0)), CaptionNumbers()).blocks
     assert [row[0] for row in table.rows] == ["A4", "A3"]
     assert [row[2] for row in table.rows] == ["A2", "A1"]
     assert [row[4] for row in table.rows] == ["", ""]

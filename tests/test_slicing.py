@@ -375,14 +375,14 @@ def test_kept_is_the_material_alone():
     surface = sphere(2)
     x = surface.V[:, 2]
     sheet = cut(surface, [x, surface.V[:, 0]], [[-0.3, 0.4], [0.2]])
-    kept = sheet.kept()
+    kept = sheet.subset()
     assert kept.surface.area == pytest.approx(material_area(sheet), rel=1e-14)
     assert kept.surface.n == len(np.unique(kept.surface.F)) < sheet.surface.n
     assert kept.carry(surface.V) == pytest.approx(kept.surface.V, abs=1e-14)
     assert kept.material.all()
     assert (kept.parent == sheet.parent[sheet.material]).all()
     assert (kept.family == sheet.family[sheet.material]).all()
-    belt = sheet.kept(sheet.family == 0)
+    belt = sheet.subset(sheet.family == 0)
     assert euler_characteristic(belt.surface.F, belt.surface.edges) == 0
     assert pieces(belt.surface.F, belt.surface.edges)[0] == 1
 
@@ -418,7 +418,7 @@ def test_impossible_requests_are_refused():
         with pytest.raises(PatternError, match="between 0 and"):
             cut(surface, [x], [[0.1]], snap=snap)
     with pytest.raises(PatternError, match="lower the threshold"):
-        cut(surface, [x], [[]]).kept()
+        cut(surface, [x], [[]]).subset()
     with pytest.raises(ValueError, match="shape"):
         cut(surface, [x[:-1]], [[0.1]])
     with pytest.raises(ValueError, match="shorter"):

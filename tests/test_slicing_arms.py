@@ -69,12 +69,12 @@ def test_another_member_that_passes_near_is_no_arm():
 def test_an_arm_is_as_wide_as_the_strip_and_a_quarter_of_a_plate_as_wide_as_its_arc():
     tip = arms(STRIP, np.array([2.95, 2, 0]), 0.8)
     assert tip.width == pytest.approx([0.5], abs=0.1)
-    assert tip.tip(0.5)
+    assert tip.is_tip(0.5)
     edge = arms(PLATE, np.array([0.0, 2, 0]), 0.6)
     assert edge.width == pytest.approx([0.6 * np.pi], rel=0.05)
-    assert not edge.tip(0.5)
-    assert not arms(CROSS, np.array([2.0, 2, 0]), 0.6).tip(0.5)
-    assert arms(STRIP, np.array([1.5, 2, 9]), 0.6).tip(0.5)
+    assert not edge.is_tip(0.5)
+    assert not arms(CROSS, np.array([2.0, 2, 0]), 0.6).is_tip(0.5)
+    assert arms(STRIP, np.array([1.5, 2, 9]), 0.6).is_tip(0.5)
 
 
 def test_faces_larger_than_the_ball_are_looked_into():
@@ -82,7 +82,7 @@ def test_faces_larger_than_the_ball_are_looked_into():
     long = Surface(np.array([[0, 0, 0], [4, 0, 0], [4, 0.5, 0], [0, 0.5, 0.0]]), np.array([[0, 1, 2], [0, 2, 3]]))
     found = arms(long, np.array([2, 0.25, 0]), 1.0)
     assert np.sort(found.direction[:, 0]) == pytest.approx([-1, 1], abs=0.1)
-    assert not found.tip(0.5)
+    assert not found.is_tip(0.5)
 
 
 @pytest.mark.parametrize("fold", [0, 60, 120, 170])
@@ -97,9 +97,9 @@ def test_a_strip_around_a_sharp_edge_goes_on_straight_and_one_beside_it_turns_ba
         return Surface(V, flat.F)
 
     strip = grid(40, 6, 3.0, 0.5)
-    assert not arms(folded(strip), np.array([1.5, 0.25, 0]), 0.6).hairpin(0.5)
+    assert not arms(folded(strip), np.array([1.5, 0.25, 0]), 0.6).is_hairpin(0.5)
     flat = grid(60, 40, 3.0, 2.0)
     x, y, _ = flat.centroids.T
     two_legs = (np.abs(np.abs(y - 1) - 0.5) < 0.2) & (x < 1.2) | (np.hypot(x - 1.2, y - 1) < 0.7) & (x >= 1.2)
     bend = Surface(flat.V, flat.F[two_legs & ~((np.hypot(x - 1.2, y - 1) < 0.3) & (x >= 1.2))])
-    assert arms(folded(bend), np.array([1.5, 1.0, 0]), 0.9).hairpin(0.4)
+    assert arms(folded(bend), np.array([1.5, 1.0, 0]), 0.9).is_hairpin(0.4)

@@ -67,8 +67,8 @@ def test_stripes_that_widen_along_a_plate_have_exact_edges(a, b):
     edges = np.clip([(k - a) / (f + b), (k + a) / (f - b)], 0, 2)
     assert area_of(sheet) == pytest.approx((edges[1] - edges[0]).sum(), rel=1e-12)
     lines = np.concatenate([(k - a) / (f + b), (k + a) / (f - b)])
-    border = np.unique(sheet.kept().surface.edges.ends[sheet.kept().surface.edges.boundary])
-    at = sheet.kept().surface.V[border]
+    border = np.unique(sheet.subset().surface.edges.ends[sheet.subset().surface.edges.boundary])
+    at = sheet.subset().surface.V[border]
     inside = (at[:, :2] > 1e-9).all(axis=1) & (at[:, 0] < 2 - 1e-9) & (at[:, 1] < 1 - 1e-9)
     assert np.abs(at[inside, 0][:, None] - lines).min(axis=1).max() < 1e-13
     check_laws(plate, sheet)
@@ -81,7 +81,7 @@ def test_stripes_run_out_into_tips_where_their_width_is_zero(snap):
     x, y = plate.V[:, 0] + 0.1, plate.V[:, 1]
     sheet = cut(plate, [band(f * x, b * y)], [np.arange(0, 12)], snap=snap)
     assert area_of(sheet) == pytest.approx(8 * b / f, rel=1e-12 if snap == 0 else 0.02)
-    kept = sheet.kept().surface
+    kept = sheet.subset().surface
     assert pieces(kept.F, kept.edges)[0] == 8
     assert (np.bincount(kept.F.ravel())[kept.V[:, 1] == 0] > 0).sum() == 8
     check_laws(plate, sheet)
@@ -96,7 +96,7 @@ def test_gaps_close_where_the_half_width_reaches_a_half():
     assert area_of(sheet) == pytest.approx(2 - 2 * 0.5 * (1 - 0.4) / 2, rel=1e-12)
     new = sheet.surface.V[plate.n :]
     assert new[:, 1].max() <= 0.5 + 1e-12
-    assert pieces(sheet.kept().surface.F, sheet.kept().surface.edges)[0] == 1
+    assert pieces(sheet.subset().surface.F, sheet.subset().surface.edges)[0] == 1
     check_laws(plate, sheet)
 
 
@@ -105,7 +105,7 @@ def test_negative_widths_are_void_and_the_tip_may_lie_within_a_face():
     x, y = plate.V[:, 0], plate.V[:, 1]
     sheet = cut(plate, [band(x, 0.4 * y - 0.1)], [[0.47]], snap=0)
     assert area_of(sheet) == pytest.approx(0.75 * 0.6 / 2, rel=1e-12)
-    assert sheet.kept().surface.V[:, 1].min() == pytest.approx(0.25, abs=1e-12)
+    assert sheet.subset().surface.V[:, 1].min() == pytest.approx(0.25, abs=1e-12)
     check_laws(plate, sheet)
 
 
@@ -216,10 +216,10 @@ def test_tips_that_touch_are_pinches_that_are_joined_or_split():
     x, y = plate.V[:, 0] - 1, plate.V[:, 1] - 1
     sheet = cut(plate, [band(y, np.abs(x) / 2)], [[0.0]], snap=0)
     assert area_of(sheet) == pytest.approx(1.0, rel=1e-12)
-    assert len(manifold_faults(sheet.kept().surface.F, sheet.kept().surface.edges, sheet.kept().surface.n)) == 1
+    assert len(manifold_faults(sheet.subset().surface.F, sheet.subset().surface.edges, sheet.subset().surface.n)) == 1
     for rule, count in (("join", 1), ("split", 2)):
         pinched = resolve_pinches(sheet, 0.05, rule)
-        kept = pinched.sheet.kept().surface
+        kept = pinched.sheet.subset().surface
         assert pinched.count == 1
         assert manifold_faults(kept.F, kept.edges, kept.n) == ()
         assert pieces(kept.F, kept.edges)[0] == count

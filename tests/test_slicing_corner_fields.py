@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from dsfab.pattern import Flow, Frames, corner_phase
 from dsfab.slicing import cut
-from dsfab.slicing.cutting.corner_fields import Seen
+from dsfab.slicing.cutting.corner_fields import PolygonField
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
-from dsfab.slicing.cutting.sheet import part_of
+from dsfab.slicing.cutting.sheet import face_subset
 from dsfab.slicing.cutting.split import SideValues, split_cells
 from dsfab.surface import Surface, read_surface
 from dsfab.surface.fields import CornerField
@@ -197,7 +197,7 @@ def test_numbering_changes_nothing():
 
 def turned_phase(surface: Surface, along: np.ndarray, density: float):
     """A phase that grows along tangents (n, 3), as it comes, with its singular faces."""
-    frames = Frames.of(surface)
+    frames = Frames.for_surface(surface)
     tangent = along - np.einsum("ni,ni->n", along, frames.normal)[:, None] * frames.normal
     size = np.linalg.norm(tangent, axis=1)
     g = np.where(size[:, None] > 1e-9, tangent / np.maximum(size, 1e-9)[:, None], frames.t1)
@@ -310,8 +310,8 @@ def test_turned_edges_are_those_whose_polygons_disagree(name):
     rng = np.random.default_rng(3)
     sign = np.where(rng.random((surface.m, 3)) < 0.1, -1.0, 1.0)  # corner by corner: whatever may come
     field = replace(field, sign=sign, blank=rng.random(surface.m) < 0.1)
-    mesh = PolygonMesh.of(surface)
-    seen = Seen.of(mesh, field)
+    mesh = PolygonMesh.from_surface(surface)
+    seen = PolygonField.from_field(mesh, field)
     first, second = seen.turned_edges()
     expected = np.zeros((2, 3 * surface.m), bool)
     for h, g in surface.edges.pairs.tolist():
@@ -332,7 +332,7 @@ def test_a_part_has_the_marked_faces_and_no_other_vertex(name):
     surface = ZOO[name]()
     mask = np.random.default_rng(0).random(surface.m) < 0.4
     mask[0] = True
-    part, faces = part_of(surface, mask)
+    part, faces = face_subset(surface, mask)
     assert np.array_equal(faces, np.flatnonzero(mask))
     assert np.array_equal(part.V[part.F], surface.V[surface.F[mask]])
     assert part.n == len(np.unique(surface.F[mask]))
@@ -342,11 +342,11 @@ def test_a_part_has_the_marked_faces_and_no_other_vertex(name):
 @zoo
 def test_weights_of_a_split_stand_below_those_before(name):
     surface = ZOO[name]()
-    mesh = PolygonMesh.of(surface)
+    mesh = PolygonMesh.from_surface(surface)
     x = ripples(surface, 1)
     levels = np.arange(np.floor(x.min()), np.ceil(x.max()) + 1) + 0.27
-    split = split_cells(mesh.cells, surface.n, SideValues.of(mesh.cells, x), levels, mesh.void)
-    new = mesh.after(split)
+    split = split_cells(mesh.cells, surface.n, SideValues.from_vertices(mesh.cells, x), levels, mesh.void)
+    new = mesh.after_split(split)
     assert len(new.X) > surface.n
     assert new.weights.shape == (len(new.X), surface.n)
     assert (np.diff(new.weights.indptr)[surface.n :] == 2).all()
@@ -356,8 +356,8 @@ def test_weights_of_a_split_stand_below_those_before(name):
 
 def test_parts_are_what_sides_connect():
     plate = grid(4, 1, 4.0, 1.0)
-    mesh = PolygonMesh.of(plate)
-    part = mesh.parts(np.abs(plate.centroids[:, 0] - 2) > 1)
+    mesh = PolygonMesh.from_surface(plate)
+    part = mesh.part_labels(np.abs(plate.centroids[:, 0] - 2) > 1)
     assert (part[np.abs(plate.centroids[:, 0] - 2) < 1] == -1).all()
     assert len(set(part.tolist())) == 3
     for left in (True, False):

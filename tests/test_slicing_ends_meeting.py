@@ -77,7 +77,7 @@ def test_where_a_field_is_not_drawn_on_a_part_of_the_surface_nothing_is_filled(p
 def test_a_node_is_a_joint_as_a_crossing_is(plate):
     """Its arms are parts of their own: one that leads nowhere goes, and the others stay."""
     blank = between(plate, 2.5, 3.0)
-    mesh = PolygonMesh.of(plate).with_material(3, plate.centroids[:, 1] > 1, blank)
+    mesh = PolygonMesh.from_surface(plate).with_material(3, plate.centroids[:, 1] > 1, blank)
     assert (mesh.also == np.where(blank, 3, VOID)).all()
     assert (mesh.with_material(4, np.ones(plate.m, dtype=bool), blank).also[blank] == 3).all()
 

@@ -29,12 +29,12 @@ def disc(cells: int, noise: float) -> tuple[Surface, Sheet]:
 
 def off_circle(sheet: Sheet) -> np.ndarray:
     """Metres that the walls' vertices are off the circle."""
-    return np.linalg.norm(sheet.surface.V[Walls.of(sheet).start, :2] - [0.52, 0.49], axis=1) - RADIUS
+    return np.linalg.norm(sheet.surface.V[Walls.from_sheet(sheet).start, :2] - [0.52, 0.49], axis=1) - RADIUS
 
 
 def turns(sheet: Sheet) -> np.ndarray:
     """Degrees by which walls turn, corners left out."""
-    turn = np.abs(np.degrees(Walls.of(sheet).turns(sheet)))
+    turn = np.abs(np.degrees(Walls.from_sheet(sheet).turns(sheet)))
     return turn[turn < 25]
 
 
@@ -45,7 +45,7 @@ def test_a_straight_strip_stays_and_one_that_wanders_becomes_straight():
     assert np.abs(faired_walls(straight).surface.V - straight.surface.V).max() < 1e-9
     wandering = cut(plate, [shaken(across, 0.003)], [[0.5, 0.8]], 0.01)
     fair = faired_walls(wandering)
-    off = [np.std(s.surface.V[Walls.of(s).start, :2] @ [0.8, 0.6] % 0.3) for s in (wandering, fair)]
+    off = [np.std(s.surface.V[Walls.from_sheet(s).start, :2] @ [0.8, 0.6] % 0.3) for s in (wandering, fair)]
     assert off[1] < 0.85 * off[0]  # long waves are left
     assert np.percentile(turns(fair), 95) < 0.4 * np.percentile(turns(wandering), 95)
     check_laws(plate, fair)
@@ -79,7 +79,7 @@ def test_corners_stay_and_vertices_of_the_surface_too():
     moved = np.linalg.norm(done.surface.V[: sheet.surface.n] - sheet.surface.V, axis=1)
     assert not moved[: plate.n].any()
     assert 0 < moved.max() <= 0.1 * plate.mean_edge * 2
-    square = [(np.abs(np.degrees(Walls.of(s).turns(s))) > 45).sum() for s in (sheet, done)]
+    square = [(np.abs(np.degrees(Walls.from_sheet(s).turns(s))) > 45).sum() for s in (sheet, done)]
     assert square[0] == square[1] > 8
 
 
@@ -102,5 +102,5 @@ def test_laws_hold_for_curved_stripes_on_a_ball(frequency, level, seed, snap):
     sheet = resolve_pinches(cut(ball, [one, two], [[level], [level]], snap), 0.01).sheet
     done = divided_walls(faired_walls(sheet))
     check_laws(ball, done)
-    assert manifold_faults(done.kept().surface.F, done.kept().surface.edges, done.kept().surface.n) == ()
-    assert len(done.kept().surface.loops) == len(sheet.kept().surface.loops)
+    assert manifold_faults(done.subset().surface.F, done.subset().surface.edges, done.subset().surface.n) == ()
+    assert len(done.subset().surface.loops) == len(sheet.subset().surface.loops)

@@ -41,7 +41,7 @@ def check_added(uncut: Surface, before: Sheet, after: Sheet) -> None:
     """Material is added only; the surface, its topology and that of the material stay."""
     check_laws(uncut, after)
     assert manifold_faults(after.surface.F, after.surface.edges, after.surface.n) == ()
-    one, two = before.kept().surface, after.kept().surface
+    one, two = before.subset().surface, after.subset().surface
     assert manifold_faults(two.F, two.edges, two.n) == ()
     assert euler_characteristic(one.F, one.edges) == euler_characteristic(two.F, two.edges)
     assert material_area(after) >= material_area(before)
@@ -67,7 +67,7 @@ def test_square_openings_gain_what_a_square_corner_less_a_quarter_disc_is(cells,
 def test_new_walls_are_on_their_arcs():
     radius = 0.04
     sheet = openings(grid(17, 17, 1.0, 1.0))
-    kept = rounded_corners(sheet, radius)[0].kept().surface
+    kept = rounded_corners(sheet, radius)[0].subset().surface
     rim = kept.edges.ends[kept.edges.boundary]
     middle = 3 * kept.V[rim].mean(axis=1)[:, :2] % 1 - 0.5  # openings on one another, their middle in 0
     corner = 0.3 - 3 * radius
@@ -122,7 +122,7 @@ def test_a_pointed_tip_without_a_corner_of_its_own_is_rounded():
     ellipse = cut(plate, [((x - 0.5) / 0.35) ** 2 + ((y - 0.5) / 0.12) ** 2], [[1.0]], snap=0)  # tips of 0.041 m
     done, found = rounded_corners(ellipse, 0.1)
     assert found == pytest.approx([0.1, 0.1])
-    rim = done.kept().surface
+    rim = done.subset().surface
     inner = rim.V[rim.edges.ends[rim.edges.boundary & ~plate_edge(rim)]]
     assert np.abs(inner[..., 0] - 0.5).max() < 0.35 - 0.01
     check_added(plate, ellipse, done)
@@ -257,10 +257,10 @@ def test_laws_over_the_zoo(name):
     sheet = resolve_pinches(cut(surface, [one, two], levels), 0.2 * surface.mean_edge).sheet
     done, _ = rounded_corners(sheet, 0.3 * surface.mean_edge)
     check_laws(surface, done)
-    kept = done.kept().surface
+    kept = done.subset().surface
     assert kept.pinches.size == 0
     assert euler_characteristic(kept.F, kept.edges) == euler_characteristic(
-        sheet.kept().surface.F, sheet.kept().surface.edges
+        sheet.subset().surface.F, sheet.subset().surface.edges
     )
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from dsfab.pattern import CornerPhase, EvenFamily, Stripes, Widths
-from dsfab.slicing import chart_of, cut, halved
-from dsfab.slicing.cutting.loose_ends import limit
-from dsfab.slicing.measures.chart import _alike
+from dsfab.slicing import chart_of, cut, halve_lines
+from dsfab.slicing.cutting.loose_ends import split_value
+from dsfab.slicing.measures.chart import _group_equal_rows
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, hat_gradients
 from tests.zoo import grid, jittered
@@ -45,7 +45,7 @@ def example(seed: int = 0):
     r = np.linalg.norm(surface.centroids, axis=1)
     wish = np.clip(np.log2(8 / r), 0, 3)
     phases = phase(surface, rays, seed), phase(surface, rings, seed)
-    given = halved(surface, (phases[0].field, phases[1].field), (wish, 0 * wish), (3, 0))
+    given = halve_lines(surface, (phases[0].field, phases[1].field), (wish, 0 * wish), (3, 0))
     return surface, phases, wish, given
 
 
@@ -53,7 +53,7 @@ def radii(given) -> tuple[np.ndarray, np.ndarray]:
     """(c,) the smallest and the largest radius of each polygon."""
     cells = given.mesh.cells
     r = np.linalg.norm(given.mesh.X, axis=1)[cells.corner]
-    return cells.reduced(np.minimum, r), cells.reduced(np.maximum, r)
+    return cells.per_polygon(np.minimum, r), cells.per_polygon(np.maximum, r)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -76,7 +76,7 @@ def test_a_level_belongs_to_an_opening_between_rings(seed):
     surface, _, wish, given = example(seed)
     _, rays, rings = fan()
     cells, weights = given.mesh.cells, given.mesh.weights
-    centre = lambda z: cells.reduced(np.add, (weights @ z)[cells.corner]) / cells.sizes  # noqa: E731
+    centre = lambda z: cells.per_polygon(np.add, (weights @ z)[cells.corner]) / cells.sizes  # noqa: E731
     opening = np.floor(centre(rings)) * 1000 + np.floor(centre(rays) / 8)
     area = cells.areas(given.mesh.X)[0]
     for one in np.unique(opening):
@@ -106,9 +106,9 @@ def test_lines_end_on_rings(seed):
 
 def _at_vertices(given, k: int) -> np.ndarray:
     """The snapped phase of a family, up to sign and multiples of 8."""
-    from dsfab.slicing.cutting.corner_fields import Seen
+    from dsfab.slicing.cutting.corner_fields import PolygonField
 
-    return Seen.of(given.mesh, given.phases[k]).values[:, 0]
+    return PolygonField.from_field(given.mesh, given.phases[k]).values[:, 0]
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -130,7 +130,7 @@ def ring_levels(wish: Callable[[np.ndarray], np.ndarray]) -> list[float]:
     surface, rays, rings = fan()
     asked = wish(np.linalg.norm(surface.centroids, axis=1))
     fields = phase(surface, rays).field, phase(surface, rings).field
-    given = halved(
+    given = halve_lines(
         surface,
         fields,
         (asked.clip(0, 1), 0 * asked),
@@ -157,7 +157,7 @@ def test_it_does_not_count_where_that_gains_little():
 def test_without_halving_nothing_is_divided():
     surface, rays, rings = fan()
     fields = phase(surface, rays).field, phase(surface, rings).field
-    given = halved(surface, fields, (np.ones(surface.m), np.ones(surface.m)), (0, 0))
+    given = halve_lines(surface, fields, (np.ones(surface.m), np.ones(surface.m)), (0, 0))
     assert len(given.mesh.parent) == surface.m
     assert not given.level.any()
 
@@ -201,7 +201,7 @@ def test_a_chart_marks_faces_without_a_phase():
     surface, rays, rings = fan()
     field = phase(surface, rays).field
     blank = np.arange(surface.m) % 50 == 7
-    given = halved(surface, (replace(field, blank=blank), phase(surface, rings).field), (0 * rays,) * 2, (0, 0))
+    given = halve_lines(surface, (replace(field, blank=blank), phase(surface, rings).field), (0 * rays,) * 2, (0, 0))
     chart = chart_of(given)
     marked = (chart.scale[chart.surface.F, 0] == 0).all(axis=1)
     assert np.array_equal(marked, blank[chart.parent])
@@ -245,7 +245,7 @@ def _polar(V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ],
 )
 def test_openings_that_are_alike_are_halved_alike(means, wanted):
-    assert limit(np.array(means), 1, 0.05) == pytest.approx(wanted)
+    assert split_value(np.array(means), 1, 0.05) == pytest.approx(wanted)
 
 
 def test_things_that_are_alike_are_found_as_by_sorting_all():
@@ -253,7 +253,7 @@ def test_things_that_are_alike_are_found_as_by_sorting_all():
     rng = np.random.default_rng(4)
     key = rng.integers(0, 40, 300)
     rows = np.stack([rng.integers(0, 2, 300), rng.integers(0, 2, 300)], axis=1).astype(float)
-    leads, of = _alike(key, rows)
+    leads, of = _group_equal_rows(key, rows)
     _, first, inverse = np.unique(np.column_stack([key, rows]), axis=0, return_index=True, return_inverse=True)
     assert np.array_equal(leads, np.sort(first))
     assert np.array_equal(leads[of], first[inverse.ravel()])

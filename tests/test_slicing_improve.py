@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 import dsfab
 from dsfab.core.errors import PatternError
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.slicing import Sheet, cut, resolve_pinches
-from dsfab.slicing.finishing.mesh_quality import Cut, Improved, flipped, improved, quality
+from dsfab.slicing.finishing.mesh_quality import CellMesh, ImprovedSheet, flip_edges, improve_cells, quality
 from dsfab.slicing.measures.lines import outline_labels
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
@@ -30,7 +30,7 @@ def striped(surface: Surface, seed: int = 0, snap: float = 0.0) -> Sheet:
 
 def outline(sheet: Sheet, uncut: Surface) -> dict[int, np.ndarray]:
     """Segments (k, 2, 3) of the outline of the material, by family."""
-    kept = sheet.kept()
+    kept = sheet.subset()
     found = outline_labels(kept, uncut)
     return {
         int(family): kept.surface.V[np.stack([found.start, found.end], axis=1)[found.family == family]]
@@ -46,10 +46,10 @@ def far(points: np.ndarray, segments: np.ndarray) -> float:
     return float(np.linalg.norm(points[:, None] - spots, axis=2).min(axis=1).max())
 
 
-def check_improved(surface: Surface, sheet: Sheet, tolerance: float) -> Improved:
-    done = improved(sheet, surface, tolerance)
+def check_improved(surface: Surface, sheet: Sheet, tolerance: float) -> ImprovedSheet:
+    done = improve_cells(sheet, surface, tolerance)
     check_laws(surface, done.sheet)
-    old, new = sheet.kept().surface, done.sheet.kept().surface
+    old, new = sheet.subset().surface, done.sheet.subset().surface
     assert len(manifold_faults(new.F, new.edges, new.n)) == len(manifold_faults(old.F, old.edges, old.n))
     assert euler_characteristic(new.F, new.edges) == euler_characteristic(old.F, old.edges)
     assert pieces(new.F, new.edges)[0] == pieces(old.F, old.edges)[0]
@@ -91,7 +91,7 @@ def test_laws_hold_on_random_meshes(case, share, rule):
 def test_needles_become_fewer():
     surface = jittered(grid(20, 20, 1.0, 1.0))
     sheet = striped(surface, snap=0.05)
-    exact, near = (improved(sheet, surface, share * surface.mean_edge) for share in (0.0, 0.1))
+    exact, near = (improve_cells(sheet, surface, share * surface.mean_edge) for share in (0.0, 0.1))
     assert exact.flips > 10
     assert near.collapses > 50
     assert near.after.needles < 0.7 * near.before.needles
@@ -101,7 +101,7 @@ def test_needles_become_fewer():
 def test_a_sheet_that_cannot_be_better_comes_back_itself():
     surface = sphere(2)
     sheet = cut(surface, [surface.V[:, 2]], [[-2.0]])
-    done = improved(sheet, surface, 0.1)
+    done = improve_cells(sheet, surface, 0.1)
     assert done.sheet is sheet
     assert (done.flips, done.collapses, done.strayed) == (0, 0, 0.0)
 
@@ -109,7 +109,7 @@ def test_a_sheet_that_cannot_be_better_comes_back_itself():
 def test_a_preset_asks_for_it():
     plain = dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8})
     one = dsfab.run(plain)
-    two = dsfab.revise(one, overridden(plain, {"slicing.improve": True, "slicing.tolerance": 0.04}))
+    two = dsfab.revise(one, with_overrides(plain, {"slicing.improve": True, "slicing.tolerance": 0.04}))
     assert two.sheet.surface.m < one.sheet.surface.m
     assert two.sheet.surface.area == pytest.approx(one.sheet.surface.area, rel=5e-3)
     assert two.solid.volume == pytest.approx(one.solid.volume, rel=5e-3)
@@ -126,5 +126,5 @@ def test_no_cell_is_made_that_no_surface_takes(scale, turns):
     V = np.concatenate([kite, [[1.0, 0, 0], [0, 1, 0]]])
     F = np.array([[0, 1, 2], [1, 0, 3]])
     of, normal = np.zeros(2, dtype=int), np.array([[0.0, 0, 1]])
-    cells = Cut(V, F, of, of, normal, np.array([[0, 4, 5]]), np.full((len(V), 3), -1), np.zeros(len(V)))
-    assert flipped(cells)[1] == turns
+    cells = CellMesh(V, F, of, of, normal, np.array([[0, 4, 5]]), np.full((len(V), 3), -1), np.zeros(len(V)))
+    assert flip_edges(cells)[1] == turns

@@ -30,7 +30,7 @@ def tube(around: int, along: int, radius: float = 1.0, height: float = 2.0) -> S
 
 def striped(surface: Surface, x: np.ndarray, stripes: Stripes):
     """The sheet of one family of stripes, all its edges and its centre lines."""
-    sheet = cut(surface, [x], [stripes.levels(x)], snap=0.0).kept()
+    sheet = cut(surface, [x], [stripes.levels(x)], snap=0.0).subset()
     z = stripes.phases(x)
     edges = edge_lines(sheet, surface, ["major"], [z])
     return sheet, edges, centre_lines(sheet, "major", z, np.full(surface.n, stripes.half_width))
@@ -90,7 +90,7 @@ def test_edges_are_the_boundary_of_the_sheet_once_and_on_their_levels(name):
     V = surface.V / surface.size
     x, y = V @ [1.0, 0.2, 0.3], V @ [-0.2, 0.9, 0.5]
     one, two = Stripes(6.0), Stripes(5.0, 0.25, 0.3)
-    sheet = cut(surface, [x, y], [one.levels(x), two.levels(y)], snap=0.0).kept()
+    sheet = cut(surface, [x, y], [one.levels(x), two.levels(y)], snap=0.0).subset()
     lines = edge_lines(sheet, surface, ["major", "minor"], [one.phases(x), two.phases(y)])
     ends = sheet.surface.V[sheet.surface.edges.ends[sheet.surface.edges.boundary]]
     outline = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum()
@@ -115,17 +115,17 @@ def test_middles_end_where_a_member_tapers_out_or_is_not_kept():
     """d = 0 for x < 1: no member there, whatever else is material."""
     plate = grid(20, 10, 2.0, 1.0)
     x, y = plate.V[:, 0], plate.V[:, 1]
-    sheet = cut(plate, [-np.ones(plate.n)], [[-2.0]]).kept()  # all of it
+    sheet = cut(plate, [-np.ones(plate.n)], [[-2.0]]).subset()  # all of it
     d = np.where(x > 1, 0.25, 0.0)
     centre = centre_lines(sheet, "minor", 2 * y, d)
     assert [line.number for line in centre] == [1, 2]
     inside = centre[0]
     assert inside.length == pytest.approx(0.9)  # from x = 1.1, where all corners of a face have d > 0
-    split = sheet.kept(np.abs(sheet.surface.centroids[:, 0] - 1.4) > 0.1)
+    split = sheet.subset(np.abs(sheet.surface.centroids[:, 0] - 1.4) > 0.1)
     first, second = centre_lines(split, "minor", 2 * y, d)[:2]
     assert (first.id, second.id) == ("centre-minor-1.1", "centre-minor-1.2")
     assert (first.length, second.length) == pytest.approx((0.5, 0.2))
-    half = sheet.kept(x[sheet.surface.F].min(axis=1) > 1.5)
+    half = sheet.subset(x[sheet.surface.F].min(axis=1) > 1.5)
     assert centre_lines(half, "minor", 2 * y, d)[0].length == pytest.approx(0.4)
 
 

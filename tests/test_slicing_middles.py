@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.slicing import chart_of, cut, halved
+from dsfab.slicing import chart_of, cut, halve_lines
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.measures.lines import CornerLines, chart_lines, edge_lines
 from dsfab.surface import Surface
@@ -26,10 +26,10 @@ def drawn(surface: Surface, z: np.ndarray, y: np.ndarray, turned: np.ndarray, d:
     none = np.zeros_like(turned)
     wish = (np.zeros(surface.m),) * 2
     fields = corner_field(surface, z, turned), corner_field(surface, y, none)
-    chart = chart_of(halved(surface, fields, wish, (0, 0)))
+    chart = chart_of(halve_lines(surface, fields, wish, (0, 0)))
     bands = [corner_field(surface, z, turned, d), corner_field(surface, y, none, d)]
     levels = [np.arange(-20.0, 21.0)] * 2
-    sheet = cut(surface, bands, levels, 0.0).kept()
+    sheet = cut(surface, bands, levels, 0.0).subset()
     edges = edge_lines(sheet, surface, NAMES, [CornerLines(*pair) for pair in zip(bands, levels, strict=True)])
     width = np.full(surface.n, d)
     return sheet, edges, {name: chart_lines(sheet, surface, NAMES, name, chart, width) for name in NAMES}
@@ -81,7 +81,7 @@ def test_middles_end_with_the_sheet():
     assert [line.length for line in middles["major"]] == pytest.approx([1.0] * 4, rel=1e-9)
     assert [line.length for line in middles["minor"]] == pytest.approx([2.0] * 2, rel=1e-9)
     fields = tuple(corner_field(plate, f, np.zeros(plate.m, dtype=bool)) for f in (2 * x + 0.5, 2 * y + 0.5))
-    chart = chart_of(halved(plate, fields, (np.zeros(plate.m),) * 2, (0, 0)))
+    chart = chart_of(halve_lines(plate, fields, (np.zeros(plate.m),) * 2, (0, 0)))
     part: Sheet = sheet.kept(sheet.surface.centroids[:, 1] < 0.6)
     for line in chart_lines(part, plate, NAMES, "major", chart, np.full(plate.n, 0.2)):
         assert line.points[:, 1].min() == pytest.approx(0.0, abs=1e-9)
@@ -95,8 +95,8 @@ def test_a_line_that_no_member_was_drawn_along_does_not_cross_other_members():
     """Only the minor stripes were cut: of the major middles nothing is left, though the chart has them."""
     plate = grid(16, 9, 2.0, 1.0)
     fields = tuple(corner_field(plate, 2 * plate.V[:, k] + 0.5, np.zeros(plate.m, dtype=bool)) for k in (0, 1))
-    chart = chart_of(halved(plate, fields, (np.zeros(plate.m),) * 2, (0, 0)))
+    chart = chart_of(halve_lines(plate, fields, (np.zeros(plate.m),) * 2, (0, 0)))
     band = corner_field(plate, 2 * plate.V[:, 1] + 0.5, np.zeros(plate.m, dtype=bool), 0.2)
-    sheet = cut(plate, [-np.ones(plate.n), band], [[], np.arange(9.0)], 0.0).kept()
+    sheet = cut(plate, [-np.ones(plate.n), band], [[], np.arange(9.0)], 0.0).subset()
     assert chart_lines(sheet, plate, NAMES, "major", chart, np.full(plate.n, 0.2)) == []
     assert len(chart_lines(sheet, plate, NAMES, "minor", chart, np.full(plate.n, 0.2))) == 2

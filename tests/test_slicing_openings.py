@@ -28,9 +28,9 @@ def grid_of(surface: Surface, d: float, closed=None) -> Sheet:
 def test_slits_are_openings_narrower_than_the_members_beside(d):
     """7 times 5 openings between two members, of (1 - 2 d) to 2 d, those at the edge of the plate cut open."""
     cells = grid_of(plate(), d)
-    found = Openings.of(cells)
+    found = Openings.from_sheet(cells)
     wide = (1 - 2 * d) / (2 * d)
-    inner = np.abs(found.places[:, 0]) < 0.9
+    inner = np.abs(found.centroids[:, 0]) < 0.9
     assert inner.sum() == 35
     assert found.narrowness[inner] == pytest.approx(wide, rel=1e-6)
     assert np.isinf(found.narrowness[~inner]).all()  # no member on the other side
@@ -45,10 +45,10 @@ def test_slits_are_filled_and_nothing_else():
     """Members are twice as wide on the right of the plate: the openings there are narrower than they are."""
     surface = plate()
     cells = grid_of(surface, np.where(surface.V[:, 0] > 0.3, 0.3, 0.15))
-    slits = Openings.of(cells).slits
+    slits = Openings.from_sheet(cells).slits
     filled, count = filled_slits(cells, "crowded")
     assert 5 < count == slits.sum() < 20
-    left = Openings.of(cells).filled(slits)
+    left = Openings.from_sheet(cells).fill(slits)
     assert (filled.material == left.material).all()
     assert (filled.family[cells.material] == cells.family[cells.material]).all()
     assert filled_slits(filled) == (filled, 0)
@@ -56,20 +56,20 @@ def test_slits_are_filled_and_nothing_else():
         open_ = grid_of(surface, alike)
         assert filled_slits(open_, "crowded") == (open_, 0)
     whole = Sheet(surface, np.arange(surface.m), np.zeros(surface.m), cut(surface, [surface.V[:, 0]], [[]]).weights)
-    assert Openings.of(whole) is None
+    assert Openings.from_sheet(whole) is None
 
 
 def test_filled_openings_side_by_side_are_found():
     """Openings .5 by .25 m: six on the right of the plate that hang together, and two far from them."""
     before = grid_of(plate(), 0.1)
-    every = Openings.of(before)
-    x, y = every.places[:, 0], every.places[:, 1]
+    every = Openings.from_sheet(before)
+    x, y = every.centroids[:, 0], every.centroids[:, 1]
     some = (x > 0.4) & (x < 0.9) & (np.abs(y) < 0.6)
     far = (x < -0.6) & (np.abs(y) > 0.4)
     assert largest_filling(before, before, 0.6) is None
-    found = largest_filling(before, every.filled(some | far), 0.6)
+    found = largest_filling(before, every.fill(some | far), 0.6)
     assert found.openings == some.sum() == 6 > far.sum() / 2 > 0
-    assert found.place == pytest.approx(every.places[some].mean(axis=0), abs=0.02)
+    assert found.place == pytest.approx(every.centroids[some].mean(axis=0), abs=0.02)
 
 
 @pytest.mark.slow
@@ -97,8 +97,8 @@ def test_openings_that_are_alike_close_alike():
     surface = plate()
     x, y, _ = surface.V.T
     closed = grid_of(surface, 0.2, x + 0.02 * np.sign(y))
-    void = Openings.of(closed)
-    assert (np.abs(void.places[:, 0]) < 0.05).sum() in (0, 5)
+    void = Openings.from_sheet(closed)
+    assert (np.abs(void.centroids[:, 0]) < 0.05).sum() in (0, 5)
 
 
 @pytest.mark.parametrize(("radius", "count"), [(0.12, 0), (0.05, 1)])
@@ -112,8 +112,8 @@ def test_an_opening_with_a_long_tip_is_not_as_small_as_its_tip_is_narrow(radius,
     sides = [np.cos(a) * (x + 0.2) + np.sin(a) * y - radius for a in np.radians([60, 180, 300])]
     slit = np.max([-0.2 - x, x - 2 * radius - 0.2, np.abs(y) - 0.02], axis=0)
     cells = cut(surface, [np.minimum(np.max(sides, axis=0), slit)], [[0.0]], 0)
-    found = Openings.of(cells)
-    assert found.round_sizes == pytest.approx([0.177 if radius > 0.1 else 0.088], rel=0.05)
+    found = Openings.from_sheet(cells)
+    assert found.hydraulic_diameters == pytest.approx([0.177 if radius > 0.1 else 0.088], rel=0.05)
     assert filled_openings(cells, 0.06)[1] == count
 
 
@@ -128,8 +128,8 @@ def test_few_walls_more_or_less_make_no_other_opening():
     def narrowness(length: float) -> float:
         slit = np.max([-0.2 - x, x + 0.2 - length, np.abs(y) - 0.02], axis=0)
         f = np.minimum(triangle, slit)
-        found = Openings.of(cut(surface, [np.stack([f, f - 0.05], axis=1)], [[0.0]], 0))
-        return float(found.narrowness[np.isfinite(found.round_sizes)].item())
+        found = Openings.from_sheet(cut(surface, [np.stack([f, f - 0.05], axis=1)], [[0.0]], 0))
+        return float(found.narrowness[np.isfinite(found.hydraulic_diameters)].item())
 
     judged = np.array([narrowness(length) for length in (0.12, 0.14, 0.16, 0.18)])
     assert np.abs(np.diff(judged)).max() < 0.03
@@ -146,9 +146,9 @@ def test_crumbs_are_openings_far_smaller_than_most(left):
     bands = [(y / 0.5 + 0.5, 0.1), (x / 0.25 + 0.5, 0.2), (x + left / 2 + 0.01, 0.085 - left / 2)]
     fields = [np.stack([z + w, z - w], axis=1) for z, w in bands]
     cells = cut(surface, fields, [np.arange(-6.0, 8.0), np.arange(-6.0, 8.0), np.zeros(1)], 0)
-    found = Openings.of(cells)
-    crumbs = (np.abs(found.places[:, 0]) < 0.1) & np.isfinite(found.round_sizes)
-    assert found.round_sizes[crumbs] == pytest.approx(size[0], rel=1e-6)
+    found = Openings.from_sheet(cells)
+    crumbs = (np.abs(found.centroids[:, 0]) < 0.1) & np.isfinite(found.hydraulic_diameters)
+    assert found.hydraulic_diameters[crumbs] == pytest.approx(size[0], rel=1e-6)
     filled, count = filled_crumbs(cells)
     small = size[0] < CRUMB * size[1]
     assert count == (crumbs.sum() if small else 0)
@@ -185,10 +185,10 @@ def test_the_crown_of_one_family_has_no_holes():
     """Four holes of a sixth of the others stood where its meridians meet, beside the disc that is kept there."""
     coarse = {"surface.edge": 0.4, "pattern.families": "minor", "pattern.minor.spacing": 0.8}
     made = built("dome", **coarse)
-    sizes = Openings.of(made.slicing.cells).round_sizes
+    sizes = Openings.from_sheet(made.slicing.cells).hydraulic_diameters
     assert sizes.min() > 0.35 * np.median(sizes)
     said = built("dome", **coarse, **{"slicing.min_opening": 0.01})  # what is said counts
-    sizes = Openings.of(said.slicing.cells).round_sizes
+    sizes = Openings.from_sheet(said.slicing.cells).hydraulic_diameters
     assert sizes.min() < 0.35 * np.median(sizes)
 
 
@@ -203,7 +203,7 @@ def test_the_crown_of_a_sphere_closes_as_a_whole():
     made = built("sphere_graded")
     quality = made.quality(symmetry=False)
     assert (quality.dead_ends, quality.slits) == (0, 0)
-    top = Openings.of(made.slicing.cells).places[:, 2]
+    top = Openings.from_sheet(made.slicing.cells).centroids[:, 2]
     assert top.max() < 0.8
     assert made.sheet.surface.area / made.surface.area == pytest.approx(0.5, abs=2e-3)
 
@@ -225,7 +225,7 @@ def test_tidied_modes_have_neither_slits_nor_dead_ends_and_keep_their_share(name
     assert made.sheet.surface.area / made.surface.area == pytest.approx(
         made.preset.pattern.width.solid_fraction, abs=2e-3
     )
-    drawn = Openings.of(cut(made.surface, made.pattern.fields, made.pattern.levels, 0.05, made.pattern.tidy))
+    drawn = Openings.from_sheet(cut(made.surface, made.pattern.fields, made.pattern.levels, 0.05, made.pattern.tidy))
     assert drawn.slits.sum() > slits / 2
 
 

@@ -17,13 +17,13 @@ both_rules = pytest.mark.parametrize("rule", ["join", "split"])
 
 
 def pinch_count(sheet: Sheet) -> int:
-    kept = sheet.kept().surface
+    kept = sheet.subset().surface
     return len(pinches(kept.F, kept.edges, kept.n))
 
 
 def boundary_degree(sheet: Sheet) -> int:
     """Largest number of boundary edges of the material at one vertex: two on a sheet without pinches."""
-    edges = sheet.kept().surface.edges
+    edges = sheet.subset().surface.edges
     return int(np.bincount(edges.ends[edges.boundary].ravel()).max(initial=0))
 
 
@@ -59,7 +59,7 @@ def test_checkerboard_is_joined_or_split_at_its_inner_corners(rule):
     assert 2 / np.pi < change < 1
     assert np.sign(done.area_change) == (1 if rule == "join" else -1)
     assert set(done.sheet.family.tolist()) == {-1, 1}
-    kept = done.sheet.kept().surface
+    kept = done.sheet.subset().surface
     assert pieces(kept.F, kept.edges)[0] == (1 if rule == "join" else 8)
     check_laws(plate, done.sheet)
 
@@ -70,7 +70,7 @@ def test_pinch_on_the_boundary_counts(rule):
     plate = grid(6, 6, 1.0, 1.0)
     value = np.round(12 * (np.abs(plate.V[:, 0] - 0.5) - plate.V[:, 1]))
     sheet = cut(plate, [value], [[0.0]], snap=0)
-    kept = sheet.kept().surface
+    kept = sheet.subset().surface
     (at,) = pinches(kept.F, kept.edges, kept.n)
     assert kept.V[at] == pytest.approx([0.5, 0, 0])
     done = resolve_pinches(sheet, 0.05, rule)
@@ -129,7 +129,7 @@ def test_corner_cuts_finish_what_discs_leave(seed, share, monkeypatch):
 def test_disc_that_swallows_a_neighbour_counts_once():
     surface = ZOO["obtuse"]()
     sheet = noisy(surface)
-    kept = sheet.kept().surface
+    kept = sheet.subset().surface
     at = kept.V[pinches(kept.F, kept.edges, kept.n)]
     apart = np.linalg.norm(at[:, None] - at, axis=2)
     radius = 1.5 * surface.mean_edge
@@ -170,7 +170,7 @@ def test_disc_leaves_another_layer_alone():
     assert pinch_count(sheet) == 1
     done = resolve_pinches(sheet, 0.1, "join")
     assert done.area_change > 0
-    assert done.sheet.kept().surface.V[:, 2].max() == 0
+    assert done.sheet.subset().surface.V[:, 2].max() == 0
 
 
 def test_joined_cells_belong_to_the_material_at_their_pinch():

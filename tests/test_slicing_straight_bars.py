@@ -126,10 +126,10 @@ def test_the_bow_of_a_bar_is_that_of_its_walls():
         cells = Cells(np.cumsum([0, *sizes]), np.concatenate(corners))
         count = len(corners)
         family = np.array([0] * 40 + [1] * 2 + [-1] * 2)
-        mesh = PolygonMesh.plain(np.zeros((0, 3), int), cells, X, None, np.zeros(count, int), family)
-        bar = FairBar.of(mesh, family == 0).bent(mesh)
+        mesh = PolygonMesh.from_cells(np.zeros((0, 3), int), cells, X, None, np.zeros(count, int), family)
+        bar = FairBar.straight(mesh, family == 0).with_bow(mesh)
         assert bar.half == pytest.approx((0.05, 0.05), rel=0.01)
         ahead = sign * (1 if bar.ends[1][0] > bar.ends[0][0] else -1)
         a, b = bar.bow if bar.ends[1][0] > bar.ends[0][0] else (sum(bar.bow), -bar.bow[1])
         assert (ahead * a, ahead * b) == pytest.approx((0.3, -0.8), abs=0.01)
-        assert bar.off(mesh) < 0.05
+        assert bar.deviation(mesh) < 0.05

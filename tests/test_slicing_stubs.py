@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from dsfab.design import draft
 from dsfab.design.pattern_measures import measured_pattern
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.preset.proposal import preset_for
 from dsfab.slicing import Tidy, cut, material_area
 from dsfab.slicing.cutting.sheet import Sheet
@@ -64,7 +64,7 @@ def material(sheet: Sheet) -> float:
 
 
 def parts(sheet: Sheet) -> int:
-    kept = sheet.kept().surface
+    kept = sheet.subset().surface
     return pieces(kept.F, kept.edges)[0]
 
 
@@ -145,13 +145,13 @@ def test_hooks_of_a_surface_of_ones_own_go_and_nothing_gets_worse(name, least, g
     """A hook under a member of the roof; and an ear of two stubs that overlap at the rim of a terrain."""
     monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)  # with less crowded lines both have fewer
     mesh = mesh_file("roof_with_opening.obj") if name == "roof" else OWN["terrain"](tmp_path)
-    made = draft(overridden(preset_for(mesh), {"pattern.major.spacing": 0.3} if name == "roof" else {}))
+    made = draft(with_overrides(preset_for(mesh), {"pattern.major.spacing": 0.3} if name == "roof" else {}))
     found = []
     for large, larger in ((0.0, 0.0), (LARGE, LARGER)):
         monkeypatch.setattr("dsfab.slicing.cutting.stubs.LARGE", large)
         monkeypatch.setattr("dsfab.slicing.cutting.stubs.LARGER", larger)
         sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, made.preset.slicing.snap, made.pattern.tidy)
-        solid = sheet.kept().surface
+        solid = sheet.subset().surface
         away = np.linalg.norm(solid.centroids[:, :2] - gone, axis=1).min() / made.preset.pattern.major.spacing
         found.append((sheet.stubs, parts(sheet), measured_pattern(made, False, sheet).dead_ends, away))
     (_, pieces_before, ends_before, near), (stubs, pieces_after, ends_after, far) = found

@@ -15,7 +15,7 @@ from dsfab.core.sparse import (
     ConvergenceError,
     FactorMemoryError,
     NotPositiveDefinite,
-    OnePattern,
+    SamePatternFactors,
     cholesky,
     factorise,
     libraries,
@@ -25,7 +25,7 @@ from dsfab.core.sparse.cholesky import Fronts, Multifrontal, dissection_keys, po
 from dsfab.core.sparse.libraries import Pardiso, SuperLU, _release
 from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
 from dsfab.statics.boundary_conditions import rigid_motions
-from dsfab.statics.factorisation import factored
+from dsfab.statics.factorisation import stiffness_factor
 from tests.test_statics import STEEL
 from tests.zoo import ZOO, grid, jittered, lifted, zoo
 
@@ -83,7 +83,7 @@ def test_hermitian_matrices_are_solved_as_real_ones(name, solver):
 
 @pytest.mark.parametrize("pair", ["constant+midedge", "quadratic+midedge", "quadratic+hhj"])
 def test_edges_may_carry_unknowns(pair):
-    K, points, node = system(ZOO["dome"](), Elements.named(pair))
+    K, points, node = system(ZOO["dome"](), Elements.from_name(pair))
     b = np.ones(K.shape[0])
     assert_allclose(factorise(K, points, node, "multifrontal")(b), factorise(K, points, node, "SuperLU")(b), rtol=1e-7)
 
@@ -100,7 +100,7 @@ def test_any_mesh_any_unknowns_missing(seed, cells, missing, one):
     keep[0] = True
     K = csr_array(K[keep][:, keep])
     b = rng.standard_normal(K.shape[0])
-    solve = Multifrontal(K, Fronts.of(K, points, node[keep]))
+    solve = Multifrontal(K, Fronts.from_matrix(K, points, node[keep]))
     assert np.linalg.norm(K @ solve(b) - b) <= 1e-9 * np.linalg.norm(b)
     values = csr_array(diags_array(rng.uniform(1, 2, len(b))) + K)
     solve.refactor(values)
@@ -137,7 +137,7 @@ def test_two_unknowns_a_point_that_are_solved_with_often(solver, monkeypatch):
     K, points, node = system(ZOO["dome"]())
     two = (node < len(ZOO["dome"]().V)) & (np.arange(len(node)) % 3 < 2)
     K, node = csr_array(K[two][:, two]), node[two]
-    pattern, b = OnePattern(points, node, many_solves=True), np.random.default_rng(3).standard_normal(len(node))
+    pattern, b = SamePatternFactors(points, node, many_solves=True), np.random.default_rng(3).standard_normal(len(node))
     for values in (K, csr_array(diags_array(np.linspace(1, 2, len(node))) + K)):
         assert_allclose(pattern.factor(values)(b), factorise(values, points, node, solver)(b), rtol=1e-9, atol=1e-9)
     assert asked[:1] == ([False] if solver == "PARDISO" else [])
@@ -150,7 +150,7 @@ def test_matrices_of_one_pattern_are_analysed_once(solver, monkeypatch):
     monkeypatch.setattr(sparse, "solver_name", lambda: solver)
     monkeypatch.setattr(sparse, "factorise", lambda *given: made.append(1) or factorise(*given, solver=solver))
     K, points, node = system(ZOO["saddle"]())
-    pattern, b = sparse.OnePattern(points, node), np.ones(K.shape[0])
+    pattern, b = sparse.SamePatternFactors(points, node), np.ones(K.shape[0])
     for values in (K, csr_array(K + diags_array(np.linspace(0, 1, len(b)))), K):
         assert np.array_equal(pattern.factor(values)(b), factorise(values, points, node, solver)(b))
     assert len(made) == 1
@@ -219,7 +219,7 @@ def test_separators_separate():
 
 def test_counted_memory_is_that_of_the_factor():
     K, points, node = system(jittered(grid(30, 30, 1.0, 1.0)))
-    fronts = Fronts.of(K, points, node)
+    fronts = Fronts.from_matrix(K, points, node)
     assert fronts.entries == sum(L.size + P.size for L, P in Multifrontal(K, fronts)._factor)
     assert fronts.entries < fronts.peak < 3 * fronts.entries
 
@@ -257,10 +257,10 @@ def held_dome(cells=10):
 def test_multigrid_stands_in_where_the_factor_does_not_fit(monkeypatch):
     pytest.importorskip("pyamg", reason="the optional solver is not installed")
     surface, K, held = held_dome()
-    direct = factored(surface, K, held)
+    direct = stiffness_factor(surface, K, held)
     b = np.random.default_rng(0).standard_normal((len(direct.free), 2))
     monkeypatch.setattr(cholesky, "free_memory", lambda: 1000)
-    iterative = factored(surface, K, held)
+    iterative = stiffness_factor(surface, K, held)
     assert isinstance(iterative.solve, libraries.Multigrid)
     expected = direct.solve(b)
     assert_allclose(iterative.solve(b), expected, atol=1e-7 * np.abs(expected).max())
@@ -269,7 +269,7 @@ def test_multigrid_stands_in_where_the_factor_does_not_fit(monkeypatch):
 def test_multigrid_refuses_what_it_could_not_solve(monkeypatch):
     pytest.importorskip("pyamg", reason="the optional solver is not installed")
     surface, K, held = held_dome(24)
-    factor = factored(surface, K, held)
+    factor = stiffness_factor(surface, K, held)
     rigid = rigid_motions(surface.V).reshape(-1, 6)[factor.free] / factor.scale[:, None]
     monkeypatch.setattr(libraries, "ITERATIONS", 1)
     solve = factorise(factor.inner, surface.V, factor.free // 3, "multigrid", rigid)
@@ -301,7 +301,7 @@ def test_a_small_factor_gives_no_memory_back(monkeypatch):
     require("PARDISO")
     Pardiso(system(grid(2, 2, 1.0, 1.0))[0])
     assert asked == []
-    cholesky.give_back(2 * cholesky.LITTLE)
+    cholesky.release_freed_memory(2 * cholesky.LITTLE)
     assert asked == [0]
 
 

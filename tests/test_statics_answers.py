@@ -14,20 +14,20 @@ from dsfab.core.units import GRAVITY
 from dsfab.design import draft
 from dsfab.statics import (
     PAPER,
-    Ask,
     Elements,
-    KeptFactor,
+    FactorCache,
+    ResultRequest,
     SheetModel,
     buckling,
     elements_of,
-    factored,
     factorisation,
     frequencies,
     sheet_stiffness,
     solve_statics,
     spread_load,
+    stiffness_factor,
 )
-from dsfab.statics.modes import _normalised
+from dsfab.statics.modes import _normalised_shapes
 from tests.presets import DOME_MODES
 from tests.test_statics_modes import STEEL, hold, rim
 from tests.zoo import grid
@@ -115,19 +115,19 @@ def test_what_is_not_asked_costs_no_solve(factorisations):
 @pytest.mark.parametrize(
     ("ask", "given", "wanted"),
     [
-        (Ask(), PAPER, PAPER),
-        (Ask(1e6), PAPER, BEST),
-        (Ask(0.0, 1), PAPER, BEST),
-        (Ask(0.0, 0, 1), Elements("quadratic", "hinge"), BEST),
-        (Ask(1e6, 3, 3), Elements("constant", "midedge"), BEST),
-        (Ask(1e6, 3, 3), Elements("quadratic", "midedge"), BEST),
-        (Ask(1e6, 3, 3), Elements("quadratic", "hhj"), Elements("quadratic", "hhj")),
-        (Ask(), Elements("quadratic", "midedge"), Elements("quadratic", "midedge")),
+        (ResultRequest(), PAPER, PAPER),
+        (ResultRequest(1e6), PAPER, BEST),
+        (ResultRequest(0.0, 1), PAPER, BEST),
+        (ResultRequest(0.0, 0, 1), Elements("quadratic", "hinge"), BEST),
+        (ResultRequest(1e6, 3, 3), Elements("constant", "midedge"), BEST),
+        (ResultRequest(1e6, 3, 3), Elements("quadratic", "midedge"), BEST),
+        (ResultRequest(1e6, 3, 3), Elements("quadratic", "hhj"), Elements("quadratic", "hhj")),
+        (ResultRequest(), Elements("quadratic", "midedge"), Elements("quadratic", "midedge")),
     ],
 )
 def test_which_elements_answer(ask, given, wanted):
     assert ask.elements(given) == wanted
-    assert isinstance(ask.factor_of(given), KeptFactor) == (bool(ask.modes) and wanted == given)
+    assert isinstance(ask.factor_of(given), FactorCache) == (bool(ask.modes) and wanted == given)
 
 
 def test_a_kept_factor_is_made_again_for_another_stiffness_or_other_supports(factorisations):
@@ -136,7 +136,7 @@ def test_a_kept_factor_is_made_again_for_another_stiffness_or_other_supports(fac
     held = hold(s, (rim(s), "xyz")).ravel()
     less = held.copy()
     less[0] = False
-    keep = KeptFactor()
+    keep = FactorCache()
     first = keep(s, K, held)
     assert keep(s, K, held) is first
     assert keep(s, K.copy(), held.copy()) is first
@@ -145,7 +145,7 @@ def test_a_kept_factor_is_made_again_for_another_stiffness_or_other_supports(fac
         fresh = keep(s, stiffness, fixed)
         assert fresh is not first
         x = fresh.solve(np.ones(len(fresh.free)))
-        assert_allclose(x, factored(s, stiffness, fixed).solve(np.ones(len(fresh.free))), rtol=1e-12)
+        assert_allclose(x, stiffness_factor(s, stiffness, fixed).solve(np.ones(len(fresh.free))), rtol=1e-12)
     assert_allclose(keep(s, K, held).solve(b), first.solve(b), rtol=1e-12)
 
 
@@ -205,7 +205,7 @@ def test_what_is_only_stretched_does_not_buckle():
     assert len(made.statics.answers.buckling.factor) == 0
     assert any("does not buckle" in note.text for note in made.notes)
     assert made.statics.answers.stress.largest == pytest.approx(1e6)
-    assert _normalised(np.zeros((0, 5, 3))).shape == (0, 5, 3)  # when none of the modes found presses anything
+    assert _normalised_shapes(np.zeros((0, 5, 3))).shape == (0, 5, 3)  # when none of the modes found presses anything
 
 
 def test_a_load_beyond_strength_or_buckling_is_told():
@@ -261,7 +261,7 @@ def test_a_build_that_asks_nothing_tells_no_stress_by_hinges(tmp_path, capsys):
 
 def test_of_many_vertices_no_better_elements_are_asked(monkeypatch, factorisations):
     """At 250 000 they took 17 GB where all else took 3.6, and a million was killed."""
-    monkeypatch.setattr("dsfab.design.surface_and_statics.ANSWERED", 50)
+    monkeypatch.setattr("dsfab.design.surface_and_statics.MOST_VERTICES", 50)
     made = small(thickness=0.002, strength=1e3, frequencies=1)
     assert made.surface.n > 50
     assert len(factorisations) == 1

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from dsfab import load_preset, run
 from dsfab.core.messages import force
-from dsfab.report.design.facts import facts
+from dsfab.report.design.facts import design_facts
 from dsfab.report.design.statics import case_lines
 from dsfab.statics import Elements, Material, SheetModel, resultant, solve_statics, spread_load, support_reactions
 from dsfab.surface import Box, Line, LoadCase, Side, Snow, Support, Vertices
@@ -93,7 +93,7 @@ def test_a_design_tells_its_balance():
     loads = [{"kind": "snow", "pressure": 900.0}, {"kind": "wind", "pressure": 600.0, "direction": [0, 1, 0]}]
     changes = {"surface.edge": 0.5, "surface.support": lines, "surface.load": loads, "statics.bending": "midedge"}
     design = run(load_preset(BARREL_VAULT_MODES, changes))
-    told = facts(design, dict(design.seconds), [], [])["statics"]
+    told = design_facts(design, dict(design.seconds), [], [])["statics"]
     supports = design.preset.surface.support
     assert [part["hold"] for part in told["supports"]] == [support.hold for support in supports]
     assert_allclose(np.sum([part["reaction_N"] for part in told["supports"]], axis=0), told["reaction_N"], atol=1e-6)

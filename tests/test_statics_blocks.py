@@ -9,8 +9,8 @@ from dsfab.statics import (
     Elements,
     Material,
     SheetModel,
-    added,
     bending_stiffness,
+    matrix_sum,
     membrane_stiffness,
     sheet_stiffness,
 )
@@ -82,12 +82,12 @@ def test_both_are_stored_alike_and_the_pattern_is_made_once():
     membrane, bending = membrane_stiffness(surface, STEEL, H), bending_stiffness(surface, STEEL, H)
     assert np.array_equal(membrane.indices, bending.indices)
     assert vertex_pairs(surface, hinges(surface)) is vertex_pairs(surface, hinges(surface))
-    K = added(membrane, bending)
+    K = matrix_sum(membrane, bending)
     assert np.shares_memory(K.indices, membrane.indices)
     assert abs(K - (membrane + bending)).max() == 0
     assert abs(K - sheet_stiffness(SheetModel(surface, STEEL, H), PAPER)).max() == 0  # added block by block
     other = membrane_stiffness(surface, STEEL, H, elements=Elements("constant", None))
-    assert abs(added(other, bending) - K).max() <= 1e-15 * abs(K).max()
+    assert abs(matrix_sum(other, bending) - K).max() <= 1e-15 * abs(K).max()
 
 
 @pytest.mark.parametrize("dtype", [np.int32, np.int64, np.uint8])

@@ -8,8 +8,8 @@ from dsfab import load_preset, revise, run
 from dsfab.core.errors import PresetError, StaticsError, SurfaceError
 from dsfab.diffusion import combined_stress, diffusion_tensors
 from dsfab.pattern import relative_stresses
-from dsfab.preset.file import overridden, preset_toml
-from dsfab.report.design.facts import facts
+from dsfab.preset.file import preset_toml, with_overrides
+from dsfab.report.design.facts import design_facts
 from dsfab.report.design.statics import case_lines
 from dsfab.statics import (
     Elements,
@@ -23,7 +23,7 @@ from dsfab.statics import (
     stress,
 )
 from dsfab.study.comparison import comparison
-from dsfab.surface import Boundary, Force, LoadCase, Side, Snow, Support, Vertices, Wind, load_cases, together
+from dsfab.surface import Boundary, Force, LoadCase, Side, Snow, Support, Vertices, Wind, combined_case, load_cases
 from tests.presets import DOME_MODES
 from tests.zoo import ZOO, grid, zoo
 
@@ -69,7 +69,7 @@ def test_cases_and_their_combinations_are_what_each_gives_alone(elements, solver
         assert_allclose(answers[name].u, sum(a * part.u for a, part in parts), rtol=1e-12, atol=1e-20)
         face = sum(a * spreads[case].face for case, a in factors.items())
         spread = type(spreads["snow"]).on(surface, face)
-        whole = solve_statics(SheetModel(surface, STEEL, H), together(cases, factors), elements, spread)
+        whole = solve_statics(SheetModel(surface, STEEL, H), combined_case(cases, factors), elements, spread)
         same(answers[name], whole, 1e-11)
 
 
@@ -122,8 +122,8 @@ def test_all_cases_together_are_the_load_case_without_names(name):
     whole = LoadCase.build(s, supports, loads)
     cases = load_cases(s, supports, loads)
     assert list(cases) == list(dict.fromkeys(load.case for load in loads))
-    assert_allclose(together(cases).force, whole.force, rtol=1e-12, atol=1e-12 * np.abs(whole.force).max())
-    for case in (together(cases), *cases.values()):
+    assert_allclose(combined_case(cases).force, whole.force, rtol=1e-12, atol=1e-12 * np.abs(whole.force).max())
+    for case in (combined_case(cases), *cases.values()):
         assert np.array_equal(case.loaded, whole.loaded)
         assert np.array_equal(case.fixed, whole.fixed)
 
@@ -222,11 +222,11 @@ def test_another_choice_of_what_to_follow_solves_nothing_again(design):
         {"diffusion.weights": {"winter": 0, "storm": 2.0}},
         {"surface.combination": []},
     ):
-        other = revise(design, overridden(design.preset, changes))
+        other = revise(design, with_overrides(design.preset, changes))
         assert (other.statics is design.statics) == ("surface.combination" not in changes)
         seen.add(other.diffusion.tensors.major.tobytes())
-        sigma = [other.statics.cases[name].sigma for name in other.preset.followed]
-        want = combined_stress(other.surface, sigma, [*other.preset.followed.values()])
+        sigma = [other.statics.cases[name].sigma for name in other.preset.followed_weights]
+        want = combined_stress(other.surface, sigma, [*other.preset.followed_weights.values()])
         if not other.preset.combines:
             (want,) = sigma
         assert np.array_equal(diffusion_tensors(other.surface, want).major, other.diffusion.tensors.major)
@@ -235,7 +235,7 @@ def test_another_choice_of_what_to_follow_solves_nothing_again(design):
 
 def test_graded_widths_follow_the_sum_of_all_combinations(design):
     """Each family is as wide as the sizes of the stresses of both combinations sum to along it, not as one of them."""
-    graded = overridden(design.preset, {"pattern.width": {"rule": "graded", "q": 1.0}})
+    graded = with_overrides(design.preset, {"pattern.width": {"rule": "graded", "q": 1.0}})
     both = revise(design, graded)
     cases, s = design.statics.cases, design.surface
     sizes = combined_stress(s, [cases["winter"].sigma, cases["storm"].sigma], [1, 1])
@@ -244,9 +244,9 @@ def test_graded_widths_follow_the_sum_of_all_combinations(design):
     free = (duty < 0.99).all(axis=1)
     assert free.mean() > 0.3
     assert_allclose((duty / wanted)[free], np.median(duty[free] / wanted[free]), rtol=1e-6)
-    alone = revise(both, overridden(graded, {"diffusion.follow": "winter"}))
+    alone = revise(both, with_overrides(graded, {"diffusion.follow": "winter"}))
     assert np.abs(2 * alone.pattern.half_widths[-2] - duty[:, 0]).max() > 0.05
-    heavier = revise(both, overridden(graded, {"diffusion.weights": {"winter": 7.0, "storm": 7.0}}))
+    heavier = revise(both, with_overrides(graded, {"diffusion.weights": {"winter": 7.0, "storm": 7.0}}))
     assert_allclose(heavier.pattern.half_widths[-2], both.pattern.half_widths[-2], rtol=1e-6)
 
 
@@ -260,15 +260,15 @@ def principal_in_plane(surface, sigma):
 
 def test_one_case_is_followed_as_it_is_and_combined_when_asked():
     preset = load_preset(DOME_MODES)
-    assert preset.followed == {"load": 1.0}
+    assert preset.followed_weights == {"load": 1.0}
     assert not preset.combines
     asked = load_preset(DOME_MODES, {"diffusion.follow": "combined"})
     assert asked.combines
     named = load_preset(DOME_MODES, {**CASES, "diffusion.follow": "snow"})
-    assert named.followed == {"snow": 1.0}
+    assert named.followed_weights == {"snow": 1.0}
     assert not named.combines
     some = load_preset(DOME_MODES, {**CASES, "diffusion.weights": {"back": 0, "wind": 3}})
-    assert some.followed == {"dead": 1.0, "snow": 1.0, "wind": 3.0}
+    assert some.followed_weights == {"dead": 1.0, "snow": 1.0, "wind": 3.0}
 
 
 def test_cases_are_written_and_read_again(tmp_path):
@@ -280,7 +280,7 @@ def test_cases_are_written_and_read_again(tmp_path):
 
 
 def test_each_case_tells_its_balance(design):
-    told = facts(design, dict(design.seconds), [], [])["statics"]
+    told = design_facts(design, dict(design.seconds), [], [])["statics"]
     assert list(told["cases"]) == list(design.statics.cases)
     assert told["followed"] == {"winter": 1.0, "storm": 1.0}
     assert told["cases"]["winter"]["factors"] == WINTER["factors"]

@@ -208,7 +208,7 @@ def test_both_laws_stretch_a_bar_alike_with_all_elements(law, elements):
     axis = turn[:, 0]
     left, right, low = flat.V[:, 0] < 1e-9, flat.V[:, 0] > 3 - 1e-9, flat.V[:, 1] < 1e-9
     pulled = 1e4 * right[surface.edges.ends].all(axis=1) - 1e4 * left[surface.edges.ends].all(axis=1)
-    both = SpreadLoad.on(surface, edge=pulled[:, None] * axis)
+    both = SpreadLoad.broadcast(surface, edge=pulled[:, None] * axis)
     # six directions at three corners: statically determinate, so the supports carry nothing
     fixed = case(surface, [(left & low, "xyz"), (right & low, "yz"), (left & (flat.V[:, 1] > 0.5 - 1e-9), "z")]).fixed
     load = LoadCase(fixed, both.vertex_forces(surface), left)
@@ -276,13 +276,13 @@ def test_spread_loads_work_on_bubbles_as_their_integrals_say():
     """On one right triangle with legs 1: the integral of 4 phi_j phi_k is A / 3 = 1/6; on the edges 2 l / 3."""
     surface = Surface(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
     frames = edge_frames(surface)
-    spread = SpreadLoad.on(surface, face=(3.0, 4.0, 6.0))
+    spread = SpreadLoad.broadcast(surface, face=(3.0, 4.0, 6.0))
     on_bubbles = spread.bubble_forces(surface, BEST)[:, 2:]
     assert np.allclose(np.einsum("ed,edx->ex", on_bubbles, frames), [[0.5, 2 / 3, 1.0]] * 3)
-    line = SpreadLoad.on(surface, edge=[[3.0, 0, 0], [0, 0, 0], [0, 0, 0]])  # edge 0 joins vertices 0 and 1
+    line = SpreadLoad.broadcast(surface, edge=[[3.0, 0, 0], [0, 0, 0], [0, 0, 0]])  # edge 0 joins vertices 0 and 1
     assert line.vertex_forces(surface).tolist() == [[1.5, 0, 0], [1.5, 0, 0], [0, 0, 0]]
     assert np.abs(line.bubble_forces(surface, Elements("quadratic", None))[0]).max() == pytest.approx(2.0)
-    assert SpreadLoad.on(surface, face=1.0).bubble_forces(surface, PAPER).shape == (3, 0)
+    assert SpreadLoad.broadcast(surface, face=1.0).bubble_forces(surface, PAPER).shape == (3, 0)
 
 
 def test_supports_hold_the_bubbles_of_the_edges_they_run_along():
@@ -317,7 +317,7 @@ def cantilever(cells: int = 8):
     surface = grid(4 * cells, cells, 1.0, 0.1)
     root, tip = surface.V[:, 0] < 1e-9, surface.V[:, 0] > 1 - 1e-9
     clamped = root[surface.edges.ends].all(axis=1)
-    spread = SpreadLoad.on(surface, edge=tip[surface.edges.ends].all(axis=1)[:, None] * np.array([0, 0, -100.0]))
+    spread = SpreadLoad.broadcast(surface, edge=tip[surface.edges.ends].all(axis=1)[:, None] * np.array([0, 0, -100.0]))
     return surface, LoadCase(case(surface, [(root, "xyz")]).fixed, spread.vertex_forces(surface), tip), clamped, spread
 
 
@@ -350,7 +350,7 @@ def test_hinges_cannot_be_clamped_and_say_so():
 @pairs
 def test_compliance_is_twice_the_energy_over_all_unknowns(elements):
     surface = ZOO["dome"]()
-    spread = SpreadLoad.on(surface, face=(10.0, 0.0, -1e3))
+    spread = SpreadLoad.broadcast(surface, face=(10.0, 0.0, -1e3))
     rim = np.zeros(surface.n, dtype=bool)
     rim[surface.edges.ends[surface.edges.boundary]] = True
     load = LoadCase(np.repeat(rim[:, None], 3, axis=1), spread.vertex_forces(surface), rim)
@@ -413,7 +413,7 @@ def test_turning_and_enlarging_a_structure_turns_and_enlarges_its_answer(element
     held = np.repeat(rim[:, None], 3, axis=1)
     answers = []
     for sheet, thickness, push in ((surface, 0.02, [1e4, 0, -1e5]), (other, 0.02 * size, R @ [1e4, 0, -1e5])):
-        spread = SpreadLoad.on(sheet, face=push)
+        spread = SpreadLoad.broadcast(sheet, face=push)
         load = LoadCase(held, spread.vertex_forces(sheet), rim)
         answers.append(solve_statics(SheetModel(sheet, STEEL, thickness), load, elements, spread))
     here, there = answers

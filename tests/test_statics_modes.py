@@ -19,7 +19,7 @@ from dsfab.statics import (
     membrane_stiffness,
     solve_statics,
 )
-from dsfab.statics.modes import geometric_stiffness, mass
+from dsfab.statics.modes import geometric_stiffness, mass_matrix
 from dsfab.surface import LoadCase, Surface
 from tests.test_statics_elements import moebius, three_leaves, unknowns
 from tests.zoo import grid, jittered, lifted
@@ -57,7 +57,7 @@ def rim(surface):
 def pushed(surface, fixed, where, q, elements, material, thickness=H, clamped=None, count=3):
     """Buckling factors under a line load q (3,) N/m on the free edges between the marked vertices."""
     ends = where[surface.edges.ends].all(axis=1) & surface.edges.boundary
-    spread = SpreadLoad.on(surface, edge=ends[:, None] * np.array(q))
+    spread = SpreadLoad.broadcast(surface, edge=ends[:, None] * np.array(q))
     load = LoadCase(fixed, spread.vertex_forces(surface), where)
     answer = solve_statics(SheetModel(surface, material, thickness), load, elements, spread)
     return buckling(SheetModel(surface, material, thickness, clamped=clamped), load, answer, count, elements=elements)
@@ -176,7 +176,7 @@ def test_a_ring_vibrates_in_two_waves_and_buckles_under_pressure(elements, bound
     hertz = frequencies(SheetModel(s, BEAM, H), fixed, 1, elements=elements).hertz[0]
     assert hertz == pytest.approx(np.sqrt(36 / 5 * D / (BEAM.density * H)) / (2 * np.pi), rel=bound)
     radial = s.centroids * (1, 1, 0)
-    spread = SpreadLoad.on(s, face=-1e3 * radial / np.linalg.norm(radial, axis=1, keepdims=True))
+    spread = SpreadLoad.broadcast(s, face=-1e3 * radial / np.linalg.norm(radial, axis=1, keepdims=True))
     load = LoadCase(fixed, spread.vertex_forces(s), np.zeros(s.n, dtype=bool))
     answer = solve_statics(SheetModel(s, BEAM, H), load, elements, spread)
     found = buckling(SheetModel(s, BEAM, H), load, answer, 1, elements=elements)
@@ -204,7 +204,7 @@ def test_shear_buckles_both_ways_at_the_same_factor():
     fixed = hold(s, (rim(s), "z"), ((x < 1e-9) & (y < 1e-9), "xy"), ((x > 1 - 1e-9) & (y < 1e-9), "y"))
     edge = sum((m[s.edges.ends].all(axis=1) & s.edges.boundary)[:, None] * np.array(q) for m, q in sides)
     for sign in (1e3, -1e3):
-        spread = SpreadLoad.on(s, edge=sign * edge)
+        spread = SpreadLoad.broadcast(s, edge=sign * edge)
         load = LoadCase(fixed, spread.vertex_forces(s), rim(s))
         answer = solve_statics(SheetModel(s, STEEL, H), load, Elements("quadratic", "hhj"), spread)
         factor = buckling(SheetModel(s, STEEL, H), load, answer, 1).factor[0]
@@ -217,7 +217,7 @@ def test_modes_that_the_load_does_not_buckle_are_left_out():
     right = s.V[:, 0] > 1 - 1e-9
     fixed = hold(s, (rim(s), "z"), (s.V[:, 0] < 1e-9, "x"), (np.arange(s.n) == 0, "y"))
     ends = right[s.edges.ends].all(axis=1) & s.edges.boundary
-    load = LoadCase(fixed, SpreadLoad.on(s, edge=ends[:, None] * [-1e3, 0, 0]).vertex_forces(s), right)
+    load = LoadCase(fixed, SpreadLoad.broadcast(s, edge=ends[:, None] * [-1e3, 0, 0]).vertex_forces(s), right)
     answer = solve_statics(SheetModel(s, STEEL, H), load)
     asked = 3 * s.n + len(s.edges.ends) - fixed.sum() - 1
     found = buckling(SheetModel(s, STEEL, H), load, answer, asked, elements=MIDEDGE)
@@ -240,7 +240,7 @@ def test_mass_and_geometric_stiffness_of_quadratic_displacements_are_their_integ
     """f = x y on 2 x 1: integral of f^2 is 8 / 9, of f_x^2 2 / 3, of f_y^2 8 / 3, of f_x f_y 1; times |d|^2 = 5."""
     s = jittered(grid(5, 3, 2.0, 1.0))
     x = quadratic_field(s, BEST, lambda P: P[:, 0] * P[:, 1])
-    assert x @ (mass(s, 3.0, BEST) @ x) == pytest.approx(3 * 5 * 8 / 9, rel=1e-12)
+    assert x @ (mass_matrix(s, 3.0, BEST) @ x) == pytest.approx(3 * 5 * 8 / 9, rel=1e-12)
     N = np.zeros((s.m, 3, 3))
     N[:, :2, :2] = [[7.0, 2.0], [2.0, -5.0]]
     K_g = geometric_stiffness(s, N, BEST)
@@ -251,7 +251,7 @@ def test_mass_and_geometric_stiffness_of_quadratic_displacements_are_their_integ
 @pairs
 def test_mass_moves_with_the_sheet_and_geometric_stiffness_ignores_translations(make, elements):
     s = make()
-    M = mass(s, 2.5, elements)
+    M = mass_matrix(s, 2.5, elements)
     N = np.einsum("mai,mbi->mab", *[s.normals[:, :, None]] * 2) - np.eye(3)
     K_g = geometric_stiffness(s, N, elements)
     for axis in np.eye(3):
@@ -278,7 +278,7 @@ def test_a_dense_solver_finds_the_same_on_a_curved_sheet(elements, solver, monke
     for k, name in enumerate(elements.on_edges):
         held[3 * s.n + k * len(on) : 3 * s.n + (k + 1) * len(on)] = on & (name not in ("rotation", "slope"))
     free = np.ix_(~held, ~held)
-    mu = eigh(mass(s, STEEL.density * 0.02, elements).toarray()[free], K[free], eigvals_only=True)[::-1]
+    mu = eigh(mass_matrix(s, STEEL.density * 0.02, elements).toarray()[free], K[free], eigvals_only=True)[::-1]
     assert_allclose(answer.hertz, 1 / (2 * np.pi * np.sqrt(mu[:5])), rtol=1e-6)
 
 

@@ -127,7 +127,7 @@ def test_errors_of_moments_on_splinters_show_little_in_the_shear():
     splinter = s.areas < 0.1 * np.median(s.areas)
     assert splinter.sum() > 100
     noise = np.random.default_rng(1).normal(0, 0.1, moments.shape) * splinter[:, None, None]
-    recovery = ShearRecovery.of(s)
+    recovery = ShearRecovery.for_surface(s)
     assert error(s, recovery.forces(moments, moments), np.array([[1.0, 0, 0]])) < 0.02
     found = recovery.forces(noise, 0 * noise)
     assert np.sqrt(s.areas @ (found**2).sum(axis=1)) < 1.5
@@ -178,7 +178,7 @@ def test_the_moment_sum_is_not_the_same_on_both_sides_of_a_fold():
 def test_moments_without_slope_have_no_shear(name):
     """All of a zoo: closed, open, in pieces, obtuse, tiny, huge. A tube under pressure is near to it too."""
     s = ZOO[name]()
-    found = ShearRecovery.of(s).forces(np.zeros((s.m, 3, 3)), np.zeros((s.m, 3, 3)))
+    found = ShearRecovery.for_surface(s).forces(np.zeros((s.m, 3, 3)), np.zeros((s.m, 3, 3)))
     assert found.shape == (s.m, 3)
     assert not found.any()
 

@@ -21,8 +21,8 @@ from dsfab.statics import (
     membrane_stiffness,
     sheet_stiffness,
 )
-from dsfab.statics.elements import assembled, edge_frames
-from dsfab.statics.factorisation import factored, refined_solution
+from dsfab.statics.elements import assemble_blocks, edge_frames
+from dsfab.statics.factorisation import refined_solution, stiffness_factor
 from tests.test_statics import STEEL
 from tests.zoo import ZOO, zoo
 
@@ -32,23 +32,23 @@ PAIRS = ["constant+hinge", "quadratic+midedge", "quadratic+hhj"]
 @zoo
 def test_blocks_are_summed_as_triplets_are(name):
     surface = ZOO[name]()
-    elements = Elements.named("quadratic+hhj")
+    elements = Elements.from_name("quadratic+hhj")
     columns = elements.columns(surface, "normal", "rotation", "slope")
     blocks = np.random.default_rng(0).standard_normal((surface.m, 18, 18))
     size = elements.unknowns(surface)
     row, column = np.repeat(columns, 18, axis=1).ravel(), np.tile(columns, (1, 18)).ravel()
     expected = coo_array((blocks.ravel(), (row, column)), shape=(size, size)).tocsr()
-    assert abs(assembled(blocks, columns, size) - expected).max() <= 1e-14 * abs(expected).max()
+    assert abs(assemble_blocks(blocks, columns, size) - expected).max() <= 1e-14 * abs(expected).max()
 
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_the_factored_stiffness_is_the_scaled_part_that_moves(pair):
     surface = ZOO["dome"]()
-    elements = Elements.named(pair)
+    elements = Elements.from_name(pair)
     K = membrane_stiffness(surface, STEEL, 0.02, elements=elements) + bending_stiffness(surface, STEEL, 0.02, elements)
     held = np.zeros(K.shape[0], dtype=bool)
     held[: 3 * surface.n] = np.repeat(surface.V[:, 2] < 1e-9, 3)
-    factor = factored(surface, K, held)
+    factor = stiffness_factor(surface, K, held)
     free = np.flatnonzero(~held)
     scale = diags_array(1 / np.sqrt(K.diagonal()[free]))
     expected = csr_array(scale @ K[free][:, free] @ scale)
@@ -97,7 +97,7 @@ def test_longer_numbers_are_made_of_a_few_rows_at_a_time(monkeypatch):
     monkeypatch.setattr(factorisation, "ROWS", 7)
     rng = np.random.default_rng(0)
     K, free, scale = csr_array(rng.random((30, 30)) / 3), np.arange(1, 30, 2), rng.random(15)
-    long, x = factorisation.Scaled(K, free, scale).astype(np.longdouble), rng.random((15, 2))
+    long, x = factorisation.ScaledStiffness(K, free, scale).astype(np.longdouble), rng.random((15, 2))
     full = np.zeros((30, 2))
     full[free] = scale[:, None] * x
     exact = scale[:, None] * (K.astype(np.longdouble) @ full)[free]
@@ -143,7 +143,7 @@ def test_the_factor_takes_its_memory_when_the_scaled_copy_is_gone(monkeypatch):
     pytest.importorskip("pypardiso")
     surface = ZOO["dome"]()
     alive, made = [], []
-    original, call = factorisation._restricted, Pardiso._call
+    original, call = factorisation._restriction, Pardiso._call
 
     def restricted(*args):
         matrix = original(*args)
@@ -154,11 +154,11 @@ def test_the_factor_takes_its_memory_when_the_scaled_copy_is_gone(monkeypatch):
         alive.append((phase, sum(matrix() is not None for matrix in made)))
         return call(self, phase, b)
 
-    monkeypatch.setattr(factorisation, "_restricted", restricted)
+    monkeypatch.setattr(factorisation, "_restriction", restricted)
     monkeypatch.setattr(Pardiso, "_call", watched)
     held = np.repeat(surface.V[:, 2] < 1e-9, 3)
     K = sheet_stiffness(SheetModel(surface, STEEL, 0.01), PAPER)
-    found = factored(surface, K, held)
+    found = stiffness_factor(surface, K, held)
     assert [count for phase, count in alive if phase in (11, 22)] == [0, 0]
     x = np.random.default_rng(0).standard_normal((len(found.free), 2))
     assert_allclose(found.map @ x, found.inner @ x, atol=1e-12)

@@ -29,7 +29,7 @@ from dsfab.statics import (
 from dsfab.statics.bending import CONDENSED, curvatures, moment_loads
 from dsfab.statics.bending_moments import face_moments, facet_number
 from dsfab.statics.elements import edge_frames
-from dsfab.statics.stress import averaged
+from dsfab.statics.stress import vertex_averages
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import tangents
 from tests.test_statics_elements import PAIRS, SHEETS, flipped, moebius, pairs, sheets
@@ -44,10 +44,10 @@ MIDEDGE, QUICK = Elements("constant", "midedge"), Elements("quadratic", "midedge
 
 def solved(surface, fixed, elements, face=(0.0, 0.0, 0.0), edge=0.0, clamped=None, thickness=H, material=STEEL):
     """Equilibrium and stress under forces per area on all faces (Pa) and per length on the edges (N/m)."""
-    spread = SpreadLoad.on(surface, face, edge)
+    spread = SpreadLoad.broadcast(surface, face, edge)
     load = LoadCase(fixed, spread.vertex_forces(surface), np.zeros(surface.n, dtype=bool))
     sheet = SheetModel(surface, material, thickness, clamped=clamped)
-    answer = equilibrium(surface, sheet_stiffness(sheet, elements), sheet.held(load), elements, spread)
+    answer = equilibrium(surface, sheet_stiffness(sheet, elements), sheet.with_clamped_edges(load), elements, spread)
     return answer, sheet_stress(sheet, elements, answer)
 
 
@@ -190,12 +190,12 @@ def test_averages_keep_what_is_linear_and_stop_at_folds():
     planar = np.stack([np.stack([sigma[..., 0], sigma[..., 2]], -1), np.stack([sigma[..., 2], sigma[..., 1]], -1)], -2)
     framed = np.einsum("mai,mcij,mbj->mcab", t[:, :, :2], planar, t[:, :, :2])
     values = np.stack([framed[..., 0, 0], framed[..., 1, 1], framed[..., 0, 1]], axis=-1)
-    assert_allclose(averaged(s, t, values, sided=False), values, atol=1e-12)
+    assert_allclose(vertex_averages(s, t, values, sided=False), values, atol=1e-12)
     flat = grid(6, 4, 2.0, 1.0)
     roof = Surface(np.stack([np.abs(flat.V[:, 0] - 1), flat.V[:, 1], flat.V[:, 0] - 1], axis=1), flat.F)
     side = np.where(flat.centroids[:, 0] > 1, 2.0, 1.0)[:, None, None] * np.ones((1, 3, 3)) * [1, 1, 0]
-    assert_allclose(averaged(roof, tangents(roof), side, sided=False), side, atol=1e-12)
-    level = averaged(flat, tangents(flat), side, sided=False)
+    assert_allclose(vertex_averages(roof, tangents(roof), side, sided=False), side, atol=1e-12)
+    level = vertex_averages(flat, tangents(flat), side, sided=False)
     assert 1.2 < level[..., 0][flat.centroids[:, 0] > 1].min() < 1.8  # without the fold they mix
 
 

@@ -13,7 +13,7 @@ from dsfab.core.errors import StaticsError
 from dsfab.preset.file import preset_from, preset_toml
 from dsfab.report.compliance import sections
 from dsfab.report.compliance.findings import Findings
-from dsfab.report.html_pages import Numbers
+from dsfab.report.html_pages import CaptionNumbers
 from dsfab.results import Candidate
 from dsfab.study import alternatives as module
 from dsfab.study.alternatives import Alternative, alternatives, design_alternatives, is_searched, losing_line
@@ -59,7 +59,7 @@ def task_of(design):
     own = Structure(
         slicing.cells, design.pattern.names, slicing.sheet, len(slicing.pieces), design.preset.statics.thickness
     )
-    return ComparisonTask.of(design, slicing.sheet.surface.area), own
+    return ComparisonTask.from_design(design, slicing.sheet.surface.area), own
 
 
 def test_a_sheet_beside_a_thinner_one_in_its_plane_loses_what_its_stretch_says(pulled):
@@ -129,7 +129,7 @@ def blind_task(sheet, angle=0.0, seed=None):
     )
     made = dsfab.design.draft(asked)
     whole = Structure.uncut(made.surface, asked.statics.thickness)
-    return ComparisonTask.of(made, 0.4 * made.surface.area), whole
+    return ComparisonTask.from_design(made, 0.4 * made.surface.area), whole
 
 
 @pytest.mark.slow
@@ -171,14 +171,14 @@ def test_the_first_thing_in_a_report_is_what_a_design_loses_to(pulled, monkeypat
     found = Findings(dsfab.compare(pulled, ("thinner",), level="quick"), (), "")
     monkeypatch.setattr(sections.tables, "key_table", lambda *_: None)
     drawn = SimpleNamespace(design=lambda *_: None)
-    first, second, *_ = sections.summary(found, drawn, Numbers()).blocks
+    first, second, *_ = sections.summary_section(found, drawn, CaptionNumbers()).blocks
     assert (first.status, first.title.startswith(f"This design loses: {THINNER} is ")) == ("fail", True)
     assert second.title.startswith(("Pass", "Unknown"))
     close = Alternative("isotropic", 1.1, 0.9, 1.3, "level")
     unsure = replace(found, compared=replace(found.compared, rivals=(), looked_at=(close,)))
-    assert sections.summary(unsure, drawn, Numbers()).blocks[0].status == "unknown"
+    assert sections.summary_section(unsure, drawn, CaptionNumbers()).blocks[0].status == "unknown"
     won = replace(found, compared=replace(found.compared, rivals=(), looked_at=()))
-    assert sections.summary(won, drawn, Numbers()).blocks[0].title == second.title
+    assert sections.summary_section(won, drawn, CaptionNumbers()).blocks[0].title == second.title
 
 
 def test_a_design_that_was_not_searched_for_is_built_without_a_look(pulled):
@@ -233,8 +233,8 @@ def test_alternatives_that_carry_nothing_are_told_and_win_nothing(pulled, monkey
 
 def fresh(design, known):
     """A design of which the alternatives are known already."""
-    other = dsfab.design.Design.known(design.preset, slicing=design.slicing)
-    other.once("slicing", "alternatives", lambda: known)
+    other = dsfab.design.Design.from_results(design.preset, slicing=design.slicing)
+    other.cached_result("slicing", "alternatives", lambda: known)
     return other
 
 

@@ -37,7 +37,7 @@ def made():
 
 @pytest.fixture(scope="module")
 def task(made):
-    return ComparisonTask.of(made, 0.45 * made.surface.area)
+    return ComparisonTask.from_design(made, 0.45 * made.surface.area)
 
 
 def stiff(variants) -> Structure:
@@ -96,7 +96,7 @@ def test_tensors_turn_on_curved_surfaces_too():
 def test_a_grid_follows_the_longest_axis_first_and_the_load_where_there_is_none(task):
     assert np.abs(principal_axes(task)) == pytest.approx(np.eye(3)[:2], abs=1e-3)
     ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
-    assert np.abs(principal_axes(ComparisonTask.of(ball, 1.0))[0]) == pytest.approx([0, 0, 1], abs=0.05)
+    assert np.abs(principal_axes(ComparisonTask.from_design(ball, 1.0))[0]) == pytest.approx([0, 0, 1], abs=0.05)
 
 
 def test_a_scaled_field_counts_as_a_mode_does(task):
@@ -130,18 +130,18 @@ def test_more_is_drawn_where_loose_pieces_are_dropped(task):
 def test_competitors_are_tidied_as_they_are_drawn_and_not_as_the_design_is(made, task, monkeypatch):
     """Stripes that do not follow the stress of an evenly striped design would be taken off as astray of it."""
     tidied = replace(task, preset=task.preset.with_pattern(method="stripes"))
-    assert tidied.preset.pattern.tidied
+    assert tidied.preset.pattern.removes_loose_ends
     monkeypatch.setattr(structures, "matched_structure", lambda task, drawing: task)
     other = replace(made.diffusion)
     given = structures.striped_structure(tidied, tidied.preset.with_pattern(method="modes"), other)
-    assert not given.preset.pattern.tidied
+    assert not given.preset.pattern.removes_loose_ends
     assert given.diffusion is other
 
 
 def test_a_brief_of_chosen_modes_has_no_more_to_choose():
     auto = {"pattern.major.phase": "auto", "surface.edge": 0.12}
     made = draft(dsfab.load_preset("cantilever", auto))
-    assert ComparisonTask.of(made, 1.0).preset.pattern.major.phase == made.pattern.phase[0]
+    assert ComparisonTask.from_design(made, 1.0).preset.pattern.major.phase == made.pattern.phase[0]
 
 
 @pytest.mark.slow

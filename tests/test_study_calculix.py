@@ -133,7 +133,7 @@ def lattice(surface: Surface) -> Surface:
     x, y = surface.V[:, 0], surface.V[:, 1]
     rim = np.minimum.reduce([x, 2 - x, y, 1 - y])
     bands = np.arange(0, 4, 0.25)
-    return cut(surface, [-rim, x + 0.8 * y, x - 0.8 * y + 1], [[-0.1], bands, bands]).kept().surface
+    return cut(surface, [-rim, x + 0.8 * y, x - 0.8 * y + 1], [[-0.1], bands, bands]).subset().surface
 
 
 @pytest.mark.parametrize(("poisson", "within"), [(0.0, 1e-5), (0.3, 1e-3)])

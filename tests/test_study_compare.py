@@ -14,7 +14,7 @@ from dsfab.core.messages import mass
 from dsfab.design import draft
 from dsfab.design.sheet_loads import lost_load, sheet_load
 from dsfab.slicing import cut
-from dsfab.statics import Ask, Elements, SheetModel, solve_statics
+from dsfab.statics import Elements, ResultRequest, SheetModel, solve_statics
 from dsfab.study import compare_at
 from dsfab.study.alternatives import Competitor
 from dsfab.study.baselines import ComparisonTask, Structure
@@ -53,7 +53,7 @@ def test_a_comparison_is_shown_in_a_line_each(compared):
 def test_handed_over_loads_keep_their_resultant_and_supports_hold_what_is_left(cantilever):
     load = sheet_load(cantilever.surface, cantilever.sheet, cantilever.load)
     assert load.force.sum(axis=0) == pytest.approx(cantilever.load.force.sum(axis=0), rel=1e-12)
-    held = cantilever.sheet.surface.V[load.held]
+    held = cantilever.sheet.surface.V[load.supported]
     assert len(held) > 3
     assert held[:, 0] == pytest.approx(-1.0)
     everywhere = LoadCase(cantilever.load.fixed, np.ones((cantilever.surface.n, 3)), cantilever.load.loaded)
@@ -67,10 +67,10 @@ def test_a_load_far_from_all_material_is_refused_and_so_is_a_sheet_without_suppo
     fixed = np.repeat((x < 0.01)[:, None], 3, axis=1)
     force = np.zeros((plate.n, 3))
     force[x > 0.99, 1] = 1.0
-    left = cut(plate, [x], [[-1.0, 0.55]]).kept()
+    left = cut(plate, [x], [[-1.0, 0.55]]).subset()
     with pytest.raises(StaticsError, match=r"finds no material within 0\.45"):
         sheet_load(plate, left, LoadCase(fixed, force, x > 0.99))
-    right = cut(plate, [x], [[0.55]]).kept()
+    right = cut(plate, [x], [[0.55]]).subset()
     with pytest.raises(StaticsError, match="no supported vertex is left"):
         sheet_load(plate, right, LoadCase(fixed, force, x > 0.99))
 
@@ -91,8 +91,8 @@ def test_a_load_on_a_piece_that_reaches_no_support_is_lost_and_told_by_build_and
 def test_only_concentrated_loads_are_lost_with_a_piece_and_only_more_than_a_hundredth_of_them():
     plate = grid(10, 10, 1.0, 1.0)
     x = plate.V[:, 0]
-    drawn = cut(plate, [x], [[-1.0, 0.35, 0.65]]).kept()
-    left = drawn.kept(drawn.surface.centroids[:, 0] < 0.5)
+    drawn = cut(plate, [x], [[-1.0, 0.35, 0.65]]).subset()
+    left = drawn.subset(drawn.surface.centroids[:, 0] < 0.5)
     load = LoadCase(np.repeat((x < 0.01)[:, None], 3, axis=1), np.ones((plate.n, 3)), x > 0.99)
     assert lost_load(plate, drawn, left, [replace(load, loaded=x > 2), load]).startswith("the load at [1.0, ")
     assert lost_load(plate, drawn, drawn, [load]) == ""
@@ -106,7 +106,7 @@ def test_a_complete_sheet_cut_into_cells_is_as_stiff_as_the_uncut_one(cantilever
     """Slivers of the cut cost conditioning, not accuracy."""
     surface, statics = cantilever.surface, cantilever.preset.statics
     cells = cut(surface, cantilever.pattern.fields, cantilever.pattern.levels, 0.05)
-    whole = cells.kept(np.ones(cells.surface.m, dtype=bool))
+    whole = cells.subset(np.ones(cells.surface.m, dtype=bool))
     values = [
         solve_statics(
             SheetModel(s, statics.elastic, statics.thickness), load, Elements("quadratic", "midedge")
@@ -208,9 +208,9 @@ def test_a_name_of_no_competitor_is_refused(cantilever):
 def test_frequency_and_buckling_of_the_full_sheet_are_those_of_its_statics():
     """The most accurate elements answer for both; buckling differs by the membrane stress of the quick ones."""
     made = draft(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "statics.frequencies": 1, "statics.buckling": 1}))
-    task = ComparisonTask.of(made, made.surface.area / 2)
+    task = ComparisonTask.from_design(made, made.surface.area / 2)
     whole = Structure.uncut(made.surface, made.preset.statics.thickness)
-    (case,) = quick(task, whole, Ask(frequencies=1, buckling=1)).cases.values()
+    (case,) = quick(task, whole, ResultRequest(frequencies=1, buckling=1)).cases.values()
     known = made.statics.answers
     assert case.frequency == pytest.approx(known.vibration.hertz[0], rel=1e-9)
     assert case.buckling == pytest.approx(known.buckling.factor[0], rel=0.2)

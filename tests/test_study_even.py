@@ -10,7 +10,7 @@ import pytest
 
 import dsfab
 from dsfab import design
-from dsfab.core.arrays import from_segments
+from dsfab.core.arrays import distances_from_segments
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.design.design import Design
 from dsfab.design.output.archive import read_archive, write_archive
@@ -18,10 +18,10 @@ from dsfab.design.output.fields import design_fields, design_lines
 from dsfab.design.output.files import deliverable
 from dsfab.export import write
 from dsfab.pattern import frequency_for
-from dsfab.preset.file import load_preset, overridden, preset_toml
+from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.study import compare_at
 from dsfab.study.baselines import ComparisonTask
-from dsfab.study.fabrication import _coarser, fabrication
+from dsfab.study.fabrication import _fewer_stripes, fabrication
 from dsfab.study.sweeps.metrics import metric_value
 from tests.presets import DOME_MODES
 
@@ -59,12 +59,12 @@ def test_middles_end_on_middles_or_with_the_sheet(which, request):
     on_others = 0
     for name, other in (("major", "minor"), ("minor", "major")):
         crossing = segments([line for line in lines if line.layer == f"centre-{other}"])
-        for line in (line for line in lines if line.layer == f"centre-{name}" and not line.closed):
+        for line in (line for line in lines if line.layer == f"centre-{name}" and not line.is_closed):
             for end in line.points[[0, -1]]:
-                meets = from_segments(end[None], *crossing).min() < NEAR * made.surface.mean_edge
+                meets = distances_from_segments(end[None], *crossing).min() < NEAR * made.surface.mean_edge
                 on_others += meets
                 near = len(odd) and np.linalg.norm(odd - end, axis=1).min() < made.surface.mean_edge
-                assert meets or near or from_segments(end[None], *outline).min() < 1e-6, (line.id, end)
+                assert meets or near or distances_from_segments(end[None], *outline).min() < 1e-6, (line.id, end)
     assert on_others > 5
     assert any(len(wanted) for wanted in even.wanted)  # so something is halved
 
@@ -116,7 +116,7 @@ def test_lines_of_a_design_have_names_of_their_own(dome):
     assert len({line.id for line in lines}) == len(lines)
     assert {"centre-major", "centre-minor", "edges-major", "edges-minor"} <= {line.layer for line in lines}
     rings = [line for line in lines if line.layer == "centre-major"]
-    assert all(line.closed for line in rings)
+    assert all(line.is_closed for line in rings)
     assert rings == sorted(rings, key=lambda line: (line.number, line.part))
 
 
@@ -152,7 +152,7 @@ def test_fields_have_one_value_at_each_vertex(dome):
         assert (middle * density <= 0.5 + 1e-12).all()
         at = dome.surface.V
         lines = [line for line in design_lines(dome) if line.layer == f"centre-{name}"]
-        true = np.array([from_segments(point[None], *segments(lines)).min() for point in at])
+        true = np.array([distances_from_segments(point[None], *segments(lines)).min() for point in at])
         assert (
             np.median(np.abs(true - middle)) < 0.06
         )  # of 1 m and more: lines bend, and some of them are near the crown
@@ -198,7 +198,7 @@ def test_the_archive_keeps_every_array(dome, tmp_path):
     ],
 )
 def test_another_width_keeps_the_stripes(change, dome):
-    other = dsfab.revise(dome, overridden(dome.preset, change))
+    other = dsfab.revise(dome, with_overrides(dome.preset, change))
     assert other.pattern.even is dome.pattern.even
     assert other.seconds["stripes"] == dome.seconds["stripes"]
     assert other.sheet.surface.n != dome.sheet.surface.n
@@ -214,22 +214,22 @@ def test_another_width_keeps_the_stripes(change, dome):
     ],
 )
 def test_another_distance_or_load_makes_the_stripes_anew(change, dome):
-    made = design.draft(overridden(dome.preset, change), old=dome)
+    made = design.draft(with_overrides(dome.preset, change), earlier=dome)
     assert made.pattern.even is not dome.pattern.even
-    fresh = design.draft(overridden(dome.preset, change))
+    fresh = design.draft(with_overrides(dome.preset, change))
     for ours, theirs in zip(made.pattern.even.phases, fresh.pattern.even.phases, strict=True):
         assert np.array_equal(ours.value, theirs.value)
 
 
 def test_stripes_come_back_after_modes(dome):
-    modes = design.draft(overridden(dome.preset, {"pattern.method": "modes"}), old=dome)
+    modes = design.draft(with_overrides(dome.preset, {"pattern.method": "modes"}), earlier=dome)
     assert modes.pattern.even is None
-    back = design.draft(dome.preset, old=modes)
+    back = design.draft(dome.preset, earlier=modes)
     assert np.array_equal(back.pattern.even.slope, dome.pattern.even.slope)
 
 
 def test_competitors_share_the_mean_distance(dome):
-    task = ComparisonTask.of(dome, 60.0)
+    task = ComparisonTask.from_design(dome, 60.0)
     assert task.even is dome.pattern.even
     pairs = ((dome.diffusion.major, 1.6), (dome.diffusion.minor, 1.0))
     asked = [frequency_for(dome.surface, modes.mode(1), spacing) for modes, spacing in pairs]
@@ -237,7 +237,7 @@ def test_competitors_share_the_mean_distance(dome):
     given = task.on_modes.pattern
     assert (given.method, given.major.spacing, given.minor.spacing) == ("modes", 1.6, 1.0)
     assert given.width == dome.preset.pattern.width
-    on_modes = ComparisonTask.of(design.draft(load_preset(DOME_MODES, {"surface.edge": 1.2})), 60.0)
+    on_modes = ComparisonTask.from_design(design.draft(load_preset(DOME_MODES, {"surface.edge": 1.2})), 60.0)
     assert on_modes.on_modes is on_modes.preset
 
 
@@ -257,15 +257,15 @@ def test_a_sweep_varies_the_distance_and_measures_widths():
     for spacing in (2.0, 1.2):
         preset = load_preset(DOME_MODES, SMALL | {"pattern.major.spacing": spacing, "pattern.width.solid_fraction": 0.0,
                                               "pattern.width.member": 0.3})  # fmt: skip
-        made = Design.of(preset, made)
+        made = Design.from_preset(preset, made)
         width.append(metric_value("min_width", made))
         assert made.pattern.even is not None
     assert width == pytest.approx([0.3, 0.3], rel=0.1)
 
 
 def test_fabrication_asks_for_more_distance(dome):
-    limited = dsfab.revise(dome, overridden(dome.preset, {"fabrication.min_member": 0.5}))
-    changes = _coarser(limited, fabrication(limited))
+    limited = dsfab.revise(dome, with_overrides(dome.preset, {"fabrication.min_member": 0.5}))
+    changes = _fewer_stripes(limited, fabrication(limited))
     assert changes.keys() == {"pattern.major.spacing", "pattern.minor.spacing"}
     assert changes["pattern.major.spacing"] > 1.6 / 0.86
 
@@ -290,9 +290,9 @@ def test_no_frequency_needs_to_be_taken_back(changes, spacings, tmp_path):
 
 
 def test_one_of_two_keys_takes_the_place_of_the_other_and_both_are_refused():
-    spaced = overridden(load_preset(DOME_MODES), {"pattern.major.spacing": 0.8})
+    spaced = with_overrides(load_preset(DOME_MODES), {"pattern.major.spacing": 0.8})
     assert (spaced.pattern.major.spacing, spaced.pattern.major.frequency) == (0.8, 0.0)
-    back = overridden(spaced, {"pattern.major.frequency": 7.0})
+    back = with_overrides(spaced, {"pattern.major.frequency": 7.0})
     assert back.pattern == load_preset(DOME_MODES).pattern
     both = {"pattern.major.spacing": 0.8, "pattern.major.frequency": 7.0}
     for method in ("modes", "stripes"):

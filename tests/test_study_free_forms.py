@@ -10,8 +10,8 @@ from dsfab.design.design import Design
 from dsfab.design.even_stripes import even_stripes
 from dsfab.design.log import Log
 from dsfab.design.mode_search import stressed_step
-from dsfab.design.stripe_pattern import striped_families
-from dsfab.preset.file import load_preset, overridden
+from dsfab.design.stripe_pattern import drawable_families
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.study.baselines import ComparisonTask
 from dsfab.study.baselines.structures import striped_structure, widened_structure
@@ -56,7 +56,7 @@ def modes(chosen: Modes) -> float:
     made = on_modes(chosen)
     found = []
     for rule in ("constant", "graded"):
-        own = overridden(made.settled, {"pattern.width.rule": rule})
+        own = with_overrides(made.resolved_preset, {"pattern.width.rule": rule})
         task = task_of(made, own)
         found.append(quick(task, striped_structure(task, own, made.diffusion)).compliance)
     return min(found)
@@ -67,19 +67,19 @@ def evenly(chosen: Modes, halve: bool, rule: str, q: float) -> float:
     """Joules of evenly spaced stripes, in the mean as far apart as those on modes."""
     made = on_modes(chosen)
     surface, statics, diffusion = made.surface, made.statics, made.diffusion
-    own = made.settled
-    families = striped_families(own, made.stressed)
+    own = made.resolved_preset
+    families = drawable_families(own, made.analysis)
     spacing = [surface.area / float(surface.vertex_areas @ family.slope) for family in families]
     apart = {f"pattern.{name}.spacing": h for name, h in zip(("major", "minor"), spacing, strict=True)}
     width = {"pattern.width.rule": rule, "pattern.width.q": q}
-    own = overridden(own, {"pattern.method": "stripes", "pattern.halve": halve, **apart, **width})
+    own = with_overrides(own, {"pattern.method": "stripes", "pattern.halve": halve, **apart, **width})
     even = even_stripes(own, surface, statics)
     task = task_of(made, own, even)
     if rule != "stressed":
         structure = striped_structure(task, own, diffusion, even)
     else:
-        grading = stressed_step(own, made.stressed, Log(None), even=even)
-        structure = widened_structure(task, own, striped_families(own, made.stressed, 0.0, grading, even))
+        grading = stressed_step(own, made.analysis, Log(None), even=even)
+        structure = widened_structure(task, own, drawable_families(own, made.analysis, 0.0, grading, even))
     assert structure.sheet.surface.area == pytest.approx(task.area, rel=1e-3)
     return quick(task, structure).compliance
 

@@ -106,7 +106,7 @@ def test_the_same_length_and_area_are_held_on_every_mesh(shape, picker):
     x = surface.V @ [0.9, 0.35, 0.2]
     cells = cut(surface, [4 * (x - x.min()) / np.ptp(x) + 0.37], [np.arange(0, 6, 0.5)])
     meant = edges_of(at, surface) | (load.fixed[surface.edges.ends, 0].all(axis=1) & surface.edges.boundary)
-    for sheet in (whole_sheet(surface), cells.kept(np.ones(cells.surface.m, dtype=bool))):
+    for sheet in (whole_sheet(surface), cells.subset(np.ones(cells.surface.m, dtype=bool))):
         found = [held_extent(*level, surface, load) for level in levels(surface, sheet, load)]
         length, area = np.array(found).T
         assert length == pytest.approx(length[0], rel=1e-9, abs=1e-12)
@@ -154,7 +154,7 @@ def test_an_ear_that_a_region_covers_is_held_whole():
 
 def test_clamps_follow_the_picker_and_springs_stay_at_their_vertices():
     surface = grid(8, 1, 2.0, 0.3)  # each edge within it joins two vertices of the boundary
-    clamp = Support(Boundary(), clamp=True).clamped(surface)
+    clamp = Support(Boundary(), clamp=True).clamped_edges(surface)
     assert (clamp == surface.edges.boundary).all()
     spring = Support(Boundary(), spring=(1e3, 0.0, 0.0))
     load = LoadCase.build(surface, [spring, Support(Nearest(((0, 0, 0),)))], PULL)
@@ -175,7 +175,7 @@ def test_a_void_leaves_the_boundary_that_was_held_and_no_more():
             "pattern.region": [{"do": "void", "at": {"pick": "ball", "center": [0.9, 0.0, 0.0], "radius": 0.35}}],
         },
     )  # fmt: skip
-    surface = dsfab.design.Design.of(preset).surface
+    surface = dsfab.design.Design.from_preset(preset).surface
     support = acting_on(preset, surface).support[0]
     held = edges_of(support.at, surface)
     place = surface.V[surface.edges.ends[held]].mean(axis=1)
@@ -192,7 +192,7 @@ def test_a_roof_with_ears_is_one_structure_on_all_meshes():
     design = dsfab.run(
         dsfab.load_preset("roof", {"pattern.width.solid_fraction": 0.5}, mesh_file("roof_with_opening.obj"))
     )
-    surface, sheet = design.surface, design.slicing.cells.kept()
+    surface, sheet = design.surface, design.slicing.cells.subset()
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) > 1
     assert ears.sum() > 3
     count, length = [], []

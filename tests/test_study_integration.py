@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from dsfab.reproduction.earlier_methods import across, integrated_field, signed, typical_slope
+from dsfab.reproduction.earlier_methods import (
+    consistent_directions,
+    integrated_field,
+    typical_slope,
+    weakest_directions,
+)
 from tests.zoo import grid
 
 
@@ -19,7 +24,7 @@ def flipped(direction, seed=0):
 
 def test_signs_that_agree_are_found_again(plate):
     straight = np.tile([0.6, 0.8, 0.0], (plate.m, 1))
-    found = signed(plate, flipped(straight))
+    found = consistent_directions(plate, flipped(straight))
     assert np.array_equal(found, straight) or np.array_equal(found, -straight)
 
 
@@ -53,7 +58,7 @@ def test_where_directions_turn_half_round_a_point_the_field_is_squeezed(plate):
     x, y, _ = (plate.centroids - plate.V.mean(axis=0) - [0.013, 0.007, 0.0]).T
     half = np.arctan2(y, x) / 2
     turning = np.stack([np.cos(half), np.sin(half), 0 * half], axis=1)
-    found = signed(plate, flipped(turning))
+    found = consistent_directions(plate, flipped(turning))
     i, j = plate.edges.pairs.T // 3
     assert (np.einsum("ek,ek->e", found[i], found[j]) < 0).sum() > 3
     field = integrated_field(plate, turning, np.ones(plate.m, dtype=bool))
@@ -62,4 +67,4 @@ def test_where_directions_turn_half_round_a_point_the_field_is_squeezed(plate):
 
 def test_stripes_lie_across_what_lets_the_least_through():
     """r along x, 1 along y, nothing along the normal z."""
-    assert np.abs(across(np.diag([100.0, 1.0, 0.0])[None])) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
+    assert np.abs(weakest_directions(np.diag([100.0, 1.0, 0.0])[None])) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))

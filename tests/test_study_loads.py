@@ -13,12 +13,12 @@ from dsfab.core.errors import StaticsError, SurfaceError
 from dsfab.core.messages import force
 from dsfab.core.units import GRAVITY
 from dsfab.design import Design, loads_on, sheet_load
-from dsfab.design.sheet_loads import Tributary, nearest_faces
+from dsfab.design.sheet_loads import CoveringLoads, nearest_faces
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.compliance.tables import acting_table, loads_table
-from dsfab.report.design.inspection import acting_facts, acting_lines
+from dsfab.report.design.inspection import load_facts, load_lines
 from dsfab.report.design.statics import cut_load_facts
-from dsfab.report.html_pages import Numbers
+from dsfab.report.html_pages import CaptionNumbers
 from dsfab.slicing import cut
 from dsfab.study.check_model import cut_model
 from dsfab.study.comparison import comparison
@@ -38,8 +38,8 @@ from dsfab.surface import (
     Support,
     Surface,
     Wind,
+    combined_case,
     load_cases,
-    together,
 )
 from tests.designs import sliced
 from tests.meshes import mesh_file
@@ -62,7 +62,7 @@ def striped(surface, count=3.0, offset=0.37, keep=0.45):
     ways = (surface.V @ [0.9, 0.35, 0.2], surface.V @ [-0.3, 0.8, 0.5])
     fields = [count * (x - x.min()) / np.ptp(x) + offset for x in ways]
     every = np.arange(0, count + 2)
-    return cut(surface, fields, [np.sort(np.r_[every, every + keep])] * 2).kept()
+    return cut(surface, fields, [np.sort(np.r_[every, every + keep])] * 2).subset()
 
 
 def sums(surface, force):
@@ -78,7 +78,7 @@ def frame(surface, x, y):
     """Only the faces whose middles are outside of a window."""
     middle = surface.centroids
     window = (middle[:, 0] > x[0]) & (middle[:, 0] < x[1]) & (middle[:, 1] > y[0]) & (middle[:, 1] < y[1])
-    return whole_sheet(surface).kept(~window)
+    return whole_sheet(surface).subset(~window)
 
 
 @pytest.mark.parametrize("name", [name for name in ZOO if name not in ("closed", "tiny", "huge")])
@@ -188,13 +188,13 @@ def test_loads_go_along_the_surface_and_not_across_a_gap():
 def test_slivers_are_no_bearing_and_a_piece_without_material_is_refused():
     surface = grid(10, 10, 1.0, 1.0)
     x = surface.V[:, 0]
-    sheet = cut(surface, [x], [[-1.0, 0.301]], 0.0).kept()  # a hundredth of a face in the column beyond
-    tributary = Tributary.of(surface, sheet)
+    sheet = cut(surface, [x], [[-1.0, 0.301]], 0.0).subset()  # a hundredth of a face in the column beyond
+    tributary = CoveringLoads.for_sheet(surface, sheet)
     sliver = (tributary.area > 0) & (tributary.area < 0.02 * surface.areas)
     assert sliver.sum() >= 10
     assert not np.isin(np.flatnonzero(sliver), tributary.to).any()
     both = two_pieces()
-    one = whole_sheet(both).kept(both.centroids[:, 2] < 0.5)
+    one = whole_sheet(both).subset(both.centroids[:, 2] < 0.5)
     assert sheet_load(both, one, case(both, SelfWeight())).force[:, 2].sum() == pytest.approx(-WEIGHT)
     with pytest.raises(StaticsError, match="no material is left of that piece"):
         sheet_load(both, one, case(both, Snow(800.0)))
@@ -211,11 +211,11 @@ def test_point_loads_stay_as_they_are_and_cases_add_up():
     cases = load_cases(surface, [Support(Boundary())], loads, WEIGHT)
     assert (cases["a"].parts.point == cases["a"].force).all()
     assert not cases["a"].parts.traction.any()
-    both = together(cases, {"a": 1.5, "b": 2.0})
+    both = combined_case(cases, {"a": 1.5, "b": 2.0})
     on = loads_on(surface, sheet, {**cases, "both": both})
     assert on["both"].force == pytest.approx(1.5 * on["a"].force + 2.0 * on["b"].force, abs=1e-9)
     assert on["a"].force.sum(axis=0) == pytest.approx([0, 0, -1e3])
-    plain = cases["a"].loading(cases["a"].force)  # without parts: all of it on the vertices
+    plain = cases["a"].with_forces(cases["a"].force)  # without parts: all of it on the vertices
     assert (sheet_load(surface, sheet, plain).force == on["a"].force).all()
 
 
@@ -237,15 +237,15 @@ def test_a_thinner_sheet_weighs_less_and_its_covering_does_not():
 @pytest.mark.slow
 def test_every_mesh_of_a_verdict_carries_the_weight_that_is_there():
     design = sliced(dsfab.load_preset("snow_vault", {"surface.edge": 0.9}))
-    surface, sheet = design.surface, design.slicing.cells.kept()
-    setting = LoadedSurface.of(design)
+    surface, sheet = design.surface, design.slicing.cells.subset()
+    setting = LoadedSurface.from_design(design)
     loads = loads_on(surface, sheet, setting.loads)
     known = {name: load.force.sum(axis=0) for name, load in loads.items()}
-    weight = design.preset.statics.weight * sheet.surface.area
+    weight = design.preset.statics.area_weight * sheet.surface.area
     assert known["dead"] == pytest.approx([0, 0, -weight])
     assert known["all_over"] == pytest.approx([0, 0, -1.35 * weight - 1.5 * 1200 * 108], rel=1e-9)
     forces = shares(sheet, loads)
-    for _, mesh in zip(range(3), meshes(sheet, SmoothSurface.through(surface)), strict=False):
+    for _, mesh in zip(range(3), meshes(sheet, SmoothSurface.from_surface(surface)), strict=False):
         cases, spreads = on_mesh(surface, mesh, setting.loads, forces)
         for name, total in known.items():
             assert cases[name].force.sum(axis=0) == pytest.approx(total, rel=1e-12, abs=1e-6)
@@ -259,7 +259,7 @@ def test_no_window_is_too_wide_for_weight_and_snow(name):
     surface = dsfab.read_surface(mesh_file(name), "m")
     load = LoadCase.build(surface, [Support(Boundary())], [SelfWeight(), Snow(800.0), Cladding(250.0)], WEIGHT)
     x = surface.V[:, 0]
-    wide = cut(surface, [x], [[x.min() - 1, x.min() + 0.12 * np.ptp(x), x.max() - 0.12 * np.ptp(x)]]).kept()
+    wide = cut(surface, [x], [[x.min() - 1, x.min() + 0.12 * np.ptp(x), x.max() - 0.12 * np.ptp(x)]]).subset()
     assert wide.surface.area < 0.5 * surface.area
     on = sheet_load(surface, wide, load)
     assert on.parts.covered.any()
@@ -274,15 +274,15 @@ def test_what_is_told_says_which_sheet_it_is_of():
     glass = [{"kind": "cladding", "pressure": 250.0}, {"kind": "wind", "pressure": 500.0, "direction": [1, 0, 0],
              "covered": False}]  # fmt: skip
     loads = [*(one for one in json.loads(given.model_dump_json())["surface"]["load"]), *glass]
-    design = Design.of(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.0, "surface.load": loads}))
-    before = list(acting_lines(acting_facts(design)))
+    design = Design.from_preset(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.0, "surface.load": loads}))
+    before = list(load_lines(load_facts(design)))
     assert before[2].split() == ["load", "uncut", "sheet", "towards", "on"]
     design.until("slicing")
-    facts = json.loads(json.dumps(acting_facts(design)))
-    lines = list(acting_lines(facts))
+    facts = json.loads(json.dumps(load_facts(design)))
+    lines = list(load_lines(facts))
     assert lines[2].split() == ["load", "uncut", "sheet", "cut", "sheet", "towards", "on"]
     of = {entry["name"]: entry for entry in facts["loads"]}
-    weight = design.preset.statics.weight
+    weight = design.preset.statics.area_weight
     for key, surface in (("force_N", design.surface), ("cut_force_N", design.sheet.surface)):
         assert of["self weight"][key] == pytest.approx([0, 0, -weight * surface.area])
         assert of["force"][key] == pytest.approx([0, 0, -50e3])
@@ -298,11 +298,11 @@ def test_what_is_told_says_which_sheet_it_is_of():
     assert model.steps["load"].sum(axis=0) == pytest.approx(told, rel=1e-9, abs=1e-6)
     assert any("Loads are those of the cut sheet" in note for note in model.notes)
     found = Findings(comparison(design, ()), [], "")
-    table = loads_table(found, Numbers())
+    table = loads_table(found, CaptionNumbers())
     assert "on the cut sheet" in table.caption
     assert float(table.rows[0][3]) == pytest.approx(told[2] / 1e3, rel=1e-3)
     assert force(np.linalg.norm(design.load.force.sum(axis=0))) in table.note
-    words = [row[3] for row in acting_table(found, Numbers()).rows]
+    words = [row[3] for row in acting_table(found, CaptionNumbers()).rows]
     assert [text for text in words if "on the members alone" in text] == [words[3]]
     assert not any("overed" in text for text in words)
 

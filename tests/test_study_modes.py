@@ -8,23 +8,23 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import eigsh
 
 import dsfab
-from dsfab.core.messages import bounded
+from dsfab.core.messages import value_with_bound
 from dsfab.report.design.statics import mode_facts, mode_lines
 from dsfab.slicing import cut
-from dsfab.statics import Ask, Material, SheetMaterial, SpreadLoad, mode_supports
-from dsfab.statics.modes import HELD, UPRIGHT
+from dsfab.statics import Material, ResultRequest, SheetMaterial, SpreadLoad, mode_supports
+from dsfab.statics.modes import HELD_ACROSS, UPRIGHT
 from dsfab.study.alternatives import Competitor
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.check_model import uncut_model
 from dsfab.study.judges import full, quick
 from dsfab.study.verdict import LoadedSurface, mode_intervals, whole_sheet
-from dsfab.study.verdict.estimates import FLOOR, mode_estimate
-from dsfab.study.verdict.modes import PAIR, mode_level
+from dsfab.study.verdict.estimates import LEAST_BOUND, mode_estimate
+from dsfab.study.verdict.modes import MODE_ELEMENTS, mode_level
 from dsfab.surface import LoadCase, Surface
 from dsfab.verification import TESTS
 from tests.zoo import grid
 
-BOTH = Ask(frequencies=1, buckling=1)
+BOTH = ResultRequest(frequencies=1, buckling=1)
 
 
 def holds(found, exact: float) -> bool:
@@ -45,7 +45,7 @@ def holds(found, exact: float) -> bool:
     ],
 )
 def test_the_interval_of_two_meshes_or_three_holds_the_closed_form(name, cells, exact):
-    found = mode_estimate([TESTS[name].problem(count, "union_jack").solve(PAIR) for count in cells])
+    found = mode_estimate([TESTS[name].problem(count, "union_jack").solve(MODE_ELEMENTS) for count in cells])
     assert holds(found, exact), (found, exact)
     assert found.bound < (0.2 if name == "axial_cylinder" else 0.02)
 
@@ -94,7 +94,7 @@ def test_a_wall_on_its_base_buckles_and_sways_as_a_column_that_is_built_in():
     assert holds(found.buckling["dead"], 7.8373 * RIGID / (WEIGHT * TALL**3))
     exact = 1.875104**2 * np.sqrt(RIGID / (BEAM.density * THICK * TALL**4)) / (2 * np.pi)
     assert holds(found.hertz, exact)
-    assert found.buckling["dead"].bound == found.hertz.bound == FLOOR
+    assert found.buckling["dead"].bound == found.hertz.bound == LEAST_BOUND
     assert found.assumed == UPRIGHT
     assert found.refusals == ()
     assert [level.triangles for level in found.levels] == [96, 384]
@@ -107,7 +107,7 @@ def test_a_wall_between_two_supports_is_a_column_on_hinges_and_needs_no_edge_hel
     assert holds(found.buckling["dead"], even)
     assert even * WEIGHT * TALL**3 / RIGID == pytest.approx(18.5687, rel=1e-4)
     assert holds(found.hertz, np.pi / 2 * np.sqrt(RIGID / (BEAM.density * THICK * TALL**4)))
-    assert found.assumed == HELD
+    assert found.assumed == HELD_ACROSS
 
 
 def test_a_strut_that_is_pressed_at_its_end_has_eulers_load():
@@ -117,7 +117,7 @@ def test_a_strut_that_is_pressed_at_its_end_has_eulers_load():
         surface = wall(cells // 12, cells)
         load = standing(surface, BASE, TOP).loads["dead"]
         top = surface.edges.boundary & (surface.V[surface.edges.ends, 2] > TALL - 1e-9).all(axis=1)
-        spread = SpreadLoad.on(surface, edge=top[:, None] * np.array([0.0, 0.0, -1.0]))
+        spread = SpreadLoad.broadcast(surface, edge=top[:, None] * np.array([0.0, 0.0, -1.0]))
         pressed = LoadCase(load.fixed, spread.vertex_forces(surface), load.loaded)
         level = mode_level(
             surface, SheetMaterial(BEAM, THICK), {"a": pressed}, {"a": spread}, mode_supports(surface, pressed), BOTH
@@ -132,14 +132,14 @@ def test_a_ladder_that_is_cut_out_of_a_wall_is_a_column_of_its_chords():
     surface = wall(8, 40)
     x, z = surface.V[:, 0] / WIDE, surface.V[:, 2] / TALL
     rungs = np.sort(np.concatenate([np.arange(6) / 5 - 0.004, np.arange(6) / 5 + 0.004]))
-    sheet = cut(surface, [x, z], [[-1.0, 0.375, 0.625, 2.0], rungs], snap=0.0).kept()
+    sheet = cut(surface, [x, z], [[-1.0, 0.375, 0.625, 2.0], rungs], snap=0.0).subset()
 
     def width(along):
         rung = np.abs(along / TALL - np.round(5 * along / TALL) / 5) < 0.004
         return np.where(rung, WIDE, 0.75 * WIDE)
 
     assert sheet.surface.area == pytest.approx(width((np.arange(4000) + 0.5) * TALL / 4000).mean() * TALL, rel=1e-3)
-    found = mode_intervals(standing(surface, BASE, TOP), sheet, Ask(buckling=1), 4e9)
+    found = mode_intervals(standing(surface, BASE, TOP), sheet, ResultRequest(buckling=1), 4e9)
     factor, chords = found.buckling["dead"], pinned_column(width, lambda along: 0.75 * WIDE + 0 * along, 250)
     whole = pinned_column(width, width, 250)
     assert 1.001 < whole / chords < 1.02
@@ -147,14 +147,14 @@ def test_a_ladder_that_is_cut_out_of_a_wall_is_a_column_of_its_chords():
     assert factor.value * (1 - factor.bound) < whole
     assert factor.bound < 0.05
     assert found.hertz is None
-    assert found.assumed == HELD
+    assert found.assumed == HELD_ACROSS
 
 
 def test_supports_that_hold_out_of_the_plane_already_and_sheets_that_bend_stay_as_they_are():
     surface = wall(2, 6)
     load = standing(surface, BASE).loads["dead"]
     across = mode_supports(surface, load)
-    assert across.load.fixed[load.held].all(axis=1).sum() == 3
+    assert across.load.fixed[load.supported].all(axis=1).sum() == 3
     assert across.load.clamped.sum() == 2  # the two edges of the base
     assert mode_supports(surface, load, plane=False).load is load
     pushed = replace(load, force=load.force + (0.0, 1.0, 0.0))
@@ -175,14 +175,14 @@ def test_supports_that_hold_out_of_the_plane_already_and_sheets_that_bend_stay_a
         ([1.0, 1.2, 1.4], 1.4, 0.4 / 1.4),  # steps that do not shrink
         ([1.0, 1.5, 1.4], 1.4, 0.2 / 1.4),  # that turn back
         ([1.0, 1.1, 0.8], 0.8, 0.6 / 0.8),  # and grow
-        ([1.0, 1.0, 1.0], 1.0, FLOOR),
+        ([1.0, 1.0, 1.0], 1.0, LEAST_BOUND),
     ],
 )
 def test_the_rule_goes_on_at_the_ratio_of_the_steps(values, value, bound):
     found = mode_estimate(values)
     assert found.value == pytest.approx(value)
     assert found.bound == pytest.approx(bound)
-    assert (found.known is None) == (len(values) == 1)
+    assert (found.finite_bound is None) == (len(values) == 1)
 
 
 ASKED = {"surface.edge": 0.15, "statics.density": 1000.0, "statics.buckling": 1, "statics.frequencies": 1}
@@ -195,7 +195,7 @@ def cantilever() -> dsfab.Design:
 
 @pytest.mark.slow
 def test_a_full_comparison_tells_both_with_a_bound_and_a_quick_one_without(cantilever):
-    task = ComparisonTask.of(cantilever, cantilever.sheet.surface.area)
+    task = ComparisonTask.from_design(cantilever, cantilever.sheet.surface.area)
     structure = Structure(
         cantilever.slicing.cells,
         cantilever.pattern.names,
@@ -210,7 +210,7 @@ def test_a_full_comparison_tells_both_with_a_bound_and_a_quick_one_without(canti
     assert one.frequency_bound is None
     assert one.assumed == more.assumed == UPRIGHT
     assert 0 < more.buckling_bound < 0.1
-    assert FLOOR <= more.frequency_bound < 0.05
+    assert LEAST_BOUND <= more.frequency_bound < 0.05
     assert one.buckling == pytest.approx(more.buckling, rel=0.15)
     assert one.frequency == pytest.approx(more.frequency, rel=0.05)
     row = Competitor("design", judgement=deep).row(1.0, 1.0)
@@ -226,11 +226,13 @@ def test_a_build_and_a_calculix_file_tell_the_interval_of_the_uncut_sheet(cantil
     assert facts["triangles"] == [cantilever.surface.m, 4 * cantilever.surface.m]
     assert known["factor"] == pytest.approx(cantilever.statics.answers.buckling.factor[0], rel=0.1)
     assert facts["frequency"]["hertz"] == pytest.approx(cantilever.statics.answers.vibration.hertz[0], rel=0.01)
-    assert f"lowest factor of buckling {bounded(known['factor'], known['bound'])}" in line
+    assert f"lowest factor of buckling {value_with_bound(known['factor'], known['bound'])}" in line
     assert line.endswith(UPRIGHT)
     notes = uncut_model(cantilever.preset).model.notes
     assert (
-        f"Lowest factor of linear buckling, load: {bounded(known['factor'], known['bound'])}".replace("±", "+-")
+        f"Lowest factor of linear buckling, load: {value_with_bound(known['factor'], known['bound'])}".replace(
+            "±", "+-"
+        )
         in notes
     )
     silent = dsfab.load_preset("cantilever", {"surface.edge": 0.1})
@@ -239,7 +241,7 @@ def test_a_build_and_a_calculix_file_tell_the_interval_of_the_uncut_sheet(cantil
 
 
 def test_numbers_are_told_with_the_digits_that_their_bound_leaves():
-    assert bounded(2.34567, 0.018) == "2.35 ± 1.8 %"
-    assert bounded(2.34567, 0.003, "Hz") == "2.346 Hz ± 0.3 %"
-    assert bounded(2.34567, 0.16) == "2.35 ± 16 %"
-    assert bounded(2.34567, None, "Hz") == "2.35 Hz (one mesh, bound unknown)"
+    assert value_with_bound(2.34567, 0.018) == "2.35 ± 1.8 %"
+    assert value_with_bound(2.34567, 0.003, "Hz") == "2.346 Hz ± 0.3 %"
+    assert value_with_bound(2.34567, 0.16) == "2.35 ± 16 %"
+    assert value_with_bound(2.34567, None, "Hz") == "2.35 Hz (one mesh, bound unknown)"

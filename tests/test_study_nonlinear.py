@@ -22,10 +22,10 @@ from dsfab.statics import Material
 from dsfab.study.calculix import CcxFiles, LoadPath, load_path, run_ccx, solid_model
 from dsfab.study.nonlinear import (
     NonlinearCheck,
-    last_of,
+    last_point,
     limit_of,
     nonlinear_check,
-    softest,
+    softest_range,
     solid_check,
     without_fillets,
 )
@@ -85,7 +85,7 @@ def test_what_snaps_gives_way_before_the_jump():
     load = np.linspace(0, 1, 11)
     moves = np.array([1, 1, 1, 1.2, 1.5, 3, 40, 1, 1, 1])
     assert limit_of(path(load, np.r_[0, np.cumsum(moves)])) == (6, True)
-    assert softest(path(load, np.r_[0, np.cumsum(moves)])) == pytest.approx((0.5, 0.8))
+    assert softest_range(path(load, np.r_[0, np.cumsum(moves)])) == pytest.approx((0.5, 0.8))
 
 
 def test_what_softens_without_end_gives_way_at_a_hundredth_of_its_stiffness():
@@ -97,9 +97,9 @@ def test_what_stays_stiff_bears_more_and_what_ends_early_gives_way():
     load = np.linspace(0, 1, 11)
     assert limit_of(path(load, load)) == (10, False)
     assert limit_of(path(load, load, whole=False)) == (10, True)
-    assert softest(path(load, load)) is None
+    assert softest_range(path(load, load)) is None
     fine = np.r_[load[:9], 0.805, 0.81]
-    assert softest(path(fine, np.r_[load[:9], 1.5, 2.5])) is None
+    assert softest_range(path(fine, np.r_[load[:9], 1.5, 2.5])) is None
     jolt = np.array([1, 1, 6, 1, 1, 1, 1, 1, 1, 1.0])  # no snap: under ten times the first step
     assert limit_of(path(load, np.r_[0, np.cumsum(jolt)])) == (10, False)
 
@@ -107,12 +107,12 @@ def test_what_stays_stiff_bears_more_and_what_ends_early_gives_way():
 def test_a_path_has_no_more_to_tell_once_it_has_snapped_or_is_soft_and_finds_no_equilibrium():
     load = np.linspace(0, 1, 11)
     moves = np.array([1, 1, 1, 1.2, 1.5, 3, 40, 1, 1, 1])
-    assert last_of(path(load, np.r_[0, np.cumsum(moves)])) == 7  # with the snap, as long as it goes on
-    assert last_of(path(load, load)) is None
+    assert last_point(path(load, np.r_[0, np.cumsum(moves)])) == 7  # with the snap, as long as it goes on
+    assert last_point(path(load, load)) is None
     soft = replace(path(load, load**3 + load, whole=False), failed=((6, 0.1), (7, 0.03), (10, 0.02)))
-    assert last_of(soft) == 10  # a step of 3 % is still a long one
-    assert last_of(replace(soft, failed=((6, 0.1), (7, 0.03)))) is None
-    assert last_of(replace(path(load, load), failed=((10, 0.02),))) is None  # as stiff as at first
+    assert last_point(soft) == 10  # a step of 3 % is still a long one
+    assert last_point(replace(soft, failed=((6, 0.1), (7, 0.03)))) is None
+    assert last_point(replace(path(load, load), failed=((10, 0.02),))) is None  # as stiff as at first
     ended = replace(soft, failed=((8, 0.01), (9, 0.01))).until(8)
     assert (ended.load[-1], limit_of(ended)) == (pytest.approx(0.8), (8, True))
 
@@ -121,11 +121,12 @@ def test_what_time_ends_is_told_as_such_and_has_not_given_way():
     load = np.linspace(0, 1, 11)
     assert limit_of(replace(path(load, load, whole=False), late=True)) == (10, False)
     found = NonlinearCheck("wind", 3.0, 1.5, False, 0.01, 0.002, load, load, 400, minutes=2.0)
-    assert found.told.startswith("wind: followed to 1.5 times its load with large displacements")
+    assert found.sentence.startswith("wind: followed to 1.5 times its load with large displacements")
     assert (
-        "then stopped because 2 minutes were over (--minutes): it may bear more; that buckling comes at 3" in found.told
+        "then stopped because 2 minutes were over (--minutes): it may bear more; that buckling comes at 3"
+        in found.sentence
     )
-    assert "gives way" not in found.told
+    assert "gives way" not in found.sentence
 
 
 STA = """SUMMARY OF JOB INFORMATION

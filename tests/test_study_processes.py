@@ -7,19 +7,19 @@ import time
 import pytest
 
 from dsfab.core.errors import DsfabError
-from dsfab.study import fitting_processes, made_in_processes
+from dsfab.study import fitting_processes, map_in_processes
 from dsfab.study.sweeps import workers
 
 
 def test_one_worker_is_this_process():
-    own = made_in_processes(lambda k: (k, os.getpid()), [3, 1], workers=1)  # a lambda reaches no other process
+    own = map_in_processes(lambda k: (k, os.getpid()), [3, 1], workers=1)  # a lambda reaches no other process
     assert list(own) == [(3, os.getpid()), (1, os.getpid())]
 
 
 @pytest.mark.slow
 def test_results_come_in_the_order_of_what_was_given():
-    assert list(made_in_processes(math.factorial, [5, 3, 4], workers=2)) == [120, 6, 24]
-    (pid,) = set(made_in_processes(os.getpgid, [os.getpid()], workers=2))
+    assert list(map_in_processes(math.factorial, [5, 3, 4], workers=2)) == [120, 6, 24]
+    (pid,) = set(map_in_processes(os.getpgid, [os.getpid()], workers=2))
     assert pid == os.getpgid(os.getpid())
 
 
@@ -32,7 +32,7 @@ def begun(one):
 
 @pytest.mark.slow
 def test_what_takes_longest_is_begun_first():
-    told = list(made_in_processes(begun, [1, 5, 3, 4, 2], workers=2, work=float))
+    told = list(map_in_processes(begun, [1, 5, 3, 4, 2], workers=2, work=float))
     assert [one for one, *_ in told] == [1, 5, 3, 4, 2]
     for process in {where for _, where, _ in told}:  # on a busy machine one has two done before the other has one
         mine = [one for one, where, _ in sorted(told, key=lambda each: each[2]) if where == process]
@@ -42,7 +42,7 @@ def test_what_takes_longest_is_begun_first():
 @pytest.mark.slow
 def test_a_process_that_ends_before_its_time_is_told():
     with pytest.raises(DsfabError, match="--workers 1"):
-        list(made_in_processes(os._exit, [1, 1], workers=2))
+        list(map_in_processes(os._exit, [1, 1], workers=2))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,13 @@ from dsfab.design import draft
 from dsfab.design.sheet_loads import sheet_load
 from dsfab.statics import Elements, FaceStiffness, Material, SheetModel, solve_statics
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
-from dsfab.study.baselines.topology_optimisation import Simp, densities, face_filter, level_line, optimised_densities
+from dsfab.study.baselines.topology_optimisation import (
+    Simp,
+    densities,
+    face_filter,
+    level_set_structure,
+    optimised_densities,
+)
 from dsfab.study.judges import quick
 from dsfab.surface import LoadCase, Surface
 from tests.zoo import grid, lifted
@@ -49,7 +55,10 @@ def test_the_mbb_beam_comes_within_5_percent_of_the_published_compliance(mesh):
     """
     surface = crossed(60, 20) if mesh == "crossed" else grid(60, 20, 60.0, 20.0)
     found = densities(
-        SheetModel(surface, UNIT, 1.0), {"load": beam(surface)}, 600.0, ask=Simp(radius=2.4, iterations=100, steps=0)
+        SheetModel(surface, UNIT, 1.0),
+        {"load": beam(surface)},
+        600.0,
+        options=Simp(radius=2.4, iterations=100, steps=0),
     )
     assert found.compliance == pytest.approx(216.81, rel=0.05)
     assert surface.areas @ found.density == pytest.approx(600, rel=1e-5)
@@ -61,7 +70,7 @@ def test_a_full_sheet_is_as_stiff_as_the_statics_say_in_its_plane_and_out_of_it(
     flat, shell = grid(8, 6, 2.0, 1.5), lifted(lambda x, y: 0.2 * x * y + 0.1 * y**2, 6)
     for surface, direction in ((flat, [0.3, 1.0, 0.0]), (flat, [0.0, 0.2, 1.0]), (shell, [1.0, 0.5, -1.0])):
         load = pulled(surface, direction)
-        K = FaceStiffness.of(SheetModel(surface, UNIT, 0.02), [load])
+        K = FaceStiffness.from_sheet(SheetModel(surface, UNIT, 0.02), [load])
         full = np.ones(surface.m)
         x = K.factor(full)(K.force)
         expected = solve_statics(SheetModel(surface, UNIT, 0.02), load, Elements("constant", "midedge")).compliance
@@ -81,7 +90,7 @@ def test_springs_of_supports_do_not_thin_out_with_the_sheet():
     surface = grid(6, 4, 1.5, 1.0)
     load = pulled(surface, [1.0, 0.0, 0.0])
     soft = replace(load, fixed=load.fixed & [False, True, True], spring=load.fixed * [1e-6, 0.0, 0.0])
-    K = FaceStiffness.of(SheetModel(surface, UNIT, 1.0), [soft])
+    K = FaceStiffness.from_sheet(SheetModel(surface, UNIT, 1.0), [soft])
     for scale in (1.0, 1e-3):
         x = K.factor(np.full(surface.m, scale))(K.force)
         in_springs = float((K.force * x).sum()) - scale * K.energies(x).sum()
@@ -92,7 +101,7 @@ def test_springs_of_supports_do_not_thin_out_with_the_sheet():
 def test_sensitivities_are_the_derivatives_of_the_compliance():
     surface = lifted(lambda x, y: 0.3 * x * y, 5)
     load, ask = pulled(surface, [0.2, 0.4, 1.0]), Simp()
-    K = FaceStiffness.of(SheetModel(surface, UNIT, 0.05), [load])
+    K = FaceStiffness.from_sheet(SheetModel(surface, UNIT, 0.05), [load])
     x = np.random.default_rng(0).uniform(0.3, 0.9, surface.m)
 
     def compliance(x):
@@ -122,7 +131,9 @@ def test_solid_faces_stay_and_the_area_is_met_on_a_shell():
     loads = {"down": pulled(surface, [0.0, 0.0, -1.0]), "aside": pulled(surface, [0.0, 1.0, 0.0])}
     wanted = 0.5 * surface.area
     weights = {"down": 1.0, "aside": 2.0}
-    found = densities(SheetModel(surface, UNIT, 0.02), loads, wanted, solid, weights, ask=Simp(iterations=15, steps=0))
+    found = densities(
+        SheetModel(surface, UNIT, 0.02), loads, wanted, solid, weights, options=Simp(iterations=15, steps=0)
+    )
     assert surface.areas @ found.density == pytest.approx(wanted, rel=1e-4)
     assert (found.density[solid] == 1).all()
     assert found.history[-1] < 0.7 * found.history[0]
@@ -148,8 +159,8 @@ def test_simp_on_the_cantilever_cut_along_its_level_line_is_1_58_times_as_soft_a
     disc = {"kind": "force", "at": {"pick": "ball", "center": [1.0, 0.0, 0.0], "radius": 0.1}, "force": [0, -1000.0, 0]}
     changes = {"surface.edge": 0.04, "surface.load": [disc], "pattern": {"keep": 0.01}}
     made = draft(dsfab.load_preset("cantilever", changes))
-    task = ComparisonTask.of(made, made.surface.area / 2)
-    structure = level_line(task, optimised_densities(task, Simp(radius=0.04)).density)
+    task = ComparisonTask.from_design(made, made.surface.area / 2)
+    structure = level_set_structure(task, optimised_densities(task, Simp(radius=0.04)).density)
     assert structure.sheet.surface.area == pytest.approx(task.area, rel=1e-3)
     assert structure.pieces == 1
     cut = (structure.sheet.surface, sheet_load(made.surface, structure.sheet, made.load))
@@ -201,7 +212,7 @@ def optimised_bracket(cells: int, seed: int, rim: float, keep: float) -> float:
         pattern=pattern,
     )
     made = draft(preset)
-    task = ComparisonTask.of(made, 0.3 * made.surface.area)
+    task = ComparisonTask.from_design(made, 0.3 * made.surface.area)
     (variant,) = BASELINES["simp"](task)
     structure = variant.make()
     assert structure.sheet.surface.area == pytest.approx(task.area, rel=1e-3)

@@ -9,8 +9,8 @@ from dsfab.design.design import Design
 from dsfab.design.even_stripes import even_stripes
 from dsfab.design.log import Log
 from dsfab.design.mode_search import stressed_step
-from dsfab.design.stripe_pattern import striped_families
-from dsfab.preset.file import load_preset, overridden
+from dsfab.design.stripe_pattern import drawable_families
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.baselines.structures import striped_structure, widened_structure
@@ -38,10 +38,10 @@ RECORDED = {
 def striped_alike(made: Design) -> Preset:
     """A preset on modes, on stripes of the same mean spacings."""
     surface = made.surface
-    families = striped_families(made.settled, made.stressed)
+    families = drawable_families(made.resolved_preset, made.analysis)
     spacing = [surface.area / float(surface.vertex_areas @ family.slope) for family in families]
     apart = {f"pattern.{name}.spacing": h for name, h in zip(("major", "minor"), spacing, strict=True)}
-    return overridden(made.settled, {"pattern.method": "stripes", **apart})
+    return with_overrides(made.resolved_preset, {"pattern.method": "stripes", **apart})
 
 
 @pytest.mark.slow
@@ -49,8 +49,8 @@ def striped_alike(made: Design) -> Preset:
 def test_over_modes_they_are_as_stiff_as_recorded(name):
     path, most, mesh = RECORDED[name]
     keys = {"surface.file": str(mesh_file(mesh)), "surface.refine": 0.25, "surface.smooth": True} if mesh else {}
-    made = draft(overridden(load_preset(path), keys))
-    base, surface, own = made.settled, made.surface, striped_alike(made)
+    made = draft(with_overrides(load_preset(path), keys))
+    base, surface, own = made.resolved_preset, made.surface, striped_alike(made)
     even = even_stripes(own, surface, made.statics)
     for share, limit in zip((0.5, 0.3), most, strict=True):
         compliance = []
@@ -67,11 +67,11 @@ def test_on_a_dome_widths_that_even_out_the_stress_come_near_to_the_uncut_sheet(
     made = draft(load_preset(DOME_MODES))
     surface, statics, diffusion = made.surface, made.statics, made.diffusion
     keys = {"pattern.width.rule": "stressed", "pattern.width.solid_fraction": share}
-    own = overridden(striped_alike(made), keys)
+    own = with_overrides(striped_alike(made), keys)
     even = even_stripes(own, surface, statics)
-    grading = stressed_step(own, made.stressed, Log(None), even=even)
+    grading = stressed_step(own, made.analysis, Log(None), even=even)
     task = ComparisonTask(own, surface, statics, diffusion, made.pattern.frequency, share * surface.area, even)
-    structure = widened_structure(task, own, striped_families(own, made.stressed, 0.0, grading, even))
+    structure = widened_structure(task, own, drawable_families(own, made.analysis, 0.0, grading, even))
     assert structure.sheet.surface.area == pytest.approx(task.area, rel=1e-3)
     uncut = Structure.uncut(surface, own.statics.thickness)
     assert quick(task, structure).compliance < most * quick(task, uncut).compliance

@@ -33,14 +33,14 @@ def cambered(camber: float, stress: str) -> Design:
 
 def compliance(made: Design) -> float:
     """Joules by one solve."""
-    task = ComparisonTask.of(made, made.sheet.surface.area)
+    task = ComparisonTask.from_design(made, made.sheet.surface.area)
     own = Structure(made.slicing.cells, made.pattern.names, made.sheet, 1, made.preset.statics.thickness)
     return quick(task, own).compliance
 
 
 def grids(made: Design) -> list[float]:
     """Joules of grids of its mass, at four phases."""
-    task = ComparisonTask.of(made, made.sheet.surface.area)
+    task = ComparisonTask.from_design(made, made.sheet.surface.area)
     return [quick(task, one.make()).compliance for one in BASELINES["grid"](task)]
 
 

@@ -37,7 +37,7 @@ def pulled(cells: int):
     )
     sheet = SheetModel(surface, Material(1e9, 0.3), 0.01)
     answer = solve_statics(sheet, load, dsfab.statics.elements_of("stress").in_plane)
-    return stress_extremes(surface, sheet_stress(sheet, answer.elements, answer), load.held)
+    return stress_extremes(surface, sheet_stress(sheet, answer.elements, answer), load.supported)
 
 
 def test_only_the_corner_that_bends_inwards_counts_and_ends_of_supports():

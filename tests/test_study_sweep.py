@@ -102,7 +102,9 @@ def whole():
 
 @pytest.fixture(scope="module")
 def in_the_making():
-    return Design.of(COARSE, Design.of(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.6})))
+    return Design.from_preset(
+        COARSE, Design.from_preset(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.6}))
+    )
 
 
 def test_compliance_is_that_of_the_comparison(whole):
@@ -117,7 +119,7 @@ def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
     full = dsfab.load_preset(
         DOME_MODES, {**COARSE_KEYS, "pattern.width": {"rule": "plain"}, "pattern.major.threshold": -1.0}
     )
-    made, statics = Design.of(full), full.statics
+    made, statics = Design.from_preset(full), full.statics
     loads = {"": made.load}
     whole = solve_cases(
         SheetModel(made.surface, statics.elastic, statics.thickness, statics.law),
@@ -125,7 +127,9 @@ def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
         elements=Elements("constant", "midedge"),
     )
     assert METRICS["ersatz"](made) == pytest.approx(whole[""].compliance, rel=1e-6)
-    assert METRICS["ersatz"](Design.of(COARSE)) > 1.1 * whole[""].compliance  # though it weighs two fifths of that
+    assert (
+        METRICS["ersatz"](Design.from_preset(COARSE)) > 1.1 * whole[""].compliance
+    )  # though it weighs two fifths of that
 
 
 @pytest.mark.slow
@@ -145,7 +149,7 @@ def test_a_failed_verdict_is_told(whole, monkeypatch):
 def test_members_of_constant_width_have_that_width():
     """Stripes of constant width in metres: min_width finds it again."""
     wide = {"surface.edge": 0.4, "pattern.width": {"rule": "constant", "member": 0.25}, "pattern.keep": 0.5}
-    made = Design.of(dsfab.load_preset(DOME_MODES, wide))
+    made = Design.from_preset(dsfab.load_preset(DOME_MODES, wide))
     assert METRICS["min_width"](made) == pytest.approx(0.25, rel=0.1)
 
 
@@ -154,22 +158,22 @@ def test_the_sheets_mass_is_nearly_that_of_the_solid(whole):
 
 
 def test_what_a_later_section_does_not_change_is_made_once():
-    thinner = Design.of(
+    thinner = Design.from_preset(
         dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.5, "export.step_faces": 9})
     )
     solid = thinner.solid
-    after = Design.of(thinner.preset, thinner)
+    after = Design.from_preset(thinner.preset, thinner)
     assert after.solid is solid
-    assert Design.of(PRESET, after).slicing is thinner.slicing
+    assert Design.from_preset(PRESET, after).slicing is thinner.slicing
     other = dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.5, "slicing.snap": 0.1})
-    assert "slicing" not in vars(Design.of(other, after))
+    assert "slicing" not in vars(Design.from_preset(other, after))
 
 
 def test_stripes_by_their_spacing_are_as_wide_as_by_the_frequency_that_it_means():
     asked = {**COARSE_KEYS, "pattern.major.frequency": 0.0, "pattern.major.spacing": 0.8}
-    spaced = Design.of(dsfab.load_preset(DOME_MODES, asked))
+    spaced = Design.from_preset(dsfab.load_preset(DOME_MODES, asked))
     frequency = spaced.pattern.frequency[0]
-    same = Design.of(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "pattern.major.frequency": frequency}))
+    same = Design.from_preset(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "pattern.major.frequency": frequency}))
     assert METRICS["min_width"](spaced) == pytest.approx(METRICS["min_width"](same))
 
 
@@ -179,7 +183,7 @@ def test_several_load_cases_count_as_in_the_comparison():
 
     force = {"kind": "force", "at": {"pick": "nearest", "points": [[0.0, 0.0, 4.0]]}}
     loads = [{**force, "case": "down", "force": [0.0, 0.0, -5e4]}, {**force, "case": "aside", "force": [4e4, 0.0, 0.0]}]
-    made = Design.of(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "surface.load": loads}))
+    made = Design.from_preset(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "surface.load": loads}))
     found = cut_equilibria(made, "displacement")
     assert set(found) == {"down", "aside"}
     assert METRICS["compliance"](made) == comparison(made, against=()).design.compliance

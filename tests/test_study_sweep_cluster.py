@@ -84,7 +84,7 @@ def test_a_cluster_gives_what_this_machine_gives_and_survives_the_death_of_a_wor
             fleet.close()
         assert len(begun) == 2
     assert measured(folder) == measured(tmp_path / "here")
-    assert [row.state for row in SweepFolder.at(folder).rows()] == ["done"] * 20
+    assert [row.state for row in SweepFolder.from_folder(folder).rows()] == ["done"] * 20
 
 
 def test_a_mesh_travels_to_workers_that_cannot_read_it(tmp_path):

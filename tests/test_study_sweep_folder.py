@@ -94,13 +94,13 @@ def measured(folder: Path) -> dict[int, tuple]:
     """What is known of each run, without its seconds."""
     return {
         row.number: (row.state, tuple(row.changes.items()), tuple(row.metrics.items()), row.error, row.files)
-        for row in SweepFolder.at(folder).rows()
+        for row in SweepFolder.from_folder(folder).rows()
     }
 
 
 def test_a_sweep_and_all_of_its_files(tmp_path):
     assert swept(tmp_path / "s", plan()) == list(range(1, 9))
-    rows = SweepFolder.at(tmp_path / "s").rows()
+    rows = SweepFolder.from_folder(tmp_path / "s").rows()
     assert [row.state for row in rows] == ["done"] * 8
     assert [row.changes for row in rows][:2] == [
         {"diffusion.r": 10.0, "pattern.major.phase": 0.0},
@@ -129,7 +129,7 @@ def test_a_run_is_the_design_that_is_built_alone(tmp_path):
     import dsfab
 
     swept(tmp_path, plan())
-    row = SweepFolder.at(tmp_path).rows()[5]
+    row = SweepFolder.from_folder(tmp_path).rows()[5]
     alone = dsfab.run(dsfab.load_preset(tmp_path / row.files[0]))
     assert row.metrics["kept_share"] == alone.sheet.surface.area / alone.surface.area
 
@@ -152,7 +152,7 @@ def test_a_sample_stays_the_same_sample(tmp_path):
     sampled = plan(vary=mixed, sampling="sobol:6")
     swept(tmp_path, sampled)
     assert swept(tmp_path, load_plan(tmp_path / "sweep.toml")) == []
-    assert len(SweepFolder.at(tmp_path).rows()) == 6
+    assert len(SweepFolder.from_folder(tmp_path).rows()) == 6
     turned = plan(vary=dict(reversed(mixed.items())), sampling="sobol:6")
     with pytest.raises(DsfabError, match="vary differ"):
         swept(tmp_path, turned)
@@ -186,7 +186,7 @@ def test_runs_in_progress_when_the_coordinator_died_are_made_again(tmp_path):
         store.start(3, "somebody")
         assert store.counts() == {"done": 7, "running": 1}
     assert swept(tmp_path, plan()) == [3]
-    assert [row.tries for row in SweepFolder.at(tmp_path).rows()] == [1, 1, 3, 1, 1, 1, 1, 1]
+    assert [row.tries for row in SweepFolder.from_folder(tmp_path).rows()] == [1, 1, 3, 1, 1, 1, 1, 1]
 
 
 def test_a_worker_that_dies_once_costs_nothing_but_time(tmp_path):
@@ -213,13 +213,13 @@ def deadly(*numbers: int):
 
 
 def states(folder: Path) -> list[str]:
-    return [row.state for row in SweepFolder.at(folder).rows()]
+    return [row.state for row in SweepFolder.from_folder(folder).rows()]
 
 
 def test_a_run_whose_worker_is_killed_twice_is_killed_not_failed_and_made_at_the_next_start(tmp_path):
     begun = swept(tmp_path / "a", plan(), deadly(3))
     assert begun.count(3) == TRIES == 2
-    row = SweepFolder.at(tmp_path / "a").rows()[2]
+    row = SweepFolder.from_folder(tmp_path / "a").rows()[2]
     assert states(tmp_path / "a") == ["done"] * 2 + ["killed"] + ["done"] * 5
     assert row.error == "the worker was killed 2 times while it made this run"
     log = (tmp_path / "a" / "logs" / "00003.txt").read_text()
@@ -244,14 +244,14 @@ def test_losses_count_anew_in_each_session(tmp_path):
         swept(tmp_path, plan(vary=few), fate)
         assert states(tmp_path) == ["done"] * 4
         with Store.open(tmp_path) as store:
-            store.again(("done",))
-    assert SweepFolder.at(tmp_path).rows()[2].lost == 3
+            store.reset_to_waiting(("done",))
+    assert SweepFolder.from_folder(tmp_path).rows()[2].lost == 3
 
 
 def test_runs_that_were_killed_twice_are_made_last_and_alone(tmp_path):
     swept(tmp_path, plan(), deadly(2, 3, 4))
     with Store.open(tmp_path) as store:
-        store.again(("done",))
+        store.reset_to_waiting(("done",))
     at_once, most = [0], dict[int, int]()
     lock = threading.Lock()
 
@@ -325,7 +325,7 @@ def test_want_of_memory_is_told_only_where_the_system_says_so(tmp_path, monkeypa
 
 def test_a_design_that_cannot_be_made_is_recorded_with_its_reason(tmp_path):
     swept(tmp_path, plan(vary={"pattern.major.mode": [1, 40, 2]}))
-    rows = SweepFolder.at(tmp_path).rows()
+    rows = SweepFolder.from_folder(tmp_path).rows()
     assert [row.state for row in rows] == ["done", "failed", "done"]
     assert "pattern.major.mode = 40" in rows[1].error
     log = (tmp_path / "logs" / "00002.txt").read_text()
@@ -338,7 +338,7 @@ def test_what_was_measured_before_a_failure_is_kept(tmp_path):
     """Rings alone: there is an area, but nothing that carries the load to the ground."""
     rings = {"pattern.minor.threshold": [1.0], "pattern.major.frequency": [9.0], "slicing.loose": ["keep"]}
     swept(tmp_path, plan(vary=rings, metrics=["kept_share", "compliance_quick", "pieces"]))
-    (row,) = SweepFolder.at(tmp_path).rows()
+    (row,) = SweepFolder.from_folder(tmp_path).rows()
     assert row.state == "failed"
     assert set(row.metrics) == {"kept_share", "pieces"}
     assert row.files  # its preset is kept all the same
@@ -354,7 +354,7 @@ def test_a_mistake_of_ours_ends_one_run_only(tmp_path, monkeypatch):
 
     monkeypatch.setattr(worker, "metric_value", broken)
     swept(tmp_path, plan())
-    failed = [row for row in SweepFolder.at(tmp_path).rows() if row.state == "failed"]
+    failed = [row for row in SweepFolder.from_folder(tmp_path).rows() if row.state == "failed"]
     assert [row.error for row in failed] == ["kept_share: ZeroDivisionError: ours"] * 2
     assert "Traceback" in (tmp_path / "logs" / f"{failed[0].number:05}.txt").read_text()
 
@@ -378,14 +378,14 @@ def test_another_sweep_in_the_folder_is_refused_and_extended_when_told(tmp_path)
 def test_another_metric_is_measured_of_all_runs(tmp_path):
     swept(tmp_path, plan())
     assert swept(tmp_path, plan(metrics=["kept_share", "area"]), extend=True) == list(range(1, 9))
-    assert all(set(row.metrics) == {"kept_share", "area"} for row in SweepFolder.at(tmp_path).rows())
+    assert all(set(row.metrics) == {"kept_share", "area"} for row in SweepFolder.from_folder(tmp_path).rows())
 
 
 def test_other_constraints_need_nothing_to_be_made(tmp_path):
     swept(tmp_path, plan(constraints=["pieces == 1"]))
-    limit = sorted(row.metrics["kept_share"] for row in SweepFolder.at(tmp_path).rows())[3]
+    limit = sorted(row.metrics["kept_share"] for row in SweepFolder.from_folder(tmp_path).rows())[3]
     assert swept(tmp_path, plan(constraints=[f"kept_share <= {limit}", "pieces == 1"])) == []
-    found = SweepFolder.at(tmp_path)
+    found = SweepFolder.from_folder(tmp_path)
     assert len(best(found.rows(), "kept_share", found.plan.limits)) == 4
 
 
@@ -396,7 +396,7 @@ def test_a_table_of_points_is_kept_in_the_folder(tmp_path):
     swept(tmp_path / "s", asked)
     points.unlink()
     assert swept(tmp_path / "s", load_plan(tmp_path / "s" / "sweep.toml")) == []
-    assert [row.changes for row in SweepFolder.at(tmp_path / "s").rows()] == [
+    assert [row.changes for row in SweepFolder.from_folder(tmp_path / "s").rows()] == [
         {"pattern.major.phase": 0.1, "diffusion.r": 10},
         {"pattern.major.phase": 0.7, "diffusion.r": 20},
     ]
@@ -451,7 +451,7 @@ def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path):
 
 def test_files_that_are_no_sweep_are_refused(tmp_path):
     with pytest.raises(DsfabError, match=r"holds no sweep \(sweep.toml is missing\)"):
-        SweepFolder.at(tmp_path)
+        SweepFolder.from_folder(tmp_path)
     with pytest.raises(DsfabError, match=r"holds no sweep \(runs.db is missing\)"):
         Store.open(tmp_path)
     (tmp_path / "runs.db").write_text("this is no database, but long enough to be one" * 99)

@@ -43,7 +43,7 @@ def test_a_file_with_everything_comes_back_the_same(tmp_path):
         ("diffusion.gamma",),
         ("pattern.major.mode", "pattern.minor.mode"),
     ]
-    assert plan.measured == ("compliance", "kept_share", "pieces", "min_width")
+    assert plan.measured_metrics == ("compliance", "kept_share", "pieces", "min_width")
     (tmp_path / "again.toml").write_text(plan_toml(plan))
     assert load_plan(tmp_path / "again.toml") == plan
     assert points(load_plan(tmp_path / "again.toml")) == points(plan)
@@ -117,13 +117,13 @@ def test_paths_start_at_the_files_folder(tmp_path):
     ],
 )
 def test_ranges(asked, values):
-    listed = Range(**asked).listed()
+    listed = Range(**asked).grid_values()
     assert listed == values
     assert [type(one) for one in listed] == [type(one) for one in values]
 
 
 def test_every_whole_number_of_a_range_is_as_likely():
-    drawn = [Range(**{"from": 3, "to": 7}).at(u) for u in np.linspace(0, 1, 5000, endpoint=False)]
+    drawn = [Range(**{"from": 3, "to": 7}).value_at(u) for u in np.linspace(0, 1, 5000, endpoint=False)]
     assert [drawn.count(k) for k in range(3, 8)] == [1000] * 5
 
 
@@ -210,7 +210,7 @@ def test_values_that_presets_do_not_allow_are_told_before_anything_is_built():
     ],
 )
 def test_constraints(text, value, holds, missed):
-    limit = Constraint.parsed(text)
+    limit = Constraint.from_text(text)
     assert limit.holds({limit.metric: value}) is holds
     assert limit.missed_by({limit.metric: value}) == pytest.approx(missed)
     assert not limit.holds({})

@@ -52,7 +52,7 @@ def test_it_finds_the_valley_in_as_many_runs_as_it_may(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_it_keeps_to_constraints_and_passes_failures_by(seed):
-    limits = [Constraint.parsed("pieces <= 2")]
+    limits = [Constraint.from_text("pieces <= 2")]
     land = Landscape(lambda changes: changes["a"] < 0.4)
     search(asked(seed=seed, constraints=["pieces <= 2"]), land.make)
     found = land.best(limits)
@@ -68,7 +68,7 @@ def test_it_looks_for_more_where_more_is_better():
 
 
 def test_what_is_worse_than_what():
-    one = Constraint.parsed("pieces == 1")
+    one = Constraint.from_text("pieces == 1")
     good = cost(RunRow(1, {}, "done", {"compliance": 1e30, "pieces": 1.0}), "compliance", [one])
     near = cost(RunRow(2, {}, "done", {"compliance": 1e-30, "pieces": 2.0}), "compliance", [one])
     far = cost(RunRow(3, {}, "done", {"compliance": 1e-30, "pieces": 9.0}), "compliance", [one])
@@ -115,4 +115,4 @@ def test_a_search_for_real_is_stopped_and_goes_on(tmp_path):
     fleet.close()
     assert len(swept(tmp_path / "broken", ask)) == 30 - 17
     assert measured(tmp_path / "broken") == measured(tmp_path / "whole")
-    assert [row.state for row in SweepFolder.at(tmp_path / "whole").rows()] == ["done"] * 30
+    assert [row.state for row in SweepFolder.from_folder(tmp_path / "whole").rows()] == ["done"] * 30

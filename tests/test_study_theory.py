@@ -19,7 +19,7 @@ from dsfab.statics import (
 )
 from dsfab.study.verdict import LoadedSurface, check, whole_sheet
 from dsfab.study.verdict.calibration import TABLE
-from dsfab.study.verdict.levels import MAIN, SmoothSurface, level, meshes, rib_softening, shares
+from dsfab.study.verdict.levels import MAIN_ELEMENTS, SmoothSurface, level, meshes, rib_softening, shares
 from dsfab.study.verdict.verdict import attached_material
 from dsfab.surface import LoadCase, Surface
 from tests.benchmarks.solid_designs import LATER, NAMED, drawn_design, segment
@@ -34,12 +34,12 @@ STRIP = {"length": 4.0, "width": 0.4}
 
 def softened(surface, fixed, force, thickness, material=SOFT, clamped=()):
     """Torsion and shear of a sheet under forces (n, 3) on its vertices, and how stiff the thin sheet is."""
-    made = SheetMaterial(material, thickness).on(surface)
+    made = SheetMaterial(material, thickness).model_for(surface)
     load = LoadCase(fixed, force, np.abs(force).any(axis=1), clamped=np.array(clamped, dtype=bool))
-    spread = SpreadLoad.on(surface, (0.0, 0.0, 0.0), 0.0)
-    (answer,) = equilibria(surface, sheet_stiffness(made, MAIN), [load], MAIN, [spread])
-    stress = {"load": sheet_stress(made, MAIN, answer)}
-    (found,) = rib_softening(made, MAIN, {"load": load}, {"load": spread}, {"load": answer}, stress).values()
+    spread = SpreadLoad.broadcast(surface, (0.0, 0.0, 0.0), 0.0)
+    (answer,) = equilibria(surface, sheet_stiffness(made, MAIN_ELEMENTS), [load], MAIN_ELEMENTS, [spread])
+    stress = {"load": sheet_stress(made, MAIN_ELEMENTS, answer)}
+    (found,) = rib_softening(made, MAIN_ELEMENTS, {"load": load}, {"load": spread}, {"load": answer}, stress).values()
     return found, answer.compliance
 
 
@@ -155,10 +155,10 @@ def test_ribs_of_a_design_are_told_by_the_first_mesh_and_not_in_the_plane():
     for force, some in (((0.0, 0.0, -1.0), True), ((0.0, -1.0, 0.0), False)):
         tip, held = x > 1 - 1e-9, (x[surface.edges.ends] < 1e-9).all(axis=1)
         load = {"load": LoadCase(fixed, np.outer(tip, force), tip, clamped=held & some)}
-        spread = {"load": SpreadLoad.on(surface, (0.0, 0.0, 0.0), 0.0)}
+        spread = {"load": SpreadLoad.broadcast(surface, (0.0, 0.0, 0.0), 0.0)}
         made = SheetMaterial(SOFT, 0.05)
-        assert bool(level(surface, made, load, spread, (MAIN,), ribs=True).softer) is some
-        assert not level(surface, made, load, spread, (MAIN,)).softer
+        assert bool(level(surface, made, load, spread, (MAIN_ELEMENTS,), ribs=True).softer) is some
+        assert not level(surface, made, load, spread, (MAIN_ELEMENTS,)).softer
 
 
 SOLIDS = read(Path(str(TABLE)).parent / "solids.csv")
@@ -210,9 +210,9 @@ def test_solids_are_carried_on_at_their_own_rate():
 def test_wedges_of_a_whole_plate_agree_with_the_thin_plate():
     """A plate of 516 triangles, 200 thicknesses long, on hinges: the solid is softer by .1 % and what meshes leave."""
     design, _ = drawn_design("plate", 0)
-    setting = LoadedSurface.of(design)
+    setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, whole_sheet(design.surface))
-    forces, chain = shares(sheet, loads), meshes(sheet, SmoothSurface.through(design.surface))
+    forces, chain = shares(sheet, loads), meshes(sheet, SmoothSurface.from_surface(design.surface))
     first, second, third = (next(chain) for _ in range(3))
     solid = [solid_compliance(setting, a, b, forces, 1) for a, b in ((first, second), (second, third))]
     assert limit(solid) == pytest.approx(check(setting, sheet).value, rel=0.01)

@@ -5,7 +5,7 @@ import pytest
 
 from dsfab.pattern import Stripes
 from dsfab.reproduction import upsampling
-from dsfab.reproduction.upsampling import StripedField, cuts_of, lines_through
+from dsfab.reproduction.upsampling import StripedField, compare_cuts, lines_through
 from tests.zoo import grid
 
 
@@ -27,7 +27,7 @@ def test_lines_through_triangles_are_counted():
 
 def test_upsampling_ends_when_lines_are_alone_and_approaches_the_exact_cut():
     plate = grid(5, 3, 1.0, 0.6)
-    made = cuts_of(plate, striped(plate, ACROSS), rounds=9)
+    made = compare_cuts(plate, striped(plate, ACROSS), rounds=9)
     crowded = [one.crowded for one in made.upsampled]
     assert crowded[-1] == 0
     assert 1 < len(crowded) < 9  # one family: lines are parallel, and apart
@@ -44,7 +44,7 @@ def test_division_leaves_the_surface_whole():
     families = striped(plate, ACROSS, ((-0.4, 1.0), (3.0,)))
     crowded = np.arange(plate.m) % 7 == 2
     for _ in range(3):
-        plate, families = upsampling._divided(plate, families, crowded)
+        plate, families = upsampling._divide(plate, families, crowded)
         crowded = np.arange(plate.m) % 5 == 1
     assert plate.area == pytest.approx(0.6, rel=1e-12)
     assert len(plate.loops) == 1  # no corner on a side
@@ -53,7 +53,7 @@ def test_division_leaves_the_surface_whole():
 
 def test_where_families_cross_lines_are_never_alone():
     plate = grid(4, 4, 1.0, 1.0)
-    made = cuts_of(plate, striped(plate, ((1.0, 0.1), (2.0,)), ((-0.1, 1.0), (2.0,))), rounds=4)
+    made = compare_cuts(plate, striped(plate, ((1.0, 0.1), (2.0,)), ((-0.1, 1.0), (2.0,))), rounds=4)
     assert len(made.upsampled) == 5
     assert made.upsampled[-1].crowded > 0
     assert made.upsampled[-1].wrong < 0.02

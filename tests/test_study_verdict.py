@@ -16,15 +16,15 @@ from dsfab.study.verdict import LoadedSurface, check, whole_sheet
 from dsfab.study.verdict.calibration import (
     KINDS,
     calibrate,
-    measured_trial,
     random_design,
     read_table,
     shipped_table,
     summary,
     table_text,
+    trial_row,
 )
-from dsfab.study.verdict.estimates import QUICK, estimate, limit_at_own_rate
-from dsfab.study.verdict.levels import MAIN, SmoothSurface, finer, level, meshes, on_mesh, shares
+from dsfab.study.verdict.estimates import QUICK_ERRORS, estimate, limit_at_own_rate
+from dsfab.study.verdict.levels import MAIN_ELEMENTS, SmoothSurface, finer, level, meshes, on_mesh, shares
 from dsfab.study.verdict.verdict import attached_material
 from dsfab.surface import LoadCase, Surface, shapes
 from tests.zoo import grid, jittered, lifted, moebius, sphere
@@ -117,7 +117,7 @@ def test_a_full_sheet_that_is_cut_is_as_stiff_as_the_uncut_one(name):
     """Slivers cost conditioning, not accuracy: 0.7 % and a residual of 1e-8 at snap 0.05."""
     surface = SLICED[name]()
     cells = cut(surface, *stripes(surface), 0.05)
-    whole = cells.kept(np.ones(cells.surface.m, dtype=bool))
+    whole = cells.subset(np.ones(cells.surface.m, dtype=bool))
     assert whole.surface.m > 1.5 * surface.m
     x, free = surface.V[:, 0], np.zeros(surface.n, dtype=bool)
     fixed = np.repeat((x < x.min() + 0.15 * np.ptp(x))[:, None], 3, axis=1)
@@ -129,23 +129,23 @@ def test_a_full_sheet_that_is_cut_is_as_stiff_as_the_uncut_one(name):
         sheet, dropped, loads = attached_material(setting, material)
         assert dropped == ()
         given = on_mesh(surface, sheet, setting.loads, shares(sheet, loads))
-        found.append(level(sheet.surface, setting.made, *given, (MAIN,)))
+        found.append(level(sheet.surface, setting.made, *given, (MAIN_ELEMENTS,)))
     for way in ways:
         assert found[1].compliance[way] == pytest.approx(found[0].compliance[way], rel=0.007)
     assert found[1].residual < 1e-8
 
 
 def test_finer_meshes_carry_exactly_the_load_and_hold_the_same_vertices(cantilever):
-    setting = LoadedSurface.of(cantilever)
+    setting = LoadedSurface.from_design(cantilever)
     sheet, _, loads = attached_material(setting, cantilever.slicing.cells.kept())
     forces, total = shares(sheet, loads), cantilever.load.force.sum(axis=0)
-    for _, mesh in zip(range(3), meshes(sheet, SmoothSurface.through(cantilever.surface)), strict=False):
+    for _, mesh in zip(range(3), meshes(sheet, SmoothSurface.from_surface(cantilever.surface)), strict=False):
         cases, spreads = on_mesh(cantilever.surface, mesh, setting.loads, forces)
         assert cases["load"].force.sum(axis=0) == pytest.approx(total, rel=1e-12)
         assert (spreads["load"].face * mesh.surface.areas[:, None]).sum(axis=0) == pytest.approx(total, rel=1e-12)
         assert mesh.surface.area == pytest.approx(sheet.surface.area, rel=1e-12)
         assert np.asarray(mesh.weights.sum(axis=1)) == pytest.approx(1.0)
-        held = mesh.surface.V[cases["load"].held]
+        held = mesh.surface.V[cases["load"].supported]
         assert held[:, 0] == pytest.approx(-1.0)
         assert len(held) > len(cantilever.load.fixed[cantilever.load.held]) / 3
 
@@ -153,7 +153,7 @@ def test_finer_meshes_carry_exactly_the_load_and_hold_the_same_vertices(cantilev
 def test_points_of_finer_meshes_lie_on_the_sphere_and_flat_and_creased_faces_stay():
     off = []
     for ball in (sphere(2), sphere(3)):
-        smooth, sheet = SmoothSurface.through(ball), whole_sheet(ball)
+        smooth, sheet = SmoothSurface.from_surface(ball), whole_sheet(ball)
         for _ in range(2):
             sheet = finer(sheet, smooth)
         off.append(np.sqrt(np.mean((np.linalg.norm(sheet.surface.V, axis=1) - 1) ** 2)))
@@ -162,10 +162,10 @@ def test_points_of_finer_meshes_lie_on_the_sphere_and_flat_and_creased_faces_sta
     assert off[1] < off[0] / 5
     box = Surface(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1.0], [1, 0, 1]]),
                   np.array([[0, 1, 2], [0, 2, 3], [0, 4, 5], [0, 5, 1]]))  # fmt: skip
-    assert not SmoothSurface.through(box).bulge.any()
+    assert not SmoothSurface.from_surface(box).bulge.any()
     turned = Surface(ball.V, ball.F[:, [0, 2, 1]])
-    assert SmoothSurface.through(turned).points(sheet.weights) == pytest.approx(smooth.points(sheet.weights))
-    strip = SmoothSurface.through(moebius())
+    assert SmoothSurface.from_surface(turned).points(sheet.weights) == pytest.approx(smooth.points(sheet.weights))
+    strip = SmoothSurface.from_surface(moebius())
     assert 0 < np.linalg.norm(strip.bulge, axis=1).max() < 0.01
 
 
@@ -208,7 +208,7 @@ def test_a_dome_is_judged_and_agrees_with_the_table():
 def test_cases_are_judged_one_by_one_and_the_governing_one_comes_first():
     setting = plate(6)
     load = setting.loads["load"]
-    both = replace(setting, loads={"light": load, "heavy": load.loading(2 * load.force)})
+    both = replace(setting, loads={"light": load, "heavy": load.with_forces(2 * load.force)})
     verdict = check(both, whole_sheet(setting.surface))
     assert [case.name for case in verdict.cases] == ["heavy", "light"]
     assert verdict.value == pytest.approx(4 * verdict.case("light").value)
@@ -223,14 +223,14 @@ def test_pieces_that_reach_no_support_are_dropped_and_listed_and_take_no_load_wi
     one_side = np.repeat((x < 0.01)[:, None], 3, axis=1)
     load = replace(setting.loads["load"], fixed=one_side, clamped=(x[surface.edges.ends] < 0.01).all(axis=1))
     apart = replace(setting, loads={"load": load})
-    drawn = cut(surface, [x], [[-1.0, 0.35, 0.55, 0.85]]).kept()
+    drawn = cut(surface, [x], [[-1.0, 0.35, 0.55, 0.85]]).subset()
     force = np.where((x < 0.3)[:, None], load.force, 0.0)
-    near = replace(apart, loads={"load": load.loading(force)})
+    near = replace(apart, loads={"load": load.with_forces(force)})
     verdict = check(near, drawn)
     assert verdict.status in ("pass", "unknown")
     assert [round(piece.area, 2) for piece in verdict.dropped] == [0.3]
     assert 0.55 < verdict.dropped[0].place[0] < 0.85
-    on_loose = replace(apart, loads={"load": load.loading(np.where((x > 0.6)[:, None], load.force, 0.0), x > 0.6)})
+    on_loose = replace(apart, loads={"load": load.with_forces(np.where((x > 0.6)[:, None], load.force, 0.0), x > 0.6)})
     lost = check(on_loose, drawn)
     assert lost.status == "fail"
     assert "stands on a piece that reaches no support" in lost.reason
@@ -243,11 +243,11 @@ def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
     surface, load = setting.surface, setting.loads["load"]
     x = surface.V[:, 0]
     one_side = replace(load, fixed=np.repeat((x < 0.01)[:, None], 3, axis=1))
-    far = replace(setting, loads={"load": one_side.loading(np.where((x > 0.9)[:, None], load.force, 0.0), x > 0.9)})
-    nothing = check(far, cut(surface, [x], [[-1.0, 0.5]]).kept())
+    far = replace(setting, loads={"load": one_side.with_forces(np.where((x > 0.9)[:, None], load.force, 0.0), x > 0.9)})
+    nothing = check(far, cut(surface, [x], [[-1.0, 0.5]]).subset())
     assert nothing.status == "fail"
     assert "finds no material within" in nothing.reason
-    unheld = check(far, cut(surface, [x], [[0.5]]).kept())
+    unheld = check(far, cut(surface, [x], [[0.5]]).subset())
     assert unheld.status == "fail"
     assert "no piece of material reaches a support" in unheld.reason
     hinged = check(replace(setting, loads={"load": one_side}), whole_sheet(surface))
@@ -269,7 +269,7 @@ def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
 def test_a_finer_mesh_is_solved_where_the_solver_at_hand_needs_no_more_than_the_budget(monkeypatch):
     setting = plate()
     sheet = whole_sheet(setting.surface)
-    next_mesh = MAIN.unknowns(finer(sheet, SmoothSurface.through(setting.surface)).surface)
+    next_mesh = MAIN_ELEMENTS.unknowns(finer(sheet, SmoothSurface.from_surface(setting.surface)).surface)
     for solver, solved in (("PARDISO", 2), ("multifrontal", 1)):
         monkeypatch.setattr("dsfab.study.verdict.verdict.solver_name", lambda solver=solver: solver)
         assert len(check(setting, sheet, budget=3000 * next_mesh).levels) == solved
@@ -341,15 +341,15 @@ def test_the_shipped_table_keeps_what_the_bounds_promise():
     assert told.median_bound < 0.02
     alone = [(row, estimate(row.compliance[:1], 0.0, row.recovery[0])) for row in rows]
     assert np.mean([abs(row.truth - one.value) <= one.bound * one.value for row, one in alone]) >= 0.95
-    assert told.quick_median <= QUICK[0]
-    assert told.quick_most <= QUICK[1]
+    assert told.quick_median <= QUICK_ERRORS[0]
+    assert told.quick_most <= QUICK_ERRORS[1]
     assert read_table(table_text(rows)) == rows
     assert all(len(row.compliance) >= 3 for row in rows)
     outside = replace(rows[0], compliance=(1.0, 1.0, 1.2, 1.25), midedge=1.0, recovery=(0.0, 0.0, 0.0, 0.0))
-    assert not outside.inside
+    assert not outside.is_inside
     assert summary([outside]).inside == 0
     circular = replace(outside, compliance=(1.0, 1.1, 1.2))
-    assert not circular.tested
+    assert not circular.is_tested
     assert summary([*rows, circular]) == told
     with pytest.raises(ValueError, match="beyond those of its verdict"):
         summary([circular])
@@ -359,7 +359,7 @@ def test_the_shipped_table_keeps_what_the_bounds_promise():
 @pytest.mark.parametrize("kind", ["cantilever", "vault", "sphere"])
 def test_designs_of_the_table_are_found_again(kind):
     row = next(row for row in shipped_table() if row.kind == kind)
-    again = measured_trial(kind, row.seed, 2)
+    again = trial_row(kind, row.seed, 2)
     assert again.triangles == row.triangles
     assert again.compliance == pytest.approx(row.compliance[:2], rel=1e-3)
     assert again.recovery == pytest.approx(row.recovery[:2], rel=1e-2)
@@ -380,7 +380,7 @@ def test_verify_writes_the_calibration_and_fails_when_bounds_do_not_hold(monkeyp
     monkeypatch.setattr("dsfab.study.verdict.calibration.calibrate", lambda told: rows)
     assert verify(calibration=True, out_=tmp_path) == 0
     text = capsys.readouterr().out
-    assert f"verdicts on {sum(row.tested for row in rows)} random designs: " in text
+    assert f"verdicts on {sum(row.is_tested for row in rows)} random designs: " in text
     assert "cantilever: verdicts on" in text
     told = json.loads((tmp_path / "calibration.json").read_text(encoding="utf-8"))
     assert told["summary"]["inside"] >= 0.95

@@ -181,10 +181,10 @@ def test_tests_and_elements_are_chosen_by_name():
     assert len(choose([])) == len(TESTS) >= 30
     with pytest.raises(StaticsError, match=r"no verification test 'spam'; the tests are plate_supported"):
         choose(["spam"])
-    assert Elements.named("quadratic+hhj") == SIX_NODES
-    assert Elements.named("hybrid+hhj") == BEST
+    assert Elements.from_name("quadratic+hhj") == SIX_NODES
+    assert Elements.from_name("hybrid+hhj") == BEST
     with pytest.raises(StaticsError, match=r"no elements 'quad'; choose constant\+hinge"):
-        Elements.named("quad")
+        Elements.from_name("quad")
 
 
 def test_the_command_prints_a_table_json_and_a_list(capsys):

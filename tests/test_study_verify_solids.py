@@ -9,11 +9,11 @@ import pytest
 from dsfab.core.errors import StaticsError
 from dsfab.statics import REPORTED, Material, SheetModel, elements_of, frequencies
 from dsfab.study import calculix
-from dsfab.study.calculix import nodes_of, solid_compliance, wedges
+from dsfab.study.calculix import end_face_nodes, solid_compliance, wedges
 from dsfab.surface import Surface
 from dsfab.verification import TESTS, failures, series, verify
 from dsfab.verification.beams import EDGES_OF_STRIP, HOOK, IN_TORSION
-from dsfab.verification.cut_sheets import CONCRETE, RADIUS, THICKNESS, feet, halved, on_cylinder, vault
+from dsfab.verification.cut_sheets import CONCRETE, RADIUS, THICKNESS, feet, halved_on_cylinder, on_cylinder, vault
 from dsfab.verification.results import OUTSIDE, outside_series
 from dsfab.verification.vibrations import PLATE_HERTZ, STEEL
 from tests.calculix import needs_ccx
@@ -53,7 +53,7 @@ def test_wedges_fill_the_sheet_and_run_the_same_way_round_whichever_side_a_face_
     assert X[:, 6] == pytest.approx((X[:, 0] + X[:, 1]) / 2)  # the middles of edges, in CalculiX's order
     assert X[:, 11] == pytest.approx((X[:, 5] + X[:, 3]) / 2)
     assert X[:, 13] == pytest.approx((X[:, 1] + X[:, 4]) / 2)
-    assert len(nodes_of(solid, sheet, sheet.V[:, 0] < 1e-9)) == 3 * 4 + 2 * 3
+    assert len(end_face_nodes(solid, sheet, sheet.V[:, 0] < 1e-9)) == 3 * 4 + 2 * 3
 
 
 @needs_ccx
@@ -61,7 +61,7 @@ def test_a_solid_that_hangs_under_its_own_weight_has_the_closed_form():
     """No Poisson's ratio: rho^2 g^2 A L^3 / (3 E)."""
     sheet, material = grid(3, 8, 0.5, 2.0), Material(1e7, 0.0, 1000.0)
     solid = wedges(sheet, 0.1, flat)
-    top = nodes_of(solid, sheet, sheet.V[:, 1] > 2 - 1e-9)
+    top = end_face_nodes(solid, sheet, sheet.V[:, 1] > 2 - 1e-9)
     found = solid_compliance(solid, material, top, np.array([0.0, -9.81, 0.0]))
     assert found == pytest.approx((1000 * 9.81) ** 2 * 0.05 * 2**3 / (3 * 1e7), rel=1e-4)
     with pytest.raises(StaticsError, match="CalculiX did not solve the solid"):
@@ -95,7 +95,7 @@ def test_finer_meshes_of_the_vault_are_the_same_structure_on_the_cylinder():
     assert fine.m == 4 * coarse.m
     assert fine.V[: coarse.n] == pytest.approx(coarse.V)
     assert np.linalg.norm(fine.V[:, [0, 2]], axis=1) == pytest.approx(RADIUS)
-    assert np.abs(halved(coarse).V - fine.V).max() < 1e-12
+    assert np.abs(halved_on_cylinder(coarse).V - fine.V).max() < 1e-12
     whole = RADIUS * np.pi / 2 * 4.0
     assert fine.area / whole == pytest.approx(0.75, abs=0.01)  # half and half kept: a quarter is open
     assert on_cylinder(fine.V)[1][feet(fine)][:, 2] == pytest.approx(np.cos(np.pi / 4))

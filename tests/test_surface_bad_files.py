@@ -15,7 +15,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface import read_surface, surface_in_file
 from dsfab.surface.files import polygons as polygon_cuts
 from dsfab.surface.files.obj_and_off import read_obj, read_off
-from dsfab.surface.files.polygons import large_polygon_cut, small_polygons_cut
+from dsfab.surface.files.polygons import large_polygon_triangles, small_polygon_triangles
 from dsfab.surface.files.reading import Budget
 from tests.bad_meshes import (
     FORMATS,
@@ -231,7 +231,7 @@ def test_large_polygons_keep_every_corner_their_area_and_their_edges(k, seed, st
     P = 5 + np.c_[flat, np.zeros(len(flat))] @ tilt.T
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(polygon_cuts, "MANY", many)
-        T = large_polygon_cut(P)
+        T = large_polygon_triangles(P)
     if np.diff(np.r_[angle, angle[0] + 2 * np.pi]).max() >= np.pi:  # then the star does not see its own centre
         return
     assert T is not None
@@ -255,7 +255,7 @@ def test_a_comb_of_thousands_of_teeth_is_cut_and_one_with_a_bridge_to_a_hole(mon
     monkeypatch.setattr(polygon_cuts, "_earcut", lambda flat, cut=polygon_cuts._earcut: asked.append(1) or cut(flat))
     for flat, area, earcut in ((comb, teeth * 5.0, 0), (ring, 72.0, 1)):
         monkeypatch.setattr(polygon_cuts, "MANY", 8)
-        T = large_polygon_cut(np.c_[flat, np.zeros(len(flat))])
+        T = large_polygon_triangles(np.c_[flat, np.zeros(len(flat))])
         assert T is not None
         assert len(T) == len(flat) - 2
         a, b, c = (flat[T[:, i]] for i in range(3))
@@ -271,15 +271,15 @@ def test_small_polygons_are_cut_alone_as_together():
         a = 2 * np.pi * (np.arange(k) + rng.uniform(-0.3, 0.3, (40, k))) / k
         r = rng.uniform(0.5, 2, (40, k))
         P = np.stack([r * np.cos(a), r * np.sin(a), rng.uniform(-0.2, 0.2, (40, k))], axis=2)
-        alone = np.concatenate([small_polygons_cut(one[None]) for one in P])
-        assert_array_equal(small_polygons_cut(P), alone)
+        alone = np.concatenate([small_polygon_triangles(one[None]) for one in P])
+        assert_array_equal(small_polygon_triangles(P), alone)
         assert_allclose(np.sort(alone.reshape(40, -1), axis=1).min(axis=1), 0)
 
 
 def test_a_polygon_that_crosses_itself_is_cut_as_a_fan_and_told(tmp_path):
     a = 2 * np.pi * np.arange(40) / 40
     eight = np.stack([np.cos(a), np.sin(2 * a) * (1 + 0.3 * np.cos(a)), 0 * a], axis=1)
-    assert large_polygon_cut(eight) is None
+    assert large_polygon_triangles(eight) is None
     found = outcome(written(BadFile("eight.obj", obj(eight, [range(40)]), 38), tmp_path))
     told = found if isinstance(found, str) else found.record.remarks[0]
     assert "cross themselves" in told or "no area" in told

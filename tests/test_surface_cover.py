@@ -94,7 +94,7 @@ def test_faces_with_two_sides_beside_a_strip_take_pressure():
     strip, ball = moebius(), sphere(1)
     both = Surface(np.concatenate([strip.V, ball.V + [5, 0, 0]]), np.concatenate([strip.F, ball.F + strip.n]))
     beside = Box((3, -2, -2), (8, 2, 2))
-    assert np.abs(Pressure(1.0, beside).on(both, 1.0)).sum() > 0
+    assert np.abs(Pressure(1.0, beside).forces(both, 1.0)).sum() > 0
 
 
 def test_nothing_of_a_strip_faces_anywhere():
@@ -105,4 +105,4 @@ def test_nothing_of_a_strip_faces_anywhere():
 def test_snow_lies_on_both_sides_of_a_closed_surface_with_one_side():
     boy = projective_plane()
     plan = 0.5 * np.abs(np.cross(*np.moveaxis(boy.V[boy.F[:, 1:]] - boy.V[boy.F[:, :1]], 1, 0))[:, 2]).sum()
-    assert Snow(2.0).on(boy, 1.0)[:, 2].sum() == pytest.approx(-2.0 * plan)
+    assert Snow(2.0).forces(boy, 1.0)[:, 2].sum() == pytest.approx(-2.0 * plan)

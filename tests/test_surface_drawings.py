@@ -9,7 +9,7 @@ import pytest
 
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import ClosedCurves
-from dsfab.surface.files.drawings import CLOSE, _loops, read_dxf
+from dsfab.surface.files.drawings import SAME_PLACE, _loops, read_dxf
 from dsfab.surface.files.reading import DrawingBudget
 from dsfab.surface.loads.outlines import enclosed_area
 from tests.fuzz.corpus import ENTITIES, dxf
@@ -125,7 +125,7 @@ def test_ends_meet_within_a_share_of_the_diagonal_of_all_curves():
     for far in (5.0, 50.0):
         for gap, whole in ((1.0, True), (0.99, True), (1.01, False)):
             triangle[0] = 0, 0  # a gap is what it is to the last bit there
-            triangle[-1] = gap * CLOSE * far, 0
+            triangle[-1] = gap * SAME_PLACE * far, 0
             if whole:
                 assert curves(triangle, far=far) == [spatial(triangle[:-1]).tolist()]
             else:
@@ -135,7 +135,7 @@ def test_ends_meet_within_a_share_of_the_diagonal_of_all_curves():
 
 def test_the_diagonal_is_that_of_every_curve():
     """Each curve alone would be closed by 5 CLOSE; together they are 500 wide, and either end of the box counts."""
-    open_ = np.array([[0, 0], [3, 0], [3, 4], [0, 100 * CLOSE]])
+    open_ = np.array([[0, 0], [3, 0], [3, 4], [0, 100 * SAME_PLACE]])
     for there in ([400, 300], [-400, -300]):
         far = np.array([[0, 0], [0, 1], [1, 1], [0, 0]]) + there
         found = list(_loops([spatial(open_), spatial(far)], "here", DrawingBudget()))
@@ -151,6 +151,6 @@ def test_runs_of_many_points_are_joined_at_their_last_ones():
 
 def test_three_points_are_a_curve_and_two_are_not_however_near():
     assert curves([[1, 1], [2, 1], [1, 1]]) == [spatial([[1, 1], [2, 1]]).tolist()]
-    near = 0.5 * CLOSE * 5
+    near = 0.5 * SAME_PLACE * 5
     short, rest = [[1, 1], [1 + near, 1]], [[1 + near, 1], [2, 1], [2, 2], [1, 1]]
     assert curves(short, rest) == [spatial([*short, *rest[1:-1]]).tolist()]

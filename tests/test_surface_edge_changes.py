@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from dsfab.core.arrays import area_vectors, closed_length, edge_lengths, face_angles, unit_vectors
+from dsfab.core.arrays import area_vectors, edge_lengths, face_angles, polygon_perimeter, unit_vectors
 from dsfab.surface.edge_changes import (
-    contracted,
+    contracted_faces,
     has_new_diagonal,
+    leading_candidates,
     meets_link_condition,
     quads,
-    winners,
     with_other_diagonals,
 )
 from dsfab.surface.shapes import torus
@@ -65,7 +65,7 @@ def test_collapsing_an_edge_that_may_be_keeps_the_topology():
     for a, b in edges.ends[fine[:20]]:
         onto = np.arange(n)
         onto[b] = a
-        fewer = contracted(F, onto)
+        fewer = contracted_faces(F, onto)
         assert len(fewer) == len(F) - 2
         assert euler_characteristic(fewer, edge_table(fewer)) == euler_characteristic(F, edges)
         assert not manifold_faults(fewer, edge_table(fewer), n)
@@ -78,7 +78,7 @@ def test_winners_are_those_before_all_that_they_touch(seed, near):
     edges, n, random = edge_table(F).ends, int(F.max()) + 1, np.random.default_rng(seed)
     touched = edges[random.permutation(len(edges))[: random.integers(0, 40)]]
     order = random.permutation(len(touched))
-    won = winners(order, touched, n, beside=edges if near else None)
+    won = leading_candidates(order, touched, n, edges=edges if near else None)
     around = [set(edge.tolist()) for edge in touched]
     if near:
         around = [set(edges[np.isin(edges, list(one)).any(axis=1)].ravel().tolist()) for one in around]
@@ -92,7 +92,7 @@ def test_lengths_and_areas_of_a_known_triangle():
     V = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
     assert edge_lengths(V, np.array([[0, 1], [1, 2], [2, 0]])).tolist() == [3, 5, 4]
     assert area_vectors(V, np.array([[0, 1, 2], [0, 2, 1]])).tolist() == [[0, 0, 12], [0, 0, -12]]
-    assert closed_length(V) == 12
+    assert polygon_perimeter(V) == 12
     assert_allclose(np.degrees(face_angles(V, np.array([[0, 1, 2]])))[0], [90, 53.130102, 36.869898])
     assert face_angles(V, np.array([[0, 1, 1]])).tolist() == [[0, 0, 0]]
 

@@ -125,7 +125,7 @@ def test_what_is_judged_in_which_limit_state(preset):
 
 def test_a_build_tells_what_governs(preset):
     """Stress by 1.35 and 1.5, displacement without factors: each the largest of its limit state, solved anew."""
-    design = Design.of(preset)
+    design = Design.from_preset(preset)
     lines = case_lines(design)
     told = next(line for line in lines if line.startswith("15 combinations after EN 1990 6.10"))
     cases = design.statics.cases

@@ -10,19 +10,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 from dsfab.core.arrays import edge_lengths
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
-from dsfab.surface.shapes.figures import _Disc, _twisted
+from dsfab.surface.shapes.figures import _Disc, _twist_solid
 from dsfab.surface.shapes.implicit import (
     LevelSet,
     ball,
-    blended,
-    box,
     ellipsoid,
     limb,
-    mirrored,
-    remeshed,
+    mirror_union,
+    remeshed_chart,
+    rounded_box,
     skin,
-    smaller,
-    without,
+    smooth_difference,
+    smooth_minimum,
+    smooth_union,
 )
 from dsfab.surface.shapes.meshing import ring_faces, ring_turns
 from dsfab.surface.topology import edge_table, euler_characteristic, manifold_faults, pieces
@@ -112,19 +112,19 @@ def test_fields_are_distances_near_the_surface():
     P = np.array([[0.0, 0.0, 2.0], [3.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
     assert_allclose(ball((0, 0, 0), 1.0)(P), [1, 2, -0.5])
     assert_allclose(limb([(0, 0, 0), (2, 0, 0)], [0.5, 0.25])(P), [1.5, 0.75, -0.5 + 0.0625])
-    assert_allclose(box((0, 0, 0), (1, 1, 1), 0.2)(P), [1, 2, -0.5])
+    assert_allclose(rounded_box((0, 0, 0), (1, 1, 1), 0.2)(P), [1, 2, -0.5])
     assert_allclose(ellipsoid((0, 0, 0), (1, 1, 2))(P)[:2], [0, 2], atol=1e-12)
 
 
 def test_blends_fill_corners_and_leave_the_rest():
     a, b = np.array([1.0, 1.0, 0.0]), np.array([1.0, 3.0, 0.05])
-    assert_allclose(smaller(a, b, 0.4), [1 - 0.1, 1.0, 0.0 - 0.35**2 / 1.6])
+    assert_allclose(smooth_minimum(a, b, 0.4), [1 - 0.1, 1.0, 0.0 - 0.35**2 / 1.6])
     left, right = ball((-1, 0, 0), 0.5), ball((1, 0, 0), 0.5)
     P = np.array([[-1.4, 0, 0], [1.4, 0, 0], [0, 0, 0]])
-    assert_allclose(mirrored(right, axis=0)(P), np.minimum(left(P), right(P)))
-    assert_allclose(blended([left, right], 0.1)(P), [-0.1, -0.1, 0.5 - 0.025])
-    assert_allclose(without(left, right, 0.1)(P)[:2], [-0.1, 1.9])
-    assert (without(ball((0, 0, 0), 1.0), ball((0, 0, 0), 0.5), 0.01)(P[2:]) > 0).all()
+    assert_allclose(mirror_union(right, axis=0)(P), np.minimum(left(P), right(P)))
+    assert_allclose(smooth_union([left, right], 0.1)(P), [-0.1, -0.1, 0.5 - 0.025])
+    assert_allclose(smooth_difference(left, right, 0.1)(P)[:2], [-0.1, 1.9])
+    assert (smooth_difference(ball((0, 0, 0), 1.0), ball((0, 0, 0), 0.5), 0.01)(P[2:]) > 0).all()
 
 
 def test_remeshing_mends_slivers_and_keeps_a_torus_a_torus():
@@ -138,7 +138,7 @@ def test_remeshing_mends_slivers_and_keeps_a_torus_a_torus():
     a, b, c, d = at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)
     F = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     field = lambda P: np.hypot(np.hypot(P[:, 0], P[:, 1]) - 1, P[:, 2]) - 0.4  # noqa: E731
-    V, F = remeshed(LevelSet(field, 0.15), V, F, 0.15)
+    V, F = remeshed_chart(LevelSet(field, 0.15), V, F, 0.15)
     assert euler_characteristic(F, edge_table(F)) == 0
     assert np.abs(field(V)).max() < 1e-4
     length = np.linalg.norm(V[F] - np.roll(V[F], 1, axis=1), axis=2)
@@ -211,9 +211,9 @@ def test_the_camel_has_even_triangles_at_any_coarseness(coarser):
 @pytest.mark.parametrize(("edge", "why"), [(0.03, "span gaps"), (0.05, "folded over at")])
 def test_an_edge_too_long_for_lips_is_refused(edge, why):
     """Lips that are 0.03 m apart were joined, split and joined until memory ended."""
-    upper, lower = (box((0, 0, z), (0.5, 0.3, 0.1), 0.02) for z in (0.115, -0.115))
+    upper, lower = (rounded_box((0, 0, z), (0.5, 0.3, 0.1), 0.02) for z in (0.115, -0.115))
     with pytest.raises(SurfaceError, match=why):
-        skin(blended([upper, lower], 0.01), (-0.7, -0.5, -0.4), (0.7, 0.5, 0.4), edge)
+        skin(smooth_union([upper, lower], 0.01), (-0.7, -0.5, -0.4), (0.7, 0.5, 0.4), edge)
 
 
 def test_a_twisted_solid_turns_counter_clockwise_as_it_rises():
@@ -221,7 +221,7 @@ def test_a_twisted_solid_turns_counter_clockwise_as_it_rises():
     z = np.linspace(0, 1, 7)
     for turn in (-0.4, 0.0, 1.3):
         helix = np.stack([np.cos(turn * z), np.sin(turn * z), z], axis=1)
-        away = _twisted(lambda P: np.linalg.norm(P - np.stack([np.ones(7), np.zeros(7), z], axis=1), axis=1), turn)
+        away = _twist_solid(lambda P: np.linalg.norm(P - np.stack([np.ones(7), np.zeros(7), z], axis=1), axis=1), turn)
         np.testing.assert_allclose(away(helix), 0, atol=1e-12)
 
 

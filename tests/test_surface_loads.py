@@ -112,7 +112,7 @@ def test_loads_and_supports_add_up_and_loaded_marks_forces_only():
     assert_array_equal(case.loaded, Ball((0, 0, 3), 0.5).vertices(s))
     both = LoadCase.build(s, [FEET, Support(Vertices((0,)), "x")], loads, weight=200.0)
     assert_array_equal(both.fixed[0], [True, False, False])
-    assert_array_equal(both.held, case.held | (np.arange(s.n) == 0))
+    assert_array_equal(both.supported, case.supported | (np.arange(s.n) == 0))
 
 
 @pytest.mark.parametrize("hold", ["xyz", "xy", "xz", "yz", "x", "y", "z"])
@@ -238,7 +238,7 @@ def test_supports_and_loads_come_from_toml():
     loads = TypeAdapter(list[Load]).validate_python(table["load"])
     assert supports == [FEET, Support(Nearest(((0, 0, 3),)), "xy")]
     assert loads == [Force(Ball((0, 0, 3), 0.5), (0, 0, -1000)), Pressure(500.0), SelfWeight()]
-    assert LoadCase.build(dome(edge=1.0), supports, loads, 100.0).held.sum() > 1
+    assert LoadCase.build(dome(edge=1.0), supports, loads, 100.0).supported.sum() > 1
 
 
 @pytest.mark.parametrize(

@@ -7,20 +7,20 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import from_segments
+from dsfab.core.arrays import distances_from_segments
 from dsfab.core.errors import SurfaceError
 from dsfab.preset.file import load_preset
-from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, nearest, read_surface, twin_remarks
+from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended_mesh, nearest_places, parallel_remarks, read_surface
 from dsfab.surface.clean import seams
 from dsfab.surface.clean.overlaps import single_sheets
 from dsfab.surface.clean.repair import WELD
-from dsfab.surface.clean.seams import SAG, _near, merged
+from dsfab.surface.clean.seams import SAG, _near_vertices, merged_vertices
 from dsfab.surface.files.reader import describe
 from dsfab.surface.mesh import signed_volume
 from dsfab.surface.shapes import dome, plate, sphere
 from dsfab.surface.topology import (
     LONGEST_WALK,
-    _whole_fans,
+    _walks_meet_all_corners,
     boundary_loops,
     edge_table,
     manifold_faults,
@@ -41,7 +41,7 @@ def area(V, F):
 
 @pytest.mark.parametrize("surface", [ROOF, plate(edge=0.4), sphere(edge=0.5)])
 def test_a_sound_mesh_stays_as_it_is(surface):
-    mesh = mended(surface.V, surface.F)
+    mesh = mended_mesh(surface.V, surface.F)
     assert mesh.repairs == ()
     assert_array_equal(mesh.V, surface.V)
     assert_array_equal(mesh.F, surface.F)
@@ -53,7 +53,7 @@ def test_a_cushion_sewn_of_two_sheets_is_closed_at_its_corners():
     x, y = (flat.V - flat.V.mean(axis=0))[:, :2].T
     rise = np.c_[0 * x, 0 * y, 0.2 * (4 - x**2) * (4 - y**2)]
     V, F = np.vstack([flat.V + rise, flat.V - 0.5 * rise]), np.vstack([flat.F, flat.n + flat.F[:, ::-1]])
-    mesh = mended(V, F)
+    mesh = mended_mesh(V, F)
     assert mesh.repairs[-1] == "4 faces that repeat others dropped"
     assert manifold_faults(mesh.F, edge_table(mesh.F), len(mesh.V)) == ()
     cushion = Surface(mesh.V, mesh.F)
@@ -63,7 +63,7 @@ def test_a_cushion_sewn_of_two_sheets_is_closed_at_its_corners():
 
 
 def test_a_face_twice_within_a_sheet_is_dropped_once():
-    mesh = mended(ROOF.V, np.vstack([ROOF.F, ROOF.F[5:6, ::-1]]))
+    mesh = mended_mesh(ROOF.V, np.vstack([ROOF.F, ROOF.F[5:6, ::-1]]))
     assert len(mesh.F) == ROOF.m
     assert mesh.repairs == ("1 face that repeat others dropped",)
 
@@ -75,7 +75,7 @@ def test_seams_of_any_size_are_welded(seed, size):
     rng = np.random.default_rng(seed)
     V = ROOF.V[ROOF.F.ravel()] * size
     V += rng.uniform(-1e-6, 1e-6, V.shape) * np.ptp(V, axis=0).max()
-    mesh = mended(V, np.arange(len(V)).reshape(-1, 3))
+    mesh = mended_mesh(V, np.arange(len(V)).reshape(-1, 3))
     assert len(mesh.V) == ROOF.n
     assert manifold_faults(mesh.F, edge_table(mesh.F), len(mesh.V)) == ()
     assert "welded" in mesh.repairs[0]
@@ -85,7 +85,7 @@ def test_a_corner_that_marching_cubes_cut_off_is_whole_again(tmp_path):
     """Two vertices 0.14 mm apart at corners of a patch of 6 m: with needles between them statics cannot be solved."""
     patch = read_surface(gyroid(tmp_path), "m")
     assert patch.edge_lengths.min() < 3e-5 * patch.size
-    mesh = mended(patch.V, patch.F)
+    mesh = mended_mesh(patch.V, patch.F)
     assert Surface(mesh.V, mesh.F).edge_lengths.min() > 1.5e-4 * patch.size
 
 
@@ -101,8 +101,8 @@ def crossing_itself():
 
 def test_a_sheet_that_crosses_itself_stays_whole():
     V, F = crossing_itself()
-    assert len(merged(V)[0]) == len(V) - 11
-    mesh = mended(V, F)
+    assert len(merged_vertices(V)[0]) == len(V) - 11
+    mesh = mended_mesh(V, F)
     assert mesh.repairs == ()
     assert_array_equal(mesh.F, F)
 
@@ -110,12 +110,12 @@ def test_a_sheet_that_crosses_itself_stays_whole():
 def test_two_sheets_that_cross_stay_two_while_a_wall_on_one_of_them_and_copies_of_it_are_sewn():
     flat = grid(6, 6, 2.0, 2.0)
     upright = flat.V[:, [1, 2, 0]] + [0, 1, -1]
-    both = mended(np.concatenate([flat.V, upright]), np.concatenate([flat.F, flat.F + flat.n]))
+    both = mended_mesh(np.concatenate([flat.V, upright]), np.concatenate([flat.F, flat.F + flat.n]))
     assert both.repairs == ()
     assert pieces(both.F, edge_table(both.F))[0] == 2
-    wall = mended(np.concatenate([flat.V, upright + [0, 0, 1]]), np.concatenate([flat.F, flat.F + flat.n]))
+    wall = mended_mesh(np.concatenate([flat.V, upright + [0, 0, 1]]), np.concatenate([flat.F, flat.F + flat.n]))
     assert wall.repairs[0] == "7 vertices welded to others within 5e-05 of the largest side"
-    twice = mended(np.concatenate([flat.V, flat.V]), np.concatenate([flat.F, flat.F + flat.n]))
+    twice = mended_mesh(np.concatenate([flat.V, flat.V]), np.concatenate([flat.F, flat.F + flat.n]))
     assert len(twice.F) == flat.m
 
 
@@ -123,7 +123,7 @@ def test_a_finely_divided_outline_is_not_welded_to_a_point():
     """Links go on from one vertex to the next: a disc of 200 000 corners became one vertex, and was refused."""
     turn = 2 * np.pi * np.arange(200_000) / 200_000
     ring = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
-    kept, became = merged(ring, WELD)
+    kept, became = merged_vertices(ring, WELD)
     assert np.linalg.norm(kept[became] - ring, axis=1).max() <= WELD * 2
     assert cKDTree(kept).query(kept, k=2)[0][:, 1].min() > WELD * 2 * (1 - 1e-9)
     assert 25_000 < len(kept) < 100_000
@@ -134,7 +134,7 @@ def test_crumbs_repeats_and_faces_without_area_go():
     V = np.vstack([ROOF.V, ROOF.V[:3] * 0.01 + [0, 0, 9], [[np.nan, 0, 0]]])
     a, b, _ = ROOF.F[0]
     F = np.vstack([ROOF.F, ROOF.F[5][::-1], [n, n + 1, n + 2], [a, b, b], [a, b, n + 3]])
-    mesh = mended(V, F)
+    mesh = mended_mesh(V, F)
     assert_array_equal(mesh.V, ROOF.V)
     assert_array_equal(mesh.F, ROOF.F)
     assert len(mesh.repairs) == 4, mesh.repairs
@@ -145,7 +145,7 @@ def test_a_fin_on_an_inner_edge_goes():
     edges = ROOF.edges
     a, b = edges.ends[np.flatnonzero(~edges.boundary)[0]]
     V = np.vstack([ROOF.V, ROOF.V[a] + [0, 0, 1]])
-    mesh = mended(V, np.vstack([ROOF.F, [a, b, ROOF.n]]))
+    mesh = mended_mesh(V, np.vstack([ROOF.F, [a, b, ROOF.n]]))
     assert_array_equal(mesh.F, ROOF.F)
     assert "1 face on edges with two others, as of a rib, dropped" in mesh.repairs
 
@@ -153,10 +153,10 @@ def test_a_fin_on_an_inner_edge_goes():
 def test_a_part_in_another_unit_is_doubted():
     """Half of a bridge was in metres, the other in millimetres: it shrank to a point, which nobody was told."""
     far = ROOF.V[:, 0] > np.median(ROOF.V[:, 0])
-    told = " ".join(mended(np.where(far[:, None], ROOF.V / 1e6, ROOF.V), ROOF.F).repairs)
+    told = " ".join(mended_mesh(np.where(far[:, None], ROOF.V / 1e6, ROOF.V), ROOF.F).repairs)
     assert "is a part of it in another unit?" in told
     once = np.vstack([ROOF.F, [[0, 1, 0]]])
-    assert "another unit" not in " ".join(mended(ROOF.V, once).repairs)
+    assert "another unit" not in " ".join(mended_mesh(ROOF.V, once).repairs)
 
 
 def test_pinholes_are_closed_and_doors_are_not():
@@ -164,12 +164,12 @@ def test_pinholes_are_closed_and_doors_are_not():
     tiny = ball.V.copy()
     corners = ball.F[0]
     tiny[corners] = tiny[corners].mean(axis=0) + 1e-3 * (tiny[corners] - tiny[corners].mean(axis=0))
-    holed = mended(tiny, ball.F[1:])
+    holed = mended_mesh(tiny, ball.F[1:])
     assert holed.repairs == ("1 pinhole closed",)
     closed = Surface(holed.V, holed.F)
     assert closed.is_closed
     assert closed.volume == pytest.approx(Surface(tiny, ball.F).volume, rel=1e-6)
-    assert mended(ball.V, ball.F[1:]).repairs == ()
+    assert mended_mesh(ball.V, ball.F[1:]).repairs == ()
 
 
 def patches(near, far, bend=0.6, gap=0.0):
@@ -187,7 +187,7 @@ def patches(near, far, bend=0.6, gap=0.0):
 def test_patches_that_were_divided_apart_are_one_sheet(near, far, bend):
     """Seams are shared at their ends only, or at a few vertices; on a barrel they gape as its chords do."""
     V, F = patches(near, far, bend)
-    mesh = mended(V, F)
+    mesh = mended_mesh(V, F)
     edges = edge_table(mesh.F)
     assert manifold_faults(mesh.F, edges, len(mesh.V)) == ()
     assert pieces(mesh.F, edges)[0] == 1
@@ -200,7 +200,7 @@ def test_patches_that_were_divided_apart_are_one_sheet(near, far, bend):
 @pytest.mark.parametrize("gap", [0.004, 0.1])
 def test_a_joint_between_panels_stays_open(gap):
     """Narrower than chords gape, but the panels share no vertex: it is meant."""
-    mesh = mended(*patches(4, 12, gap=gap))
+    mesh = mended_mesh(*patches(4, 12, gap=gap))
     assert mesh.repairs == ()
     assert pieces(mesh.F, edge_table(mesh.F))[0] == 2
 
@@ -216,7 +216,7 @@ def test_parts_that_touch_in_a_point_are_joined_there(turned):
     holed, two = np.delete(one.F, middle, axis=0), np.vstack([one.F, other])
     apart = np.vstack([one.V, one.V + [3, 3, 0]])
     for V, F in ((one.V, holed), (apart, two)):
-        before, mesh = edge_table(F), mended(V, F)
+        before, mesh = edge_table(F), mended_mesh(V, F)
         edges = edge_table(mesh.F)
         assert len(pinches(F, before, len(V))) == 1
         assert len(pinches(mesh.F, edges, len(mesh.V))) == 0
@@ -235,7 +235,7 @@ def test_a_narrow_opening_and_needles_at_a_border_are_no_seams():
         [[0, 3, 1], [1, 3, 2], [0, 1, 4], [1, 2, 4]],
     )
     for V, F in ((slit, around), needles, tip):
-        mesh = mended(np.array(V, dtype=float), np.array(F))
+        mesh = mended_mesh(np.array(V, dtype=float), np.array(F))
         assert mesh.repairs == ()
         assert_array_equal(mesh.F, F)
 
@@ -256,12 +256,12 @@ def test_a_vertex_astray_takes_its_faces_along_and_no_others(broken):
     flat = grid(12, 12, 6.0, 6.0)
     V = flat.V.copy()
     V[45, 1] = broken
-    mesh = mended(V, flat.F)
+    mesh = mended_mesh(V, flat.F)
     assert len(mesh.F) == flat.m - int((flat.F == 45).any(axis=1).sum()) < flat.m
     assert len(mesh.V) == flat.n - 1
     assert len(mesh.repairs) == 1
     assert ("no numbers" if np.isnan(broken) else "1,000 times as far away") in mesh.repairs[0]
-    assert mended(V[:, [1, 0, 2]] * [1, 400, 1], flat.F[(flat.F != 45).all(axis=1)]).repairs == ()
+    assert mended_mesh(V[:, [1, 0, 2]] * [1, 400, 1], flat.F[(flat.F != 45).all(axis=1)]).repairs == ()
 
 
 def test_the_unit_is_guessed_without_a_vertex_astray(tmp_path):
@@ -355,7 +355,7 @@ def slab(surface, thick):
 def test_a_second_copy_of_a_sheet_goes(size):
     """Front and back as CAD programs export them, 2 mm apart: each was built, on eight feet."""
     V = np.vstack([ROOF.V, ROOF.V - [0, 0, 2e-3]]) * size
-    mesh = mended(V, np.vstack([ROOF.F, ROOF.F[:, ::-1] + ROOF.n]), 1 / size)
+    mesh = mended_mesh(V, np.vstack([ROOF.F, ROOF.F[:, ::-1] + ROOF.n]), 1 / size)
     assert len(mesh.F) == ROOF.m
     assert_array_equal(mesh.V, ROOF.V * size)
     assert mesh.repairs[0].startswith("a second copy of the sheet, 1.")
@@ -363,7 +363,7 @@ def test_a_second_copy_of_a_sheet_goes(size):
 
 
 def test_a_sheet_that_is_in_a_file_twice_is_told():
-    mesh = mended(np.vstack([ROOF.V, ROOF.V]), np.vstack([ROOF.F, ROOF.F + ROOF.n]))
+    mesh = mended_mesh(np.vstack([ROOF.V, ROOF.V]), np.vstack([ROOF.F, ROOF.F + ROOF.n]))
     assert len(mesh.F) == ROOF.m
     assert "for the sheet is there twice, dropped" in mesh.repairs[-1]
 
@@ -377,7 +377,7 @@ def folded():
 
 def test_of_many_copies_the_first_stays():
     V = np.vstack([ROOF.V - [0, 0, 1e-3 * k] for k in range(3)])
-    mesh = mended(V, np.vstack([ROOF.F + k * ROOF.n for k in range(3)]))
+    mesh = mended_mesh(V, np.vstack([ROOF.F + k * ROOF.n for k in range(3)]))
     assert_array_equal(mesh.V, ROOF.V)
     assert len(mesh.repairs) == 2
 
@@ -387,11 +387,11 @@ def test_a_slab_becomes_the_sheet_in_its_middle(surface):
     """Its two faces and its sides were taken for a closed figure, which stood on its lowest parts."""
     thick = 0.03 * np.sqrt(surface.area)
     V, F = slab(surface, thick)
-    mesh = mended(V, F)
+    mesh = mended_mesh(V, F)
     middle = Surface(mesh.V, mesh.F)
     assert middle.m == surface.m
     assert len(middle.loops) == 1
-    off = nearest(mesh.V, surface.V, surface.F).distance
+    off = nearest_places(mesh.V, surface.V, surface.F).distance
     assert np.median(off) == pytest.approx(thick / 2, rel=0.05)
     assert off.max() < 0.8 * thick
     assert "thick, made the sheet halfway between its two faces" in mesh.repairs[0]
@@ -414,9 +414,9 @@ HALF = dome(rise=4.9, span=10.0, edge=0.9)
 def test_an_extruded_slab_becomes_the_sheet_in_its_middle(surface, way):
     """It is next to nothing thick where it stands upright: a half barrel was taken for a closed figure."""
     _, F = slab(surface, 1.0)
-    mesh = mended(np.vstack([surface.V + way, surface.V]), F)
+    mesh = mended_mesh(np.vstack([surface.V + way, surface.V]), F)
     assert area(mesh.V, mesh.F) == pytest.approx(surface.area, rel=0.01)
-    off = nearest(mesh.V, surface.V + np.divide(way, 2), surface.F).distance
+    off = nearest_places(mesh.V, surface.V + np.divide(way, 2), surface.F).distance
     assert np.quantile(off, 0.98) < 0.02 * np.linalg.norm(way)
     assert "thick, made the sheet halfway between its two faces" in mesh.repairs[0]
 
@@ -444,11 +444,11 @@ def test_what_is_no_copy_and_no_slab_stays(mesh):
 
 
 def test_sheets_over_each_other_are_told_and_stay():
-    assert [text.partition(";")[0] for text in twin_remarks(*two_roofs())] == [
+    assert [text.partition(";")[0] for text in parallel_remarks(*two_roofs())] == [
         "two sheets lie 294 mm apart, one over all of the other, and both are built"
     ]
-    assert list(twin_remarks(ROOF.V, ROOF.F)) == []
-    assert "surface.mend = true" in next(twin_remarks(*slab(ROOF, 0.2)))
+    assert list(parallel_remarks(ROOF.V, ROOF.F)) == []
+    assert "surface.mend = true" in next(parallel_remarks(*slab(ROOF, 0.2)))
 
 
 def comb(spikes: int) -> tuple[np.ndarray, np.ndarray]:
@@ -465,10 +465,10 @@ def test_what_lies_on_long_edges_in_a_crowd_is_found(open_):
     """As each vertex asked about each edge: within a length of closed loops, within a share of edges of other lines."""
     V, ends = comb(40)
     ends = ends[:-1] if open_ else ends
-    edge, vertex = _near(V, ends, 0.03)
+    edge, vertex = _near_vertices(V, ends, 0.03)
     found = set(zip(edge.tolist(), vertex.tolist(), strict=True))
     a, b = V[ends].transpose(1, 0, 2)
-    far = from_segments(V[:, None], a, b)
+    far = distances_from_segments(V[:, None], a, b)
     share = np.einsum("vei,ei->ve", V[:, None] - a, b - a) / (np.linalg.norm(b - a, axis=1) ** 2)
     most = np.maximum(SAG * np.linalg.norm(b - a, axis=1), 0.03) if open_ else 0.03
     on = (far <= most) & (share > 0) & (share < 1)
@@ -480,7 +480,7 @@ def test_what_lies_on_long_edges_in_a_crowd_is_found(open_):
 def test_a_comb_of_spikes_asks_about_few_vertices_an_edge():
     """Of 2 000 spikes nearly all corners are nearer to the middle of each edge than its ends are."""
     V, ends = comb(2000)
-    edge, _ = _near(V, ends, 1e-5)
+    edge, _ = _near_vertices(V, ends, 1e-5)
     assert len(edge) < 50 * len(ends)
 
 
@@ -496,7 +496,7 @@ def test_a_comb_of_spikes_counts_no_crowds(monkeypatch):
 
     monkeypatch.setattr(seams, "cKDTree", Tree)
     V, ends = comb(400)
-    edge, _ = _near(V, ends, 0.02)
+    edge, _ = _near_vertices(V, ends, 0.02)
     assert len(edge) > len(ends)  # so wide that the shortest pieces are asked for all that is around them
     assert sum(met) < 50 * len(ends)
 
@@ -506,8 +506,8 @@ def test_walks_around_a_fan_of_thousands_are_not_gone_to_their_end():
     k = np.arange(1, 2 * LONGEST_WALK)
     fan = np.stack([np.zeros_like(k), k, k + 1], axis=1)
     n = 1 + int(fan.max())
-    assert _whole_fans(fan[: LONGEST_WALK - 1], edge_table(fan[: LONGEST_WALK - 1]), n)
-    assert not _whole_fans(fan, edge_table(fan), n)
+    assert _walks_meet_all_corners(fan[: LONGEST_WALK - 1], edge_table(fan[: LONGEST_WALK - 1]), n)
+    assert not _walks_meet_all_corners(fan, edge_table(fan), n)
     assert not len(pinches(fan, edge_table(fan), n))
     two = np.concatenate([fan, np.where(fan > 0, fan + n, 0)])
     assert pinches(two, edge_table(two), 2 * n).tolist() == [0]

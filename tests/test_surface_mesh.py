@@ -10,16 +10,16 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from dsfab.core.errors import SurfaceError
-from dsfab.surface import Surface, nearest, signed_volume, signed_volumes, total_area
+from dsfab.surface import Surface, nearest_places, signed_volume, signed_volumes, total_area
 from dsfab.surface.shapes import dome, plate, sphere, torus
 from dsfab.surface.topology import (
     boundary_loops,
-    connected,
     duplicate_faces,
     edge_table,
     euler_characteristic,
     flips_to_orient,
     half_edges,
+    link_components,
     manifold_faults,
     misoriented_edges,
     next_half_edge,
@@ -228,13 +228,13 @@ def test_volumes_of_shells_are_signed_and_add_up_far_from_the_origin():
 def test_nearest_places_on_triangles_edges_and_vertices():
     V, F = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[0, 1, 2]])
     points = np.array([[0.2, 0.2, 3.0], [2.0, 0.0, 0.0]])
-    found = nearest(points, V, F)
+    found = nearest_places(points, V, F)
     assert_allclose(found.distance, [3, 1])
     assert_allclose(found.place, [[0.2, 0.2, 0.0], [1.0, 0.0, 0.0]])
     assert found.simplex.tolist() == [0, 0]
-    assert_allclose(nearest(points, V, np.array([[0, 1]])).squared, [9.04, 1])
-    assert nearest(points, V, np.array([[0], [1], [2]])).simplex.tolist() == [0, 1]
-    assert [len(part) for part in nearest(points[:0], V, F)] == [0, 0, 0]
+    assert_allclose(nearest_places(points, V, np.array([[0, 1]])).squared, [9.04, 1])
+    assert nearest_places(points, V, np.array([[0], [1], [2]])).simplex.tolist() == [0, 1]
+    assert [len(part) for part in nearest_places(points[:0], V, F)] == [0, 0, 0]
 
 
 @pytest.mark.parametrize("scale", [3e38, 1e10, 1e-12])
@@ -262,6 +262,6 @@ def test_parts_are_those_that_scipy_finds_in_the_same_order(count, share):
     i, j = np.concatenate([links, [long[:-1], long[1:]]], axis=1)
     graph = coo_array((np.ones(len(i)), (i, j)), shape=(count, count))
     parts, label = connected_components(graph, directed=False)
-    found = connected(count, i, j)
+    found = link_components(count, i, j)
     assert found[0] == parts
     assert_array_equal(found[1], label)

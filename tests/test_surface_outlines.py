@@ -18,7 +18,7 @@ from dsfab.surface.files.reading import DrawingBudget
 from dsfab.surface.files.rhino_and_step import read_rhino
 from dsfab.surface.loads.outline_cuts import with_outline
 from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of, self_crossing
-from dsfab.surface.loads.pickers import pierced
+from dsfab.surface.loads.pickers import pierced_faces
 from tests.presets import DOME_MODES
 from tests.zoo import grid, sphere
 
@@ -379,7 +379,7 @@ def test_the_depth_in_a_box_is_to_its_nearest_wall():
 
 def test_a_line_pierces_both_sides_of_a_ball():
     ball = sphere(4)
-    faces, t = pierced(ball, np.array([0.1, 0.2, -2.0]), np.array([0.1, 0.2, 2.0]))
+    faces, t = pierced_faces(ball, np.array([0.1, 0.2, -2.0]), np.array([0.1, 0.2, 2.0]))
     z = np.sqrt(1 - 0.05)
     assert np.allclose(-2 + 4 * t, [-z, z], atol=0.01)
     assert isinstance(ball, Surface)

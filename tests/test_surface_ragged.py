@@ -8,8 +8,8 @@ from numpy.testing import assert_array_equal
 
 from dsfab.core.arrays import area_vectors, lengths
 from dsfab.preset.proposal import propose
-from dsfab.surface import mended
-from dsfab.surface.clean.borders import TURN, _turns, even_edges
+from dsfab.surface import mended_mesh
+from dsfab.surface.clean.borders import RAGGED_TURN, _turns, even_edges
 from dsfab.surface.topology import boundary_loops, edge_table
 
 EDGE = 0.25
@@ -58,8 +58,8 @@ def test_a_disc_of_which_faces_were_deleted_gets_a_round_edge(metres):
     (loop,) = boundary_loops(ragged[1], edge_table(ragged[1]))
     assert np.ptp(lengths(ragged[0][loop])) > EDGE
     assert largest_turn(*ragged) > 100
-    mesh = mended(ragged[0] / metres, ragged[1], metres)
-    assert largest_turn(mesh.V, mesh.F) < np.degrees(TURN)
+    mesh = mended_mesh(ragged[0] / metres, ragged[1], metres)
+    assert largest_turn(mesh.V, mesh.F) < np.degrees(RAGGED_TURN)
     (loop,) = boundary_loops(mesh.F, edge_table(mesh.F))
     radius = lengths(mesh.V[loop] * metres)
     assert np.ptp(radius) < 0.6 * EDGE

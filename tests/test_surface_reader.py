@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, describe, read_surface
 from dsfab.surface.files.polygons import polygons, triangles
-from dsfab.surface.files.reader import turned_over
+from dsfab.surface.files.reader import flip_remark
 from dsfab.surface.shapes import cylinder, dome, plate, sphere
 from dsfab.surface.topology import manifold_faults
 
@@ -264,11 +264,11 @@ def test_a_closed_surface_inside_out_with_stray_faces_ends_outward(tmp_path):
 def test_what_is_inside_out_is_not_said_to_have_neighbours_that_disagree():
     good = sphere(edge=0.8)
     some = np.concatenate([good.F[:3, ::-1], good.F[3:]])
-    assert turned_over(good.F[:, ::-1], good.F) == (
+    assert flip_remark(good.F[:, ::-1], good.F) == (
         f"{good.m} faces of {good.m} turned over, so that they face outward",
     )
-    assert turned_over(some, good.F) == (f"3 faces of {good.m} turned over, so that neighbours face the same side",)
-    assert turned_over(good.F, good.F) == ()
+    assert flip_remark(some, good.F) == (f"3 faces of {good.m} turned over, so that neighbours face the same side",)
+    assert flip_remark(good.F, good.F) == ()
 
 
 def test_closed_pieces_that_are_inside_out_are_turned_each_for_itself(tmp_path):

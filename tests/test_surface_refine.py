@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 
 import dsfab
 from dsfab.core.errors import SurfaceError
-from dsfab.surface import SHAPES, Surface, refined
+from dsfab.surface import SHAPES, Surface, refined_surface
 from dsfab.surface.orientation import one_sided_pieces
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES
@@ -53,7 +53,7 @@ def check_same_surface(old: Surface, new: Surface) -> None:
 def test_no_edge_is_longer_than_asked_and_facets_stay_flat(name, share):
     surface = ZOO[name]()
     target = share * lengths(surface).max()
-    finer = refined(surface, target)
+    finer = refined_surface(surface, target)
     assert lengths(finer).max() <= target
     assert finer.m > surface.m
     check_same_surface(surface, finer)
@@ -62,8 +62,8 @@ def test_no_edge_is_longer_than_asked_and_facets_stay_flat(name, share):
 
 def test_nothing_happens_to_a_surface_that_is_fine_enough():
     surface = sphere(2)
-    assert refined(surface, 10.0) is surface
-    assert refined(surface, 10.0, smooth=True) is surface
+    assert refined_surface(surface, 10.0) is surface
+    assert refined_surface(surface, 10.0, smooth=True) is surface
 
 
 def test_only_long_edges_and_what_they_need_are_divided():
@@ -71,7 +71,7 @@ def test_only_long_edges_and_what_they_need_are_divided():
     plate = grid(16, 4, 4.0, 1.0)
     V = plate.V.copy()
     V[V[:, 0] > 3.5, 0] += 2
-    finer = refined(Surface(V, plate.F), 0.5)
+    finer = refined_surface(Surface(V, plate.F), 0.5)
     assert lengths(finer).max() <= 0.5
     left = finer.V[:, 0] <= 2.0
     assert left.sum() == (V[:, 0] <= 2.0).sum()
@@ -91,7 +91,7 @@ def test_one_triangle_is_divided_by_the_drawing(points, faces):
     triangle = Surface(np.c_[points, np.zeros(3)], [[0, 1, 2]])
     for turn in range(3):
         turned = Surface(triangle.V, np.roll(triangle.F, turn, axis=1))
-        finer = refined(turned, 0.6)
+        finer = refined_surface(turned, 0.6)
         assert finer.m == faces
         check_same_surface(turned, finer)
 
@@ -99,7 +99,7 @@ def test_one_triangle_is_divided_by_the_drawing(points, faces):
 def test_angles_stop_getting_smaller():
     """Rounds on a bad triangle and on random ones: no less than half the smallest angle, however fine."""
     triangle = Surface([[0, 0, 0], [1, 0, 0], [0.03, 0.11, 0]], [[0, 1, 2]])
-    angles = [smallest_angle(refined(triangle, target)) for target in (0.5, 0.1, 0.02)]
+    angles = [smallest_angle(refined_surface(triangle, target)) for target in (0.5, 0.1, 0.02)]
     assert min(angles) >= smallest_angle(triangle) / 2
     assert angles[2] == pytest.approx(angles[1], rel=1e-6)
 
@@ -114,7 +114,7 @@ def test_random_meshes_keep_their_shape(seed, count, share, rounded):
         xy = np.concatenate([xy, [[-1, -1], [2, -1], [0, 2]]])
     surface = Surface(np.c_[xy, rng.normal(size=len(xy))], Delaunay(xy).simplices)
     target = share * lengths(surface).max()
-    finer = refined(surface, target)
+    finer = refined_surface(surface, target)
     assert lengths(finer).max() <= target
     check_same_surface(surface, finer)
 
@@ -125,7 +125,7 @@ def test_random_meshes_keep_their_shape(seed, count, share, rounded):
 def test_smooth_refining_rounds_the_facets_of_a_sphere():
     """Loop's limit of a coarse sphere is round to a few per cent: dihedral angles shrink with the edges."""
     coarse = sphere(2)
-    smooth, flat = (refined(coarse, 0.08, smooth=s) for s in (True, False))
+    smooth, flat = (refined_surface(coarse, 0.08, smooth=s) for s in (True, False))
     radii = np.linalg.norm(smooth.V, axis=1)
     assert lengths(smooth).max() <= 0.08
     assert np.ptp(radii) < 0.05 < 1 - radii.min() < 0.1
@@ -141,25 +141,25 @@ def test_smooth_refining_rounds_the_facets_of_a_sphere():
 
 def test_smooth_refining_keeps_planes_boundaries_and_orientation():
     plate = jittered(grid(8, 8, 1.0, 1.0))
-    finer = refined(plate, 0.06, smooth=True)
+    finer = refined_surface(plate, 0.06, smooth=True)
     assert np.abs(finer.V[:, 2]).max() == 0
     assert (finer.normals[:, 2] > 0).all()
     assert len(finer.loops) == 1
     assert finer.area == pytest.approx(1, rel=0.01)  # corners are rounded
     straight = finer.V[finer.loops[0]]
     assert (np.abs(straight[:, :2] - 0.5).max(axis=1) > 0.45).all()
-    two = refined(ZOO["two pieces"](), 0.2, smooth=True)
+    two = refined_surface(ZOO["two pieces"](), 0.2, smooth=True)
     assert pieces(two.F, two.edges)[0] == 2
 
 
 def test_smooth_refining_needs_a_manifold_and_flat_refining_does_not():
     fan = Surface([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
-    finer = refined(fan, 0.4)
+    finer = refined_surface(fan, 0.4)
     assert lengths(finer).max() <= 0.4
     assert (finer.edges.count == 3).sum() == 4  # the common edge in four parts
     assert finer.area == pytest.approx(fan.area)
     with pytest.raises(SurfaceError, match=r"1 edges have more than two faces .*; set smooth to false"):
-        refined(fan, 0.4, smooth=True)
+        refined_surface(fan, 0.4, smooth=True)
 
 
 # --- refusals, and presets
@@ -168,15 +168,15 @@ def test_smooth_refining_needs_a_manifold_and_flat_refining_does_not():
 @pytest.mark.parametrize("target", [0.0, -1.0, np.nan, np.inf])
 def test_impossible_lengths_are_refused(target):
     with pytest.raises(SurfaceError, match="must be a positive length"):
-        refined(sphere(1), target)
+        refined_surface(sphere(1), target)
 
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_a_length_that_takes_too_many_triangles_is_refused_in_time(smooth, monkeypatch):
     monkeypatch.setattr("dsfab.surface.edge_changes.LARGEST", 2000)
     with pytest.raises(SurfaceError, match=r"edges of 1e-06 m takes over 2,000 triangles"):
-        refined(sphere(2), 1e-6, smooth=smooth)
-    assert refined(sphere(2), 0.35, smooth=smooth).m <= 2000
+        refined_surface(sphere(2), 1e-6, smooth=smooth)
+    assert refined_surface(sphere(2), 0.35, smooth=smooth).m <= 2000
 
 
 def test_a_preset_refines_its_shape():

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import dsfab
 from dsfab.core.errors import DsfabError, SurfaceError
-from dsfab.surface import Surface, read_surface, refined, remeshed
+from dsfab.surface import Surface, read_surface, refined_surface, remeshed_surface
 from dsfab.surface.edge_changes import feature_edges
-from dsfab.surface.mesh import nearest
+from dsfab.surface.mesh import nearest_places
 from dsfab.surface.remesh import smoothing
 from dsfab.surface.remesh.features import design_features
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
@@ -44,7 +44,7 @@ def farthest(points: np.ndarray, surface: Surface, edges: np.ndarray) -> float:
     """The largest distance of points from marked edges, metres; 0 of no points."""
     if not len(points):
         return 0.0
-    return float(nearest(points, surface.V, surface.edges.ends[edges]).distance.max())
+    return float(nearest_places(points, surface.V, surface.edges.ends[edges]).distance.max())
 
 
 def check_kept(old: Surface, new: Surface, edge: float, tolerance: float = 0.02) -> None:
@@ -54,7 +54,7 @@ def check_kept(old: Surface, new: Surface, edge: float, tolerance: float = 0.02)
     inner = design_features(old, edge) & ~old.edges.boundary
     every = np.ones(len(new.edges.ends), dtype=bool)
     assert farthest(samples(old, inner), new, every) <= tolerance * edge
-    assert nearest(new.V, old.V, old.F).distance.max() <= 1e-9 * old.size
+    assert nearest_places(new.V, old.V, old.F).distance.max() <= 1e-9 * old.size
     assert new.V.min(axis=0) == pytest.approx(old.V.min(axis=0), abs=1e-12 * old.size)
     assert new.V.max(axis=0) == pytest.approx(old.V.max(axis=0), abs=1e-12 * old.size)
     assert euler_characteristic(new.F, new.edges) == euler_characteristic(old.F, old.edges)
@@ -86,7 +86,7 @@ def annulus(around: int = 64, across: int = 10) -> Surface:
 @pytest.mark.parametrize("edge", [0.4, 0.13, 0.03])
 def test_a_plate_keeps_its_area_and_its_plane(edge):
     plate = jittered(grid(12, 12, 1.0, 1.0))
-    new = remeshed(plate, edge)
+    new = remeshed_surface(plate, edge)
     assert new.area == pytest.approx(1, abs=1e-12)
     assert np.abs(new.V[:, 2]).max() <= 1e-15
     assert (new.normals[:, 2] > 0.999).all()
@@ -98,7 +98,7 @@ def test_a_plate_keeps_its_area_and_its_plane(edge):
 @pytest.mark.parametrize("edge", [0.3, 0.05])
 def test_a_folded_plate_keeps_its_crease(edge):
     plate = folded()
-    new = remeshed(plate, edge)
+    new = remeshed_surface(plate, edge)
     assert new.area == pytest.approx(2, abs=1e-12)
     crease = feature_edges(new) & ~new.edges.boundary
     assert new.edge_lengths[crease].sum() == pytest.approx(1, abs=1e-12)
@@ -109,7 +109,7 @@ def test_a_folded_plate_keeps_its_crease(edge):
 
 def test_a_ring_keeps_its_two_loops_and_shrinks_by_its_chords_alone():
     ring, edge = annulus(), 0.15
-    new = remeshed(ring, edge)
+    new = remeshed_surface(ring, edge)
     assert len(new.loops) == 2
     assert new.area == pytest.approx(ring.area, rel=0.01)
     check_kept(ring, new, edge)
@@ -118,7 +118,7 @@ def test_a_ring_keeps_its_two_loops_and_shrinks_by_its_chords_alone():
 def test_a_smooth_sphere_is_rounder_than_its_facets():
     """Radius and area are those of the sphere through the vertices: 9 and 10 times nearer than on facets."""
     ball, edge = sphere(3), 0.06
-    flat, smooth = remeshed(ball, edge), remeshed(ball, edge, smooth=True)
+    flat, smooth = remeshed_surface(ball, edge), remeshed_surface(ball, edge, smooth=True)
     off = [np.abs(np.linalg.norm(s.V, axis=1) - 1).max() for s in (flat, smooth)]
     assert off[1] < off[0] / 9
     assert off[1] < 0.0016
@@ -134,14 +134,14 @@ def test_a_smooth_sphere_is_rounder_than_its_facets():
 def test_the_zoo_is_kept(name, share):
     old = ZOO[name]()
     edge = share * old.mean_edge
-    new = remeshed(old, edge)
+    new = remeshed_surface(old, edge)
     check_kept(old, new, edge)
     assert smallest_angle(new) > 20 or name == "obtuse"  # whose corners are sharp
 
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_the_same_surface_gives_the_same_mesh(smooth):
-    one, two = (remeshed(canopy(0.5), 0.4, 0.1, smooth) for _ in range(2))
+    one, two = (remeshed_surface(canopy(0.5), 0.4, 0.1, smooth) for _ in range(2))
     assert np.array_equal(one.V, two.V)
     assert np.array_equal(one.F, two.F)
 
@@ -152,13 +152,13 @@ def test_the_same_surface_gives_the_same_mesh(smooth):
 def test_size_and_turn_make_no_difference(power, angle, edge):
     """A mesh that is twice as large, to the bit; one that is turned about its height, in what is measured."""
     roof, scale = canopy(0.8), 2.0**power
-    new = remeshed(roof, edge)
-    scaled = remeshed(Surface(scale * roof.V, roof.F), scale * edge)
+    new = remeshed_surface(roof, edge)
+    scaled = remeshed_surface(Surface(scale * roof.V, roof.F), scale * edge)
     assert np.array_equal(scaled.V, scale * new.V)
     assert np.array_equal(scaled.F, new.F)
     c, s = np.cos(angle), np.sin(angle)
     turned = Surface(roof.V @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), roof.F)
-    check_kept(turned, remeshed(turned, edge), edge)
+    check_kept(turned, remeshed_surface(turned, edge), edge)
 
 
 def test_another_process_makes_the_same_bytes():
@@ -199,7 +199,7 @@ def fan(count: int) -> Surface:
 @pytest.mark.parametrize("needles", [strips(60), strips(500), fan(300)])
 def test_needles_become_even_triangles(needles):
     edge = needles.size / 40
-    new = remeshed(needles, edge)
+    new = remeshed_surface(needles, edge)
     assert smallest_angle(new) > 20
     assert new.m < 1.3 * needles.area / (np.sqrt(3) / 4 * edge**2)
     check_kept(needles, new, edge)
@@ -211,7 +211,7 @@ def test_a_tip_is_not_refined_the_more_the_nearer_it_comes(fold, degrees):
     for. They are as long as its angle is wide at the length of an edge, and their last row is as wide at theirs."""
     half, edge = 4 * np.tan(np.radians(7)), 0.2
     tip = Surface([[0, 0, 0], [4, -half, 0], [4, half, 0], [4, 0, fold]], [[0, 1, 3], [0, 3, 2]])
-    new = remeshed(tip, edge)
+    new = remeshed_surface(tip, edge)
     check_kept(tip, new, edge)
     assert new.edge_lengths.min() > 1.25 * np.tan(np.radians(degrees)) ** 2 * edge
     assert smallest_angle(new) > degrees
@@ -225,7 +225,7 @@ def test_an_ear_at_a_round_border_is_no_crease(way):
     x, y = square.V[:, :2].T - 1
     u, v = x * np.sqrt(1 - y**2 / 2), y * np.sqrt(1 - x**2 / 2)
     round_dome = Surface(np.column_stack([u, v, 0.5 * (1 - u**2 - v**2)]), square.F[:, ::way])
-    new = remeshed(round_dome, 0.05, smooth=True)
+    new = remeshed_surface(round_dome, 0.05, smooth=True)
     turn = np.einsum("mci,mi->mc", new.vertex_normals[new.F], new.normals)
     assert np.degrees(np.arccos(turn.min())) < 15
     assert new.V[new.edges.ends[new.edges.boundary].ravel(), 2] == pytest.approx(0, abs=1e-12)
@@ -240,7 +240,7 @@ def test_noise_makes_no_creases_and_coarsens():
     edge = 5 * rough.mean_edge
     assert (feature_edges(rough) & inner).sum() > 3000
     assert (design_features(rough, edge) & inner).sum() < 10  # at the boundary, which is as rough
-    assert remeshed(rough, edge).m < rough.m / 5
+    assert remeshed_surface(rough, edge).m < rough.m / 5
     assert (design_features(folded(), 0.5) & ~folded().edges.boundary).sum() == 8
 
 
@@ -275,7 +275,7 @@ MESHES += ["monkey_saddle_control", "roof_with_opening", "shell_tube", "torus"]
 def test_real_meshes_are_kept(name, share):
     old = read_surface(mesh_file(f"{name}.obj"))
     edge = old.size / share
-    new = remeshed(old, edge)
+    new = remeshed_surface(old, edge)
     check_kept(old, new, edge)
     assert smallest_angle(new) > 20
 
@@ -285,11 +285,11 @@ def test_real_meshes_are_kept(name, share):
 
 def test_smooth_refining_keeps_boundaries_and_creases():
     roof = canopy(0.5)
-    finer = refined(roof, 0.2, smooth=True)
+    finer = refined_surface(roof, 0.2, smooth=True)
     assert np.ptp(finer.V, axis=0)[:2] == pytest.approx(np.ptp(roof.V, axis=0)[:2], abs=1e-12)
     assert farthest(samples(finer, finer.edges.boundary), roof, roof.edges.boundary) < 1e-12
     assert farthest(samples(roof, roof.edges.boundary), finer, finer.edges.boundary) < 1e-12
-    sharp = refined(folded(), 0.05, smooth=True)
+    sharp = refined_surface(folded(), 0.05, smooth=True)
     assert sharp.area == pytest.approx(2, abs=1e-12)
 
 
@@ -308,24 +308,24 @@ def test_smooth_refining_keeps_boundaries_and_creases():
 )
 def test_impossible_lengths_are_refused(edge, finest, says):
     with pytest.raises(SurfaceError, match=says):
-        remeshed(sphere(3), edge, finest)
+        remeshed_surface(sphere(3), edge, finest)
 
 
 def test_a_finest_edge_that_takes_too_many_triangles_is_refused(monkeypatch):
     monkeypatch.setattr("dsfab.surface.remesh.remeshing.LARGEST", 300)
     ball = Surface(0.1 * sphere(3).V, sphere(3).F)
-    assert remeshed(ball, 0.1).m < 300
+    assert remeshed_surface(ball, 0.1).m < 300
     with pytest.raises(SurfaceError, match=r"edges of 0\.01 m takes over 300 triangles on a surface 0\.346 m large"):
-        remeshed(ball, 0.1, 0.01)
+        remeshed_surface(ball, 0.1, 0.01)
 
 
 def test_what_is_no_sheet_is_refused():
     fan = Surface([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
     with pytest.raises(SurfaceError, match=r"1 edges have more than two faces \(first: 0-1\); split the surface there"):
-        remeshed(fan, 0.4)
+        remeshed_surface(fan, 0.4)
     twice = Surface(fan.V, [[0, 1, 2], [0, 2, 1]])
     with pytest.raises(SurfaceError, match=r"1 faces repeat an earlier face \(first: 1\); remove them"):
-        remeshed(twice, 0.4)
+        remeshed_surface(twice, 0.4)
 
 
 # --- presets
@@ -343,7 +343,7 @@ def preset(**surface: object) -> dsfab.Preset:
 def test_a_preset_remeshes_its_mesh_and_keeps_its_keys(tmp_path):
     made = preset(edge=0.5, finest=0.2, smooth=True)
     surface = made.surface.build()
-    expected = remeshed(canopy(0.8), 0.5, 0.2, smooth=True)
+    expected = remeshed_surface(canopy(0.8), 0.5, 0.2, smooth=True)
     assert np.array_equal(surface.V, expected.V)
     assert np.array_equal(surface.F, expected.F)
     assert preset().surface.build().m == canopy(0.8).m
@@ -388,5 +388,5 @@ def test_a_surface_has_one_tree_of_boxes(monkeypatch, smooth):
     monkeypatch.setattr(smoothing.igl, "AABB", Counted)
     for surface in (jittered(grid(8, 6, 1.0, 0.8), 0.3), sphere(2)):
         made.clear()
-        remeshed(surface, 0.3, smooth=smooth)
+        remeshed_surface(surface, 0.3, smooth=smooth)
         assert made.count(surface.m) == 1

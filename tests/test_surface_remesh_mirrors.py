@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from dsfab.surface import SizeField, Surface, mirror, remeshed
+from dsfab.surface import SizeField, Surface, mirror, remeshed_surface
 from dsfab.surface.remesh.mirrors import Chamber, Mirrors
-from dsfab.surface.remesh.remeshing import SHARP, _sharpest
+from dsfab.surface.remesh.remeshing import SHARP_ANGLE, _smallest_angle
 from dsfab.surface.remesh.smoothing import NearestOnSurface
 from tests.test_surface_remesh import check_kept, fan
 from tests.zoo import grid, jittered, sphere
@@ -42,10 +42,10 @@ def off(surface: Surface, normal: np.ndarray, centre: np.ndarray) -> float:
 def test_a_mesh_of_a_symmetric_surface_is_symmetric(old, normals, sides, smooth):
     """Also where the file's own is not, as with one diagonal in each square or with scattered vertices."""
     edge = 0.1
-    mirrors = Mirrors.of(NearestOnSurface(old), edge, smooth)
+    mirrors = Mirrors.from_surface(NearestOnSurface(old), edge, smooth)
     assert mirrors is not None
     assert len(mirrors.group) == sides
-    new = remeshed(old, edge, smooth=smooth)
+    new = remeshed_surface(old, edge, smooth=smooth)
     exact = 1e-9 if smooth else 0.05 * edge  # on facets, which are no images of each other
     assert max(off(new, normal, mirrors.centre) for normal in normals) < exact
     assert new.V.max(axis=0) == pytest.approx(old.V.max(axis=0), abs=edge / 50)
@@ -54,9 +54,9 @@ def test_a_mesh_of_a_symmetric_surface_is_symmetric(old, normals, sides, smooth)
 
 
 def test_creases_and_borders_of_mirrored_sides_stay():
-    check_kept(UMBRELLA, remeshed(UMBRELLA, 0.1), 0.1)
+    check_kept(UMBRELLA, remeshed_surface(UMBRELLA, 0.1), 0.1)
     closed = sphere(3)
-    new = remeshed(closed, 0.12, smooth=True)
+    new = remeshed_surface(closed, 0.12, smooth=True)
     assert new.is_closed
     assert np.linalg.norm(new.V, axis=1) == pytest.approx(1, abs=2e-3)
 
@@ -73,32 +73,32 @@ def with_hole(plate: Surface, face: int) -> Surface:
 def test_what_leans_or_has_a_hole_on_one_side_has_no_mirror():
     bent = UMBRELLA.V.copy()
     bent[:, 2] += 0.02 * UMBRELLA.V[:, 0] + 0.05 * UMBRELLA.V[:, 0] ** 2 * UMBRELLA.V[:, 1]
-    assert Mirrors.of(NearestOnSurface(Surface(bent, UMBRELLA.F)), 0.1, smooth=False) is None
+    assert Mirrors.from_surface(NearestOnSurface(Surface(bent, UMBRELLA.F)), 0.1, smooth=False) is None
     plate = grid(4, 3, 2.0, 1.3)
-    assert Mirrors.of(NearestOnSurface(plate), 0.1, smooth=False) is not None
-    assert Mirrors.of(NearestOnSurface(with_hole(plate, 2)), 0.1, smooth=False) is None
+    assert Mirrors.from_surface(NearestOnSurface(plate), 0.1, smooth=False) is not None
+    assert Mirrors.from_surface(NearestOnSurface(with_hole(plate, 2)), 0.1, smooth=False) is None
 
 
 def test_lengths_that_are_given_may_differ_from_side_to_side():
     x = VAULT.V[:, 0]
-    new = remeshed(VAULT, 0.15, sizes=[SizeField(VAULT, np.where(x < 0, 0.15, 0.08))])
+    new = remeshed_surface(VAULT, 0.15, sizes=[SizeField(VAULT, np.where(x < 0, 0.15, 0.08))])
     left, right = ((side * new.V[:, 0] > 0).sum() for side in (-1, 1))
     assert right > 1.5 * left
 
 
 def test_a_round_surface_has_two_mirrors_and_a_tip_none_that_makes_it_sharper():
-    dome = Mirrors.of(NearestOnSurface(fan(64)), 0.5, smooth=False)
+    dome = Mirrors.from_surface(NearestOnSurface(fan(64)), 0.5, smooth=False)
     assert dome is not None
     assert len(dome.group) == 4
     assert abs(dome.normals[0] @ dome.normals[1]) < 1e-9
     tip = Surface([[0, 0, 0], [4, -0.5, 0], [4, 0.5, 0]], [[0, 1, 2]])
-    assert Mirrors.of(NearestOnSurface(tip), 0.1, smooth=False) is not None
-    assert _sharpest(remeshed(tip, 0.1)) > 0.6 * SHARP
+    assert Mirrors.from_surface(NearestOnSurface(tip), 0.1, smooth=False) is not None
+    assert _smallest_angle(remeshed_surface(tip, 0.1)) > 0.6 * SHARP_ANGLE
 
 
 def test_a_side_is_cut_out_along_the_planes():
-    mirrors = Mirrors.of(NearestOnSurface(SADDLE), 0.1, smooth=False)
-    chamber = Chamber.of(SADDLE, mirrors, 0.1)
+    mirrors = Mirrors.from_surface(NearestOnSurface(SADDLE), 0.1, smooth=False)
+    chamber = Chamber.from_mirrors(SADDLE, mirrors, 0.1)
     assert 4 * chamber.piece.area == pytest.approx(SADDLE.area, rel=1e-3)
     whole, of = chamber.all_sides(chamber.piece.V, chamber.piece.F)
     assert whole.area == pytest.approx(4 * chamber.piece.area)

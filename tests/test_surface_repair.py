@@ -139,4 +139,4 @@ def test_a_fine_mesh_with_holes_is_taken_for_a_scan_and_told(tmp_path):
     (tmp_path / "scan.toml").write_text(proposal.text())
     again = load_preset(tmp_path / "scan.toml")
     assert again.surface.repair
-    assert again.surface.given().is_closed
+    assert again.surface.base_surface().is_closed

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
-from dsfab.surface.shapes.meshing import ring_faces, ring_turns, staggered
+from dsfab.surface.shapes.meshing import ring_faces, ring_turns, staggered_rows
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 
 CAP = (5**2 + 3**2) / (2 * 3)  # radius of the default dome
@@ -205,7 +205,7 @@ def test_rings_of_any_counts_make_a_strip_without_gaps():
 
 
 def test_staggered_rows_cover_the_unit_square():
-    uv, F = staggered(5, 4)
+    uv, F = staggered_rows(5, 4)
     u, v = uv[F[:, 1]] - uv[F[:, 0]], uv[F[:, 2]] - uv[F[:, 0]]
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     assert (twice > 0).all()

@@ -6,7 +6,7 @@ import pytest
 import dsfab
 from dsfab.core.errors import DsfabError
 from dsfab.design import regions_and_loads
-from dsfab.surface import SizeField, Surface, change_sizes, remeshed
+from dsfab.surface import SizeField, Surface, change_sizes, remeshed_surface
 from tests.canopy import canopy
 from tests.zoo import grid, jittered, sphere
 
@@ -58,11 +58,11 @@ def test_no_stress_asks_for_nothing():
 def test_edges_follow_sizes_that_lie_on_another_mesh():
     plate, coarse = grid(30, 30, 4.0, 4.0), grid(8, 8, 4.0, 4.0)
     wanted = np.where(coarse.V[:, 0] < 1.5, 0.08, 0.3)
-    new = remeshed(plate, 0.3, sizes=[SizeField(coarse, wanted)])
+    new = remeshed_surface(plate, 0.3, sizes=[SizeField(coarse, wanted)])
     middle = new.V[new.edges.ends].mean(axis=1)[:, 0]
     assert new.edge_lengths[middle < 1].mean() == pytest.approx(0.08, rel=0.15)
     assert new.edge_lengths[middle > 3.2].mean() == pytest.approx(0.3, rel=0.15)
-    two = remeshed(plate, 0.3, sizes=[SizeField(coarse, wanted), SizeField(coarse, wanted[::-1])])
+    two = remeshed_surface(plate, 0.3, sizes=[SizeField(coarse, wanted), SizeField(coarse, wanted[::-1])])
     middle = np.abs(two.V[two.edges.ends].mean(axis=1)[:, 0] - 2)
     assert two.edge_lengths[middle > 1].mean() == pytest.approx(0.08, rel=0.15)
 
@@ -96,7 +96,7 @@ def pulled(thickness: float = 0.1, **surface: object) -> dsfab.Preset:
 
 def largest_stress(preset: dsfab.Preset) -> tuple[int, float]:
     """Triangles, and the largest stress, MPa: three at the hole of a wide plate [Kirsch 1898]."""
-    design = dsfab.Design.of(preset)
+    design = dsfab.Design.from_preset(preset)
     return design.surface.m, float(design.statics.answers.stress.largest.max()) / 1e6
 
 
@@ -121,8 +121,8 @@ def of_canopy(thickness: float = 0.05, finest: float = 0.1, **pattern: object) -
 
 
 def test_feet_get_smaller_triangles_and_the_note_says_so():
-    design = dsfab.Design.of(of_canopy())
-    surface, held = design.surface, design.statics.load.held
+    design = dsfab.Design.from_preset(of_canopy())
+    surface, held = design.surface, design.statics.load.supported
     sizes = surface.edge_lengths
     at_feet = held[surface.edges.ends].any(axis=1)
     assert sizes[at_feet].mean() < 0.12 < 0.5 * np.quantile(sizes, 0.9)
@@ -133,17 +133,17 @@ def test_feet_get_smaller_triangles_and_the_note_says_so():
 @pytest.mark.slow
 def test_a_revised_thickness_makes_the_mesh_of_a_fresh_design():
     thin, thick = of_canopy(0.03), of_canopy(0.4)
-    revised = dsfab.revise(dsfab.Design.of(thin).until("statics"), thick).surface
-    fresh = dsfab.Design.of(thick).surface
+    revised = dsfab.revise(dsfab.Design.from_preset(thin).until("statics"), thick).surface
+    fresh = dsfab.Design.from_preset(thick).surface
     assert np.array_equal(revised.V, fresh.V)
-    assert not np.array_equal(fresh.V, dsfab.Design.of(thin).surface.V)
+    assert not np.array_equal(fresh.V, dsfab.Design.from_preset(thin).surface.V)
     assert thick.first_difference(thin) == "surface"
 
 
 def test_voids_count_and_supports_are_found_again_elsewhere(monkeypatch):
     oculus = {"do": "void", "at": dsfab.Ball((1.0, 5.0, 3.5), 1.2)}
     preset = of_canopy(finest=0.25, region=[oculus])
-    surface = dsfab.Design.of(preset).surface
+    surface = dsfab.Design.from_preset(preset).surface
     before = [np.flatnonzero(one.at.vertices(surface)) for one in regions_and_loads.acting_on(preset, surface).support]
     monkeypatch.setattr(regions_and_loads, "_BEFORE", {})  # as in another process
     after = [np.flatnonzero(one.at.vertices(surface)) for one in regions_and_loads.acting_on(preset, surface).support]

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dsfab.surface.files.mesh_files import joined
+from dsfab.surface.files.mesh_files import with_shared_vertices
 from dsfab.surface.files.polygons import polygons
 from dsfab.surface.files.reading import PolygonFile
 
@@ -22,7 +22,7 @@ def apart(places, faces):
 
 
 def test_two_triangles_that_share_no_vertex_are_joined_along_their_edge():
-    found, told = joined(apart(SQUARE, [[0, 1, 2], [0, 2, 3]]))
+    found, told = with_shared_vertices(apart(SQUARE, [[0, 1, 2], [0, 2, 3]]))
     assert found.mesh.corners.tolist() == [0, 1, 2, 0, 2, 5]  # the first vertex at each place
     assert told == ("2 vertices joined with others at exactly the same place",)
 
@@ -30,14 +30,14 @@ def test_two_triangles_that_share_no_vertex_are_joined_along_their_edge():
 def test_a_vertex_that_no_face_has_and_that_is_none_keeps_no_faces_apart():
     file = apart(SQUARE, [[0, 1, 2], [0, 2, 3]])
     V = np.concatenate([file.mesh.V, [[np.nan, 0, 0]]])
-    assert joined(PolygonFile(replace(file.mesh, V=V)))[0].mesh.corners.tolist() == [0, 1, 2, 0, 2, 5]
+    assert with_shared_vertices(PolygonFile(replace(file.mesh, V=V)))[0].mesh.corners.tolist() == [0, 1, 2, 0, 2, 5]
 
 
 def test_halves_whose_edges_all_have_a_twin_are_joined_without_being_a_soup():
     """A tetrahedron in two halves of two faces each: each half shares vertices."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]).tolist()
     faces = [*TETRAHEDRON[:2], *[[v + 4 for v in face] for face in TETRAHEDRON[2:]]]
-    found, told = joined(PolygonFile(polygons([*corners, *corners], faces)))
+    found, told = with_shared_vertices(PolygonFile(polygons([*corners, *corners], faces)))
     assert found.mesh.corners.reshape(-1, 3).tolist() == TETRAHEDRON
     assert told == ("4 vertices joined with others at exactly the same place",)
 
@@ -66,6 +66,6 @@ KEPT = {
 @pytest.mark.parametrize("name", KEPT)
 def test_what_is_not_meant_as_one_stays_apart(name):
     file = PolygonFile(KEPT[name])
-    found, told = joined(file)
+    found, told = with_shared_vertices(file)
     assert found is file
     assert told == ()

@@ -9,7 +9,7 @@ from dsfab import load_preset, run
 from dsfab.core.errors import PresetError, StaticsError, SurfaceError
 from dsfab.design import draft
 from dsfab.design.sheet_loads import sheet_load
-from dsfab.report.design.facts import facts
+from dsfab.report.design.facts import design_facts
 from dsfab.slicing import cut
 from dsfab.statics import (
     Elements,
@@ -165,15 +165,15 @@ def test_hinges_cannot_be_clamped():
 def test_clamped_edges_are_those_with_both_ends_picked_but_not_across_ears():
     s = grid(5, 4, 5.0, 4.0)
     ends, boundary = s.edges.ends, s.edges.boundary
-    assert np.array_equal(Support(Boundary(), clamp=True).clamped(s), boundary)
-    rows = Support(Box((2, 0, 0), (2, 4, 0)), clamp=True).clamped(s)
+    assert np.array_equal(Support(Boundary(), clamp=True).clamped_edges(s), boundary)
+    rows = Support(Box((2, 0, 0), (2, 4, 0)), clamp=True).clamped_edges(s)
     assert rows.sum() == 4
     assert np.all(s.V[ends[rows]][:, :, 0] == 2)
-    region = Support(Box((0, 0, 0), (2, 2, 0)), clamp=True).clamped(s)
+    region = Support(Box((0, 0, 0), (2, 2, 0)), clamp=True).clamped_edges(s)
     assert (region & ~boundary).sum() > 4
-    assert not Support(Boundary()).clamped(s).any()
+    assert not Support(Boundary()).clamped_edges(s).any()
     with pytest.raises(SurfaceError, match="clamp = true is on no edge"):
-        Support(Vertices((0,)), clamp=True).clamped(s)
+        Support(Vertices((0,)), clamp=True).clamped_edges(s)
 
 
 # handed over to a cut sheet
@@ -184,7 +184,7 @@ def test_a_cut_sheet_keeps_the_springs_and_clamps_that_are_left():
     y = s.V[:, 1]
     supports = [Support(Side("x", "min"), spring=(1e5, 1e5, 1e5), clamp=True)]
     case = LoadCase.build(s, supports, [Force(Box((1, 0.5, 0), (1, 1, 0)), (0, 0, -10.0))])
-    half = cut(s, [y], [[0.47]]).kept()
+    half = cut(s, [y], [[0.47]]).subset()
     load = sheet_load(s, half, case)
     left = case.spring[(y > 0.47) & (s.V[:, 0] < 1e-9)].sum(axis=0)
     assert_allclose(load.spring.sum(axis=0), left, rtol=1e-12)
@@ -192,7 +192,7 @@ def test_a_cut_sheet_keeps_the_springs_and_clamps_that_are_left():
     mid = half.surface.V[half.surface.edges.ends[load.clamped]]
     assert_allclose(mid[:, :, 0], 0, atol=1e-12)
     assert np.ptp(mid[:, :, 1], axis=1).sum() == pytest.approx(0.53, rel=1e-9)
-    bare = cut(s, [s.V[:, 0]], [[0.35]]).kept()
+    bare = cut(s, [s.V[:, 0]], [[0.35]]).subset()
     with pytest.raises(StaticsError, match="no supported vertex is left"):
         sheet_load(s, bare, case)
 
@@ -201,7 +201,7 @@ def test_a_clamped_sheet_cut_but_kept_whole_is_as_stiff():
     s = grid(12, 4, 1.0, 0.25)
     case = LoadCase.build(s, [Support(Side("x", "min"), clamp=True)], [Line(Side("x", "max"), (0, 0, -10.0))])
     cells = cut(s, [s.V[:, 1] - 0.3 * s.V[:, 0]], [[0.03, 0.11]])
-    whole = cells.kept(np.ones(cells.surface.m, dtype=bool))
+    whole = cells.subset(np.ones(cells.surface.m, dtype=bool))
     stiff = [
         solve_statics(SheetModel(t, WOOD, H), load, Elements("quadratic", "hhj")).compliance
         for t, load in ((s, case), (whole.surface, sheet_load(s, whole, case)))
@@ -217,11 +217,11 @@ def test_a_dome_on_springs_is_built_and_tells_their_reactions():
     base = {"at": {"pick": "boundary"}, "spring": [4e7, 4e7, 9e7], "clamp": True}
     changes = {"surface.edge": 0.9, "surface.support": [base], "statics.bending": "midedge", "pattern.keep": 0.0}
     design = run(load_preset(DOME_MODES, changes))
-    (told,) = facts(design, {}, [], [])["statics"]["supports"]
+    (told,) = design_facts(design, {}, [], [])["statics"]["supports"]
     assert (told["hold"], told["spring_N_per_m"], told["clamp"]) == ("", [4e7, 4e7, 9e7], True)
     assert told["reaction_N"] == pytest.approx((-design.load.force.sum(axis=0)).tolist(), abs=1.0)
-    sunk = design.statics.equilibrium.u[design.load.held, 2] @ design.surface.vertex_areas[design.load.held]
-    area = design.surface.vertex_areas[design.load.held].sum()
+    sunk = design.statics.equilibrium.u[design.load.supported, 2] @ design.surface.vertex_areas[design.load.supported]
+    area = design.surface.vertex_areas[design.load.supported].sum()
     assert sunk / area == pytest.approx(design.load.force[:, 2].sum() / 9e7, rel=1e-9)
     assert any("of the springs' stiffness is on removed material" in note.text for note in design.notes)
 
@@ -266,13 +266,13 @@ def test_a_stiff_plate_on_springs_everywhere_swings_as_a_mass_on_a_spring():
     springs = Support(All(), hold="xy", spring=(0.0, 0.0, k))
     made = frequencies(
         SheetModel(s, Material(210e12, 0.3, 8000.0), 0.1),
-        springs.fixed(s),
+        springs.fixed_directions(s),
         elements=PAIRS[1],
         spring=springs.springs(s),
     )
     assert_allclose(made.hertz, np.sqrt(k / 800.0) / (2 * np.pi), rtol=0.03)
     with pytest.raises(StaticsError, match="can move along z"):
-        frequencies(SheetModel(s, Material(210e12, 0.3, 8000.0), 0.1), springs.fixed(s), elements=PAIRS[1])
+        frequencies(SheetModel(s, Material(210e12, 0.3, 8000.0), 0.1), springs.fixed_directions(s), elements=PAIRS[1])
 
 
 def test_a_strip_that_its_support_clamps_buckles_as_eulers_flagpole():

@@ -17,10 +17,10 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import boundary_loops, euler_characteristic, pieces, pinches
 from dsfab.thickening import Solid, offsets, thicken
 from dsfab.thickening.offset_vectors import _prism_jacobians, visible_normals
-from dsfab.thickening.repair import _flipped
+from dsfab.thickening.repair import _flip_diagonals
 from dsfab.thickening.self_intersection import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
-from dsfab.thickening.solid import judge
+from dsfab.thickening.solid import check_solid
 from tests.zoo import ZOO, grid, lifted, sphere, zoo
 
 MESHES = Path(os.environ.get("DSFAB_MESHES", Path(__file__).parents[2] / "shared" / "meshes"))
@@ -464,11 +464,11 @@ def test_a_wall_in_the_way_is_folded_the_other_way_and_nothing_is_thinned():
     V = [[0, 0, 0], [0.5, -1, 0], [1, 0, 0], [0.5, 0.05, 0], [0.6, 1, 0], [0.4, 1, 0]]
     D = np.array([[0.1, 0.3, 0.5], [0, 0, 0.5], [0, -0.3, 0.5], *[[0, 0, 0.02]] * 3])
     sheet = Surface(V, [[0, 1, 2], [3, 4, 5]])
-    skin = Skin.of(sheet)
+    skin = Skin.from_surface(sheet)
     before = skin.shorter_diagonals(sheet.V, D)
     pairs = intersecting_pairs(skin.vertices(sheet.V, D), skin.faces(before))
     assert len(pairs) > 0
-    after, left = _flipped(skin, sheet.V, D, before, pairs)
+    after, left = _flip_diagonals(skin, sheet.V, D, before, pairs)
     assert len(left) == 0
     assert (after != before).any()
     solid = thicken(sheet, D)
@@ -488,7 +488,7 @@ def test_sheets_that_cannot_part_are_told_and_not_hidden():
 
 def test_a_surface_that_crosses_itself_is_told_with_its_place(monkeypatch):
     """Where it could not be united."""
-    monkeypatch.setattr("dsfab.thickening.repair.united_prisms", lambda *_: None)
+    monkeypatch.setattr("dsfab.thickening.repair.prism_union", lambda *_: None)
     plate = grid(4, 4, 1.0, 1.0)
     wall = np.c_[plate.V[:, 0] * 0 + 0.43, plate.V[:, 1] + 0.013, plate.V[:, 0] - 0.47]
     both = Surface(np.concatenate([plate.V, wall]), np.concatenate([plate.F, plate.F + plate.n]))
@@ -579,20 +579,20 @@ def test_every_solid_is_judged(monkeypatch):
 def test_an_open_mesh_is_rejected_with_the_name_of_the_status():
     solid = made(grid(2, 2, 1.0, 1.0), 0.1)
     with pytest.raises(SolidError, match="NotManifold"):
-        judge(Solid(solid.V, solid.F[1:], 0, 1))
+        check_solid(Solid(solid.V, solid.F[1:], 0, 1))
 
 
 def test_a_solid_inside_out_is_rejected():
     solid = made(grid(2, 2, 1.0, 1.0), 0.1)
     with pytest.raises(SolidError, match="no inside"):
-        judge(Solid(solid.V, solid.F[:, ::-1], 0, 1))
+        check_solid(Solid(solid.V, solid.F[:, ::-1], 0, 1))
 
 
 def test_a_volume_that_manifold3d_does_not_measure_is_rejected():
     solid = made(grid(2, 2, 1.0, 1.0), 0.1)
     solid.__dict__["volume"] = 0.1001
     with pytest.raises(SolidError, match=r"0\.1001 m3, manifold3d measures 0\.1 m3"):
-        judge(solid)
+        check_solid(solid)
 
 
 @settings(max_examples=40, deadline=None)

@@ -7,7 +7,7 @@ import pytest
 
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
-from dsfab.thickening import OffsetLayer, apart, offsets, thicken
+from dsfab.thickening import OffsetLayer, offsets, proven_cells, thicken
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin
 from tests.test_thickening_sides import torus_of
@@ -72,9 +72,9 @@ def test_what_is_proven_meets_nothing(name, side):
     layer, kept = cut_layer(surface, D, side)
     F = layer.cells.F[kept]
     sheet = Surface(layer.cells.V, F)
-    proven = apart(layer)[kept]
+    proven = proven_cells(layer)[kept]
     for single in (False, True):
-        skin = Skin.of(sheet, {"mid": 0, "out": 1}[side], single)
+        skin = Skin.from_surface(sheet, {"mid": 0, "out": 1}[side], single)
         for diagonals in (np.zeros(len(skin.rim), dtype=bool), np.arange(len(skin.rim)) % 2 == 0):
             pairs = intersecting_pairs(skin.vertices(sheet.V, layer.carried), skin.faces(diagonals))
             assert not proven[skin.sources()[pairs]].any()
@@ -83,7 +83,7 @@ def test_what_is_proven_meets_nothing(name, side):
 def test_smooth_surfaces_are_proven_whole():
     for surface, share in ((sphere(5), 1.0), (flat(60), 0.6)):
         layer, _ = cut_layer(surface, offsets(surface, 0.01).D)
-        assert apart(layer).mean() >= share
+        assert proven_cells(layer).mean() >= share
 
 
 def test_sheets_that_cross_are_proven_away_from_the_line_only():
@@ -91,7 +91,7 @@ def test_sheets_that_cross_are_proven_away_from_the_line_only():
     t = 0.02
     surface = joined(flat(60), tilted(flat(60), 1.0))
     layer, _ = cut_layer(surface, offsets(surface, t).D)
-    proven, x = apart(layer), layer.cells.centroids[:, 0]
+    proven, x = proven_cells(layer), layer.cells.centroids[:, 0]
     near = np.abs(x - 0.5) < t / 2
     assert not proven[near].any()
     assert proven[~near].mean() > 0.2
@@ -102,7 +102,7 @@ def test_one_folded_prism_is_left_to_the_test():
     D = 0.01 * surface.vertex_normals
     D[100] = -D[100]
     layer, _ = cut_layer(surface, D)
-    proven = apart(layer)
+    proven = proven_cells(layer)
     around = (surface.F == 100).any(axis=1)[layer.parent]
     assert not proven[around].any()
     assert proven.mean() > 0.5
@@ -116,7 +116,7 @@ def test_a_proof_changes_no_solid():
     used[layer.cells.F[kept]] = True
     sheet = Surface(layer.cells.V[used], (np.cumsum(used) - 1)[layer.cells.F[kept]])
     tested = thicken(sheet, layer.carried[used])
-    spared = thicken(sheet, layer.carried[used], proven=apart(layer)[kept])
+    spared = thicken(sheet, layer.carried[used], proven=proven_cells(layer)[kept])
     assert np.array_equal(tested.V, spared.V)
     assert np.array_equal(tested.F, spared.F)
     assert (tested.notes, tested.repairs) == (spared.notes, spared.repairs)
@@ -138,7 +138,7 @@ def test_nothing_depends_on_how_many_are_looked_at_together(monkeypatch):
         offset, bent = offsets(mesh, 0.05), offsets(CASES["crumpled"][0](), 0.05)
         layer, kept = cut_layer(mesh, offset.D)
         results.append(
-            (mesh.areas, offset.D, bent.D, layer.cells.V, layer.cells.F, layer.cells.areas, kept, apart(layer))
+            (mesh.areas, offset.D, bent.D, layer.cells.V, layer.cells.F, layer.cells.areas, kept, proven_cells(layer))
         )
     for one, other in zip(*results, strict=True):
         assert np.array_equal(one, other)

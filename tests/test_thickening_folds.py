@@ -3,7 +3,7 @@
 import numpy as np
 
 from dsfab.surface import Surface
-from dsfab.thickening.repair import flattened, unfolded
+from dsfab.thickening.repair import flatten_contacts, unfold
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin
 from tests.test_thickening import check_sound, made
@@ -36,7 +36,7 @@ def test_a_fold_smaller_than_the_thickness_is_smoothed_and_told():
 
 def test_a_fold_larger_than_the_thickness_is_left_for_the_union():
     plate = folded_plate()
-    sheet = unfolded(plate, np.tile([0, 0, 0.01], (plate.n, 1)))
+    sheet = unfold(plate, np.tile([0, 0, 0.01], (plate.n, 1)))
     assert sheet.V is plate.V
     assert len(sheet.crossing) == len(intersecting_pairs(plate.V, plate.F))
 
@@ -46,11 +46,11 @@ def test_an_offset_that_sees_a_face_from_behind_is_turned_with_its_vertex():
     D = np.tile([0, 0, 0.05], (plate.n, 1))
     at = np.linalg.norm(plate.V - [0.5, 0.5, 0], axis=1).argmin()
     D[at] = [0.02, 0.02, -0.04]
-    skin = Skin.of(plate)
+    skin = Skin.from_surface(plate)
     backslash = skin.shorter_diagonals(plate.V, D)
     pairs = intersecting_pairs(skin.vertices(plate.V, D), skin.faces(backslash))
     assert len(pairs) > 0
-    V, after, left = flattened(plate, skin, D, backslash, pairs)
+    V, after, left = flatten_contacts(plate, skin, D, backslash, pairs)
     assert len(left) == 0
     assert len(intersecting_pairs(skin.vertices(V, after), skin.faces(backslash))) == 0
     assert after[at, 2] > 0

@@ -9,7 +9,7 @@ import trimesh
 
 import dsfab
 from dsfab.core.errors import DsfabError, SolidError
-from dsfab.report.design.facts import facts
+from dsfab.report.design.facts import design_facts
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import edge_table, euler_characteristic, misoriented_edges, pieces
@@ -66,7 +66,7 @@ def test_a_sheet_whose_faces_are_turned_at_random_is_thickened_all_the_same():
 def test_the_closed_projective_plane_has_one_sphere_around_it():
     """Its double cover is a sphere, before what crosses is united."""
     boy = projective_plane()
-    skin = Skin.of(boy)
+    skin = Skin.from_surface(boy)
     F = skin.faces(np.zeros(0, dtype=bool))
     assert len(np.unique(F)) == 2 * boy.n
     assert pieces(F, edge_table(F))[0] == 1
@@ -79,7 +79,7 @@ def test_a_strip_cut_into_stripes_is_sound(phase):
     """Vectors reach the sheet by its cells: seen from a face, they stay half a thickness off its plane."""
     strip, t = moebius(120, 12, 0.8), 0.01
     field = np.sin(3 * strip.V[:, 0] + 2 * strip.V[:, 1] + strip.V[:, 2])
-    sheet = resolve_pinches(cut(strip, [field], [np.linspace(-2, 2, 14) + 0.3 * phase]), t / 2).sheet.kept()
+    sheet = resolve_pinches(cut(strip, [field], [np.linspace(-2, 2, 14) + 0.3 * phase]), t / 2).sheet.subset()
     offset = offsets(strip, t)
     D = sheet.carry_corners(offset.at_corners(strip.F), strip.F)
     assert np.linalg.norm(D, axis=1) == pytest.approx(t / 2, rel=0.02)
@@ -92,7 +92,7 @@ def test_a_strip_cut_into_stripes_is_sound(phase):
 
 def test_carrying_from_corners_is_carrying_where_sides_agree():
     dome = ZOO["dome"]()
-    sheet = cut(dome, [dome.V[:, 0]], [np.linspace(0.1, 0.9, 6)]).kept()
+    sheet = cut(dome, [dome.V[:, 0]], [np.linspace(0.1, 0.9, 6)]).subset()
     x = np.random.default_rng(0).normal(size=(dome.n, 3))
     assert np.allclose(sheet.carry_corners(x[dome.F], dome.F), sheet.carry(x), atol=1e-14)
 
@@ -274,7 +274,7 @@ def test_a_solid_that_still_meets_itself_is_refused_when_asked(tmp_path):
 
 def test_design_json_says_what_was_done(tmp_path):
     design = dsfab.run(near_sheets(tmp_path))
-    told = facts(design, dict(design.seconds), [], [])["thickening"]
+    told = design_facts(design, dict(design.seconds), [], [])["thickening"]
     repairs = design.solid.repairs
     assert told["pairs"] == repairs.pairs > 0
     assert told["found"] >= told["pairs"]
@@ -352,7 +352,7 @@ def test_faces_at_a_vertex_in_which_a_part_only_touches_itself_are_parted():
     fan = Surface(V, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4]]))
     D, share = np.broadcast_to([0.0, 0.0, 0.1], (3, 3, 3)), np.ones(5)
     pinched, whole = (
-        _part(fan, D, Overlap(np.array(faces), V, share), Skin.of(fan))
+        _part(fan, D, Overlap(np.array(faces), V, share), Skin.from_surface(fan))
         for faces in ([True, False, True], [True, True, True])
     )
     assert len(whole.found) == 0

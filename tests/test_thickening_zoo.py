@@ -155,7 +155,7 @@ def fuzzed(seed: int, bases: tuple[Callable[[], Surface], ...] = BASES, most: in
     levels = [np.arange(-6.5, 7, 0.5) + random.choice([0, 0.25]) for _ in range(2)]
     try:
         cells = cut(surface, fields, levels, random.choice([0.05, 0.1]))
-        sheet = resolve_pinches(cells, t / 2, "join" if seed % 2 else "split").sheet.kept()
+        sheet = resolve_pinches(cells, t / 2, "join" if seed % 2 else "split").sheet.subset()
     except PatternError:
         return None
     return thicken(sheet.surface, sheet.carry_corners(offsets(surface, t).at_corners(surface.F), surface.F))

@@ -19,7 +19,7 @@ from dsfab.app.cli import main
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.design import Design
 from dsfab.members import Node, member_graph
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.surface import Surface
 from dsfab.workshop import (
     FlatPart,
@@ -27,14 +27,14 @@ from dsfab.workshop import (
     NestedSheet,
     cut_list,
     cut_list_workbook,
-    nested,
+    nest_parts,
     sheet_parts,
     strip_limits,
     workshop_plan,
 )
-from dsfab.workshop.nesting.skyline import empty_sheet, part_shapes, placed, raster
+from dsfab.workshop.nesting.skyline import column_grid, empty_sheet, part_shapes, place_part
 from dsfab.workshop.parts import GLYPHS, strokes
-from dsfab.workshop.plan import same_parts
+from dsfab.workshop.plan import equal_part_groups
 from dsfab.workshop.plates import FlattenedMesh
 from tests.analytic import SURFACES
 from tests.designs import sliced
@@ -59,7 +59,7 @@ def least_gap(sheets):
     """Metres between any two parts and from parts to the edges of their sheets, by shapely."""
     found = [np.inf]
     for sheet in sheets:
-        placed = [Polygon(one.placed.outline) for one in sheet.parts]
+        placed = [Polygon(one.placed_part.outline) for one in sheet.parts]
         for k, one in enumerate(placed):
             (x0, y0, x1, y1), (a, b) = one.bounds, sheet.size
             found += [x0, y0, a - x1, b - y1, *(one.distance(other) for other in placed[:k])]
@@ -98,7 +98,7 @@ def shelves(parts, size, gap):
 )
 def test_parts_on_sheets_keep_the_gap_whatever_their_bends_and_need_no_more_sheets_than_boxes_in_rows(sizes, gap):
     parts = [bowed(f"P{k}", *size).lying() for k, size in enumerate(sizes)]
-    sheets = nested(parts, STOCK, gap)
+    sheets = nest_parts(parts, STOCK, gap)
     assert sorted(one.part.id for sheet in sheets for one in sheet.parts) == sorted(part.id for part in parts)
     assert least_gap(sheets) >= gap - 1e-9
     assert len(sheets) <= shelves(parts, STOCK[0], gap)
@@ -106,45 +106,45 @@ def test_parts_on_sheets_keep_the_gap_whatever_their_bends_and_need_no_more_shee
 
 def test_strips_of_one_bend_lie_in_each_other_exactly_a_gap_apart():
     parts = [bowed(f"P{k}", 2.4, 0.1, 0.8) for k in range(8)]
-    (sheet,) = nested(parts, STOCK, GAP)
+    (sheet,) = nest_parts(parts, STOCK, GAP)
     assert sum(part.size[1] for part in parts) > 2 * 1.25  # boxes would need three
     assert least_gap([sheet]) == pytest.approx(GAP, abs=1e-6)
 
 
 def test_what_is_short_goes_into_the_gap_below_an_arch():
-    ask = raster(STOCK, GAP)
+    ask = column_grid(STOCK, GAP)
     sheet, arch = empty_sheet((2.5, 0.45), ask), bowed("arch", 2.4, 0.1, 0.8)
-    assert placed(sheet, part_shapes(arch, ask, boxes=False)[:1], ask)
+    assert place_part(sheet, part_shapes(arch, ask, boxes=False)[:1], ask)
     gap = max(sheet.gaps, key=lambda gap: gap.high)
     assert gap.high == pytest.approx(np.ptp(arch.outline[:25, 1]), abs=0.01)  # of its inner edge
     for name, length in (("one", 0.9), ("two", 0.5)):
-        assert placed(sheet, part_shapes(bowed(name, length, 0.08, 0.0), ask, boxes=False), ask)
-        assert sheet.parts[-1].placed.outline[:, 1].max() < sheet.parts[0].placed.outline[:, 1].max() - 0.1
+        assert place_part(sheet, part_shapes(bowed(name, length, 0.08, 0.0), ask, boxes=False), ask)
+        assert sheet.parts[-1].placed_part.outline[:, 1].max() < sheet.parts[0].placed_part.outline[:, 1].max() - 0.1
     assert least_gap([NestedSheet(sheet.size, tuple(sheet.parts))]) >= GAP - 1e-9
 
 
 def test_members_lie_along_the_grain_where_there_is_one():
     parts = [bowed(f"P{k}", 1.0, 0.12, 0.0) for k in range(19)]
-    free, along = nested(parts, [(2.5, 1.1)], GAP), nested(parts, [(2.5, 1.1)], GAP, grain=True)
+    free, along = nest_parts(parts, [(2.5, 1.1)], GAP), nest_parts(parts, [(2.5, 1.1)], GAP, grain=True)
     assert len(free) == 1  # all across
     assert {one.turn for one in free[0].parts} >= {np.pi / 2}
     assert len(along) == 2
     assert {one.turn for sheet in along for one in sheet.parts} <= {0.0, np.pi}
     square = FlatPart("base", "", (0.0, 0.0), np.array([[0, 0], [0.9, 0], [0.9, 2.0], [0, 2.0]]))
-    assert len(nested([square], [(2.5, 1.1)], GAP, grain=True)) == 1  # it is of no member
+    assert len(nest_parts([square], [(2.5, 1.1)], GAP, grain=True)) == 1  # it is of no member
     tall = FlatPart("P", "P", (0.0, 0.0), square.outline)
     with pytest.raises(PatternError, match=r"part P is 0\.9 x 2 m and fits on no sheet .*, along its grain"):
-        nested([tall], [(2.5, 1.1)], GAP, grain=True)
+        nest_parts([tall], [(2.5, 1.1)], GAP, grain=True)
 
 
 def test_a_small_part_goes_on_the_small_stock_and_a_large_one_on_the_large():
     small = [bowed("small", 0.5, 0.1, 0.0)]
-    assert [sheet.size for sheet in nested(small, ((2.5, 1.25), (1.0, 0.5)), GAP)] == [(1.0, 0.5)]
-    assert [sheet.size for sheet in nested([bowed("large", 2, 0.1, 0.0)], ((1.0, 0.5), (2.5, 1.25)), GAP)] == [
+    assert [sheet.size for sheet in nest_parts(small, ((2.5, 1.25), (1.0, 0.5)), GAP)] == [(1.0, 0.5)]
+    assert [sheet.size for sheet in nest_parts([bowed("large", 2, 0.1, 0.0)], ((1.0, 0.5), (2.5, 1.25)), GAP)] == [
         (2.5, 1.25)
     ]
     with pytest.raises(PatternError, match=r"part huge is 3 x 0\.1 m and fits on no sheet .* larger workshop\.stock"):
-        nested([bowed("huge", 3, 0.1, 0.0)], STOCK, GAP)
+        nest_parts([bowed("huge", 3, 0.1, 0.0)], STOCK, GAP)
 
 
 def test_the_parts_of_a_vault_are_all_on_sheets_that_are_well_used(plan):
@@ -161,7 +161,7 @@ def test_sheets_of_a_dome_and_of_a_gridshell_are_well_used(name, edge, most):
     changes = {"workshop.route": "strips"} | ({"surface.edge": edge} if edge else {})
     plan = workshop_plan(sliced(load_preset(name, changes)))
     assert len(plan.sheets) <= most
-    assert plan.used > (0.72 if name == "dome" else 0.62)
+    assert plan.used_share > (0.72 if name == "dome" else 0.62)
     assert least_gap(plan.sheets) >= GAP - 1e-9
 
 
@@ -174,10 +174,10 @@ def test_parts_that_are_one_part_are_counted_once_also_turned_round():
         bowed("b", 1, 0.1, 0.3).moved(np.pi, np.zeros(2)),
         bowed("c", 1, 0.1, 0.31),
     )
-    assert same_parts([one, other, two]) == ((0, 2), (1,))
+    assert equal_part_groups([one, other, two]) == ((0, 2), (1,))
     corners = np.array([[0, 0], [3, 0], [2.5, 1.0]])
-    upper, lower = (FlatPart("t", "t", (0, 0), side).lying() for side in (corners, corners[::-1] * [1, -1]))
-    assert same_parts([upper, lower]) == ((0,), (1,))  # the other face up is another part
+    upper, lower = (FlatPart("t", "t", (0, 0), side).along_x() for side in (corners, corners[::-1] * [1, -1]))
+    assert equal_part_groups([upper, lower]) == ((0,), (1,))  # the other face up is another part
 
 
 def test_covers_have_the_holes_of_the_pieces_that_they_join(plan):
@@ -201,24 +201,24 @@ def test_every_crossing_has_a_hole_in_both_members(vault, plan):
 
 def test_layers_and_packing():
     layering = Layering(0.02, 4, 0.012)
-    assert [layering.height(k) for k in (*layering.numbers("major"), *layering.numbers("minor"))] == pytest.approx(
-        [0.03, -0.01, 0.01, -0.03]
-    )
+    assert [
+        layering.layer_height(k) for k in (*layering.family_layers("major"), *layering.family_layers("minor"))
+    ] == pytest.approx([0.03, -0.01, 0.01, -0.03])
     node = Node("N1", "crossing", ("A", "R"), (0.0, 0.0), 90.0, np.zeros(3), np.array([0, 0, 1.0]), 0.0)
-    assert Layering(0.02, 2, 0.012).packing(node, {"A": "major", "R": "rim"}) == 1
-    assert Layering(0.02, 2, 0.012).packing(node, {"A": "minor", "R": "rim"}) == 0
+    assert Layering(0.02, 2, 0.012).packing_layers(node, {"A": "major", "R": "rim"}) == 1
+    assert Layering(0.02, 2, 0.012).packing_layers(node, {"A": "minor", "R": "rim"}) == 0
 
 
 def test_a_piece_of_a_cylinder_flattens_without_strain_and_of_a_sphere_with_what_its_curvature_asks():
     x, y = np.meshgrid(np.linspace(-0.3, 0.3, 25), np.linspace(-0.3, 0.3, 25))
     plane = Surface(np.c_[x.ravel(), y.ravel(), 0 * x.ravel()], _grid_faces(25))
     rolled = np.c_[np.sin(x.ravel()), y.ravel(), np.cos(x.ravel())]
-    flat = FlattenedMesh.of(rolled, plane.F)
+    flat = FlattenedMesh.from_mesh(rolled, plane.F)
     assert flat.strain < 1e-3
-    assert flat.at(rolled[300]) == pytest.approx(flat.U[300])
+    assert flat.flat_point(rolled[300]) == pytest.approx(flat.U[300])
     assert np.linalg.norm(flat.U[0] - flat.U[-1]) == pytest.approx(np.hypot(0.6, 0.6), rel=1e-3)
     up = np.sqrt(1 - x.ravel() ** 2 - y.ravel() ** 2)
-    assert 0.005 < FlattenedMesh.of(np.c_[x.ravel(), y.ravel(), up], plane.F).strain < 0.05
+    assert 0.005 < FlattenedMesh.from_mesh(np.c_[x.ravel(), y.ravel(), up], plane.F).strain < 0.05
 
 
 def _grid_faces(n):
@@ -259,7 +259,7 @@ def test_limits_of_a_sphere_are_those_of_its_radius():
     assert found.bending == pytest.approx(0.018 / 13, rel=0.08)
     assert found.thickest == pytest.approx(13 * 1.2e-3, rel=0.08)
     assert found.shape == pytest.approx(0.12**2 / 12 / 6.5**2, rel=0.2)
-    assert found.wanted == pytest.approx(np.sqrt(8 * 6.5 * 0.012 / 40), rel=0.05)
+    assert found.wanted_edge == pytest.approx(np.sqrt(8 * 6.5 * 0.012 / 40), rel=0.05)
     told = f"the thickest layer that can be bent is {1000 * found.thickest:.3g} mm"
     assert any(line.startswith("NOT POSSIBLE") and told in line for line in found.lines)
     assert any(line.startswith("NOT TO DRILL FROM") and "surface.edge to 0.12" in line for line in found.lines)
@@ -292,7 +292,7 @@ def test_the_gridshell_as_it_is_shipped_can_be_bent_and_drilled_and_all_its_bolt
     plan = workshop_plan(sliced(load_preset("gridshell")))
     assert not any(note.startswith("NOT") or "not drilled" in note for note in plan.notes)
     assert any("are bent to a strain of 0.16%" in note for note in plan.notes)
-    assert plan.used > 0.62
+    assert plan.used_share > 0.62
 
 
 # --- the command and its files
@@ -335,7 +335,7 @@ def test_the_workbook_says_what_the_cut_list_the_sheets_and_the_graph_say(plan, 
     nests = list(book["nests"].values)[1:]
     assert sorted(row[4] for row in nests) == sorted(part.id for part in plan.parts)
     last = plan.sheets[-1].parts[-1]
-    assert nests[-1][4:7] == (last.part.id, *(1000 * last.placed.outline.min(axis=0)).round(1))
+    assert nests[-1][4:7] == (last.part.id, *(1000 * last.placed_part.outline.min(axis=0)).round(1))
     ((_, *stock),) = list(book["stock"].values)[1:]
     assert stock == [1250, 40, len(plan.sheets), pytest.approx(plan.used, abs=5e-4)]
     nodes = {row[0]: row for row in list(book["nodes"].values)[1:]}
@@ -396,7 +396,7 @@ def test_a_flat_design_is_a_sheet_with_its_openings_and_an_earlier_plan_goes(tmp
 
 def test_a_stock_that_no_piece_of_a_strip_fits_on_is_refused(vault):
     """It cut shorter and shorter pieces without end."""
-    small = Design.of(overridden(vault.preset, {"workshop.stock": [0.1, 0.1]})).until("slicing")
+    small = Design.from_preset(with_overrides(vault.preset, {"workshop.stock": [0.1, 0.1]})).until("slicing")
     with pytest.raises(PatternError, match=r"no piece of A01 .* workshop\.stock"):
         workshop_plan(small)
 

@@ -17,10 +17,10 @@ from dsfab.core.messages import length
 from dsfab.design import Design
 from dsfab.export import flat_dxf
 from dsfab.members import member_graph
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.workshop import Layering, strip_limits, workshop_plan
 from dsfab.workshop.bars import (
-    CLEAR,
+    BAR_CLEARANCE,
     BarEnd,
     BarStock,
     Bay,
@@ -35,7 +35,7 @@ from dsfab.workshop.bars import (
 from dsfab.workshop.bars.joints import Footing, leg_lines, leg_plates
 from dsfab.workshop.files import bar_rows, part_drawing, table_csv
 from dsfab.workshop.parts import polygon_area
-from dsfab.workshop.plan import chosen_route, planned_bars
+from dsfab.workshop.plan import construction_route, design_bars
 from dsfab.workshop.planks.slots import PlankCrossings
 from tests.analytic import SURFACES
 from tests.designs import sliced
@@ -250,8 +250,8 @@ def test_a_corner_is_cut_along_the_plane_between_two_bars():
     up = np.tile([0.0, 0.0, 1.0], (2, 1))
     bay = Bay("A1.1", "A1", (0, 1), (0.0, 1.2), 2 * half)
     bar = LatticeBar(bay, ends, np.array([[0.0, 0, 0], [1.0, 0, 0]]), up, 0.0)
-    part, clear = bar_part(bar, ("N1", "N2"), STOCK), CLEAR * STOCK.bolt
-    corners = part.outline - part.holes[0].at + [STOCK.bolts(bar)[0][0], 0.0]
+    part, clear = bar_part(bar, ("N1", "N2"), STOCK), BAR_CLEARANCE * STOCK.bolt
+    corners = part.outline - part.holes[0].at + [STOCK.bolt_stations(bar)[0][0], 0.0]
     reach = (half * np.cos(g / 2) + clear / 2) / np.sin(g / 2) - e
     wanted = [(clear, -half), (1 - clear, -half), (1 - clear, half), (reach, half)]
     assert len(corners) == 5
@@ -296,7 +296,7 @@ def test_bars_of_a_node_are_clear_of_each_other_and_their_bolts_go_through_both(
             hole = part.holes[0 if side == 0 else -1].at
             way = (part.axis[1] - part.axis[0]) / np.linalg.norm(part.axis[1] - part.axis[0]) * (1 - 2 * side)
             off = part.outline - hole
-            r = off @ way + STOCK.bolts(bar)[0][0]
+            r = off @ way + STOCK.bolt_stations(bar)[0][0]
             y = off @ np.array([-way[1], way[0]])
             for z in (-STOCK.bar / 2, STOCK.bar / 2):
                 V = bar.points[side] - joint.node.point + r[:, None] * d + y[:, None] * np.cross(m, d) + z * m
@@ -334,21 +334,21 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
     graph, statics = vault.members, vault.preset.statics
     limit = statics.strength / statics.young
     limits = strip_limits(graph, vault.surface, 0.04, limit, 0.012)
-    thick = chosen_route(vault, graph, Layering(0.04, 2, 0.012))
+    thick = construction_route(vault, graph, Layering(0.04, 2, 0.012))
     assert thick.name == "bars"
     assert thick.bars.stock.bar == 0.08
     times = max(limits.bending, limits.shape) / limit
     assert f"{times:.1f} times what the material takes" in thick.reason
     assert f"could be bent are {length(0.04 * limit / limits.bending)}" in thick.reason
-    thin = chosen_route(vault, graph, Layering(0.99 * limits.thickest, 2, 0.012))
+    thin = construction_route(vault, graph, Layering(0.99 * limits.thickest, 2, 0.012))
     assert thin.name == "strips"
     assert "can be bent" in thin.reason
-    assert chosen_route(vault, graph, Layering(1.01 * limits.thickest, 2, 0.012)).name == "bars"
-    bolted = Design.of(overridden(vault.preset, {"workshop.bolt": 0.08}), vault).until("slicing")
-    near = chosen_route(bolted, graph, Layering(0.04, 2, 0.08))
+    assert construction_route(vault, graph, Layering(1.01 * limits.thickest, 2, 0.012)).name == "bars"
+    bolted = Design.from_preset(with_overrides(vault.preset, {"workshop.bolt": 0.08}), vault).until("slicing")
+    near = construction_route(bolted, graph, Layering(0.04, 2, 0.08))
     assert near.name == "strips"
-    small = Design.of(overridden(vault.preset, {"workshop.stock": [[2.5, 1.25]]}), vault).until("slicing")
-    long = chosen_route(small, graph, Layering(0.04, 2, 0.012))
+    small = Design.from_preset(with_overrides(vault.preset, {"workshop.stock": [[2.5, 1.25]]}), vault).until("slicing")
+    long = construction_route(small, graph, Layering(0.04, 2, 0.012))
     assert long.name == "strips"
     assert "but bars are longer than the stock (B" in long.reason
     assert "but bars are impossible too" in near.reason
@@ -359,21 +359,23 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
 def test_auto_takes_planks_where_bars_would_leave_the_surface_and_planks_can_be_bent_and_put_on(vault):
     """By more than half of a member's width."""
     graph, statics = vault.members, vault.preset.statics
-    deep = Design.of(overridden(vault.preset, {"workshop.depth": 0.2}), vault).until("slicing")
-    route = chosen_route(deep, graph, Layering(0.04, 2, 0.012))
+    deep = Design.from_preset(with_overrides(vault.preset, {"workshop.depth": 0.2}), vault).until("slicing")
+    route = construction_route(deep, graph, Layering(0.04, 2, 0.012))
     assert route.name == "planks"
-    limit, bends = statics.strength / statics.young, route.planks.found.bends
+    limit, bends = statics.strength / statics.young, route.planks.planks.bends
     assert 0 < max(bends.values()) < limit
-    bars = planned_bars(vault, graph)
-    assert bars.strayed > 0.1  # half of a member's width
-    assert f"bars would leave the surface by up to {length(bars.strayed)}, and members are 200 mm" in route.reason
+    bars = design_bars(vault, graph)
+    assert bars.largest_sagitta > 0.1  # half of a member's width
+    assert (
+        f"bars would leave the surface by up to {length(bars.largest_sagitta)}, and members are 200 mm" in route.reason
+    )
     assert f"bent to {max(bends.values()):.2%}, of {limit:.2%} allowed, cross at 88 degrees" in route.reason
     assert_hindrances(route.planks)
 
 
 def assert_hindrances(plan):
     """What planks would be that cannot be built, in numbers."""
-    assert not plan.hindrance
+    assert not plan.obstacle
     bend = max(plan.found.bends.values())
     assert replace(plan, limit=0.9 * bend).hindrance.startswith(f"would be bent across themselves to {bend:.2%}, of")
     for changes, said in (
@@ -429,9 +431,11 @@ def test_a_plate_below_strips_has_a_hole_for_the_bolt_of_its_node_and_two_for_an
 
 def test_plates_of_a_vault_have_legs_along_its_springing_as_steep_as_the_arch_is_there(vault):
     """An arch of 2.5 m over 8 m: at half of the band from its edge it falls by acos(1 - 2.5 / R) - band / 2R."""
-    asked = Design.of(overridden(vault.preset, {"workshop.route": "bars", "workshop.anchor": 0.016}), vault)
-    plan, R = planned_bars(asked.until("slicing"), vault.members), (4**2 + 2.5**2) / 5
-    legs = [joint for joint in plan.found.joints if joint.leg]
+    asked = Design.from_preset(
+        with_overrides(vault.preset, {"workshop.route": "bars", "workshop.anchor": 0.016}), vault
+    )
+    plan, R = design_bars(asked.until("slicing"), vault.members), (4**2 + 2.5**2) / 5
+    legs = [joint for joint in plan.bar_lattice.joints if joint.leg]
     assert len(legs) > 20
     assert not plan.legless
     assert all(abs(abs(joint.node.point[0]) - 4) < 0.2 or abs(abs(joint.node.point[1]) - 4) < 0.2 for joint in legs)
@@ -470,12 +474,12 @@ def test_the_command_writes_bars_as_drawings_lists_and_documents_and_the_same_tw
 
 
 def test_bars_of_a_model_and_bars_longer_than_the_stock_are_refused_in_a_sentence(vault):
-    model = Design.of(overridden(vault.preset, {"workshop.route": "bars", "workshop.model": 50}), vault).until(
-        "slicing"
-    )
+    model = Design.from_preset(
+        with_overrides(vault.preset, {"workshop.route": "bars", "workshop.model": 50}), vault
+    ).until("slicing")
     with pytest.raises(PatternError, match="a model is built of strips"):
         workshop_plan(model)
     stock = {"workshop.route": "bars", "workshop.stock": [[2.5, 1.25]]}
-    short = Design.of(overridden(vault.preset, stock), vault).until("slicing")
+    short = Design.from_preset(with_overrides(vault.preset, stock), vault).until("slicing")
     with pytest.raises(PatternError, match=r"part B\d+\.\d is 2\.\d+ x 0\.2\d* m and fits on no sheet"):
         workshop_plan(short)

@@ -5,7 +5,7 @@ import pytest
 from shapely import Polygon
 
 from dsfab.workshop.development import StripCourse
-from dsfab.workshop.layers import stopped_courses
+from dsfab.workshop.layers import shortened_courses
 
 WIDTH, INNER, OUTER, RING, PAST = 0.1, 0.15, 2.0, 0.8, 0.036
 
@@ -37,7 +37,7 @@ def crown(count):
 def test_as_many_go_on_as_there_is_room_for_and_others_stop_at_their_last_node(count):
     """Two ends at a radius r, m of n meridians apart, are 2 r sin(pi m / n) from each other."""
     courses, nodes = crown(count)
-    stopped = stopped_courses(courses, nodes, set(), PAST)
+    stopped = shortened_courses(courses, nodes, set(), PAST)
     apart = next(m for m in range(1, count) if 2 * INNER * np.sin(np.pi * m / count) > 0.98 * WIDTH)
     assert count - len(stopped) == count // apart
     assert [one.end for one in stopped.values()] == pytest.approx(np.full(len(stopped), OUTER - RING + PAST))
@@ -48,15 +48,15 @@ def test_as_many_go_on_as_there_is_room_for_and_others_stop_at_their_last_node(c
 
 def test_strips_that_are_apart_or_notched_at_a_node_stay_as_they_are():
     courses, nodes = crown(8)
-    assert stopped_courses(courses, nodes, set(), PAST) == {}
+    assert shortened_courses(courses, nodes, set(), PAST) == {}
     courses, nodes = crown(24)
     every = {frozenset((one, other)) for one in courses for other in courses}
-    assert stopped_courses(courses, nodes, every, PAST) == {}
+    assert shortened_courses(courses, nodes, every, PAST) == {}
 
 
 def test_without_a_node_before_they_stop_where_they_would_touch():
     courses, _ = crown(24)
-    stopped = stopped_courses(courses, {name: [] for name in courses}, set(), PAST)
+    stopped = shortened_courses(courses, {name: [] for name in courses}, set(), PAST)
     for one in stopped.values():
         radius = OUTER - one.end
         assert INNER < radius < 0.98 * WIDTH / (2 * np.sin(np.pi / 24)) + WIDTH

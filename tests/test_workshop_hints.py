@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dsfab.workshop import FlatPart, Hole, nested
-from dsfab.workshop.nesting import stacked
-from dsfab.workshop.stock import narrowed, sheet_hints
+from dsfab.workshop import FlatPart, Hole, nest_parts
+from dsfab.workshop.nesting import stack_parts
+from dsfab.workshop.stock import narrow_strip, sheet_hints
 from tests.test_workshop import least_gap
 
 GAP = 0.008
@@ -21,7 +21,7 @@ def strips(count, long, wide, bolt=0.012):
 
 
 def hints(parts, stock, gap=GAP):
-    return sheet_hints(parts, nested(parts, stock, gap), stock, gap)
+    return sheet_hints(parts, nest_parts(parts, stock, gap), stock, gap)
 
 
 def test_strips_that_are_a_little_too_wide_for_one_more_row():
@@ -58,17 +58,17 @@ def test_strips_of_several_widths_are_told_by_a_share():
 
 def test_a_narrower_strip_keeps_its_axis_and_a_plate_stays():
     (part,) = strips(1, 2.4, 0.2)
-    slim = narrowed(part, 0.9)
+    slim = narrow_strip(part, 0.9)
     assert slim.size == pytest.approx([2.4, 0.18])
     assert slim.area == pytest.approx(0.9 * part.area)
     assert np.array_equal(slim.axis, part.axis)
     plate = FlatPart("disc 1", "disc 1", (0.0, 0.0), part.outline)
-    assert narrowed(plate, 0.9) is plate
+    assert narrow_strip(plate, 0.9) is plate
 
 
 def test_nests_of_narrower_strips_keep_the_gap():
-    parts = [narrowed(part, 0.95) for part in strips(11, 2.4, 0.2)]
-    sheets = nested(parts, [(2.5, 1.25)], GAP)
+    parts = [narrow_strip(part, 0.95) for part in strips(11, 2.4, 0.2)]
+    sheets = nest_parts(parts, [(2.5, 1.25)], GAP)
     assert len(sheets) == 2
     assert least_gap(sheets) >= GAP - 1e-9
 
@@ -86,10 +86,10 @@ def bent(count):
 
 def test_a_nest_is_given_up_only_where_its_sheets_are_too_many():
     parts, stock = bent(40)[::2], [(2.2, 0.6)]
-    count = len(stacked(parts, stock, GAP, 40))
-    assert len(stacked(parts, stock, GAP, count)) == count > 1
-    assert stacked(parts, stock, GAP, count - 1) is None
+    count = len(stack_parts(parts, stock, GAP, 40))
+    assert len(stack_parts(parts, stock, GAP, count)) == count > 1
+    assert stack_parts(parts, stock, GAP, count - 1) is None
 
 
 def test_parts_keep_the_gap_whichever_way_their_outlines_run():
-    assert least_gap(nested(bent(20), [(2.2, 0.6)], GAP)) >= GAP - 1e-9
+    assert least_gap(nest_parts(bent(20), [(2.2, 0.6)], GAP)) >= GAP - 1e-9

@@ -9,7 +9,7 @@ from shapely import Polygon, unary_union
 from dsfab.core.errors import PatternError
 from dsfab.design import Design
 from dsfab.members import member_graph
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.surface import Surface
 from dsfab.workshop import Layering, SheetJoint, sheet_parts, strip_parts, workshop_plan
 from dsfab.workshop.planks import PlankStock, plank_plan
@@ -160,15 +160,15 @@ def test_strips_and_planks_are_scarfed_by_eight_thicknesses():
     assert all(max(part.size) < 2.49 for part in strips.pieces)
     stock = PlankStock(0.018, 0.12, 0.012, "scarf", (0.02, 0.008))
     planks = plank_plan(graph, np.tile([0.0, 0.0, 1.0], (graph.sheet.surface.n, 1)), stock, [(2.484, 1.234)], 0.0)
-    assert not planks.found.covers
-    assert_scarfed(planks.found.pieces, 0.12, 8 * 0.018)
+    assert not planks.planks.covers
+    assert_scarfed(planks.planks.pieces, 0.12, 8 * 0.018)
     assert any("pieces overlap by 144 mm and are bevelled 1 to 8" in line for line in planks.lines)
 
 
 def test_fingers_are_for_flat_sheets():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
-    asked = Design.of(overridden(vault.preset, {"workshop.splice": "fingers"}), vault).until("slicing")
+    asked = Design.from_preset(with_overrides(vault.preset, {"workshop.splice": "fingers"}), vault).until("slicing")
     with pytest.raises(PatternError, match="'fingers' is for flat sheets, and this design has members"):
         workshop_plan(asked)
-    asked = Design.of(overridden(vault.preset, {"workshop.splice": "scarf"}), vault).until("slicing")
+    asked = Design.from_preset(with_overrides(vault.preset, {"workshop.splice": "scarf"}), vault).until("slicing")
     assert any("40 mm and are" in note or "bevelled 1 to 8" in note for note in workshop_plan(asked).notes)

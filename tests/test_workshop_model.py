@@ -15,17 +15,17 @@ from shapely.ops import unary_union
 from dsfab.app.cli import main
 from dsfab.preset.file import load_preset
 from dsfab.report.assembly.book import book_pages
-from dsfab.report.assembly.paper import HIGH, WIDE
+from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH
 from dsfab.workshop import Layering, member_course, strip_limits, strip_parts, workshop_plan
-from dsfab.workshop.card_models import LETTERS, model_notes, scaled_graph, scaled_surface
-from dsfab.workshop.ground import Ground, StripFoot, base_parts, clipped_polygon
-from dsfab.workshop.layers import END
+from dsfab.workshop.card_models import MODEL_LETTERS, model_notes, scaled_graph, scaled_surface
+from dsfab.workshop.ground import BasePlane, StripFoot, base_parts, clipped_polygon
+from dsfab.workshop.layers import END_DISTANCE
 from tests.designs import sliced
 from tests.test_report_assembly import Recorder
 from tests.test_workshop import drawn, least_gap
 from tests.test_workshop_strips import SURFACES, Bent, ReadPart, graph_of
 
-CARD = Layering(0.001, 2, 0.0006, ("keep",), LETTERS)
+CARD = Layering(0.001, 2, 0.0006, ("keep",), MODEL_LETTERS)
 A3 = [(0.418, 0.295)]
 MODEL = {"model": 50, "stock": [0.42, 0.297], "thickness": 0.001, "bolt": 0.0006, "gap": 0.001}
 UP = np.array([0.0, 0.0, 1.0])
@@ -42,7 +42,9 @@ def vault():
 def read_in_space(part, graph, layering, folder):
     """A part as ezdxf reads it, and its holes and its outline bent onto the member in space, metres."""
     read = ReadPart(part, folder)
-    course = member_course(graph, graph.by_id[part.member], END * layering.bolt, 2 * layering.half_cover)
+    course = member_course(
+        graph, graph.by_id[part.member], END_DISTANCE * layering.bolt, 2 * layering.half_cover_length
+    )
     reach = part.span[0] - 2 * layering.thickness, part.span[1] + 2 * layering.thickness
     curve = Bent(course, part.layer, part.span)
     wide = Bent(course, part.layer, reach)
@@ -178,8 +180,8 @@ def test_a_plate_larger_than_the_stock_is_in_pieces_that_have_all_of_its_slots()
     made, _ = graph_of("cylinder", 0.4)
     surface = scaled_surface(made.surface, 50)
     held = surface.V[np.abs(surface.V[:, 2] - surface.V[:, 2].min()) < 1e-9]
-    ground = Ground(held[0], UP, held, 0.01, 0.001, 1e-4)
-    low = ground.plan(held).min(axis=0)
+    ground = BasePlane(held[0], UP, held, 0.01, 0.001, 1e-4)
+    low = ground.plan_view(held).min(axis=0)
     square = np.array([[0.0, 0.0], [0.004, 0.0], [0.004, 0.002], [0.0, 0.002]])
     none = np.zeros(4)
     feet = [(f"B{k}", StripFoot(none, none, np.zeros(2), square + low + [0.011 * k, 0.0], True)) for k in range(9)]
@@ -216,7 +218,7 @@ def test_card_on_a_sphere_is_bent_by_half_its_thickness_over_the_radius_and_narr
 def test_packing_fills_the_layers_between_members():
     _, plan = vault()
     families = {member.id: member.family for member in plan.graph.members}
-    wanted = sum(plan.layering.packing(node, families) for node in plan.graph.nodes if node.kind != "grazing")
+    wanted = sum(plan.layering.packing_layers(node, families) for node in plan.graph.nodes if node.kind != "grazing")
     squares = [part for part in plan.parts if ".p" in part.id]
     assert len(squares) == wanted > 0
     assert all(len(part.holes) == 1 for part in squares)
@@ -241,7 +243,7 @@ def test_the_page_for_model_makers_names_the_plate_and_stays_on_the_paper():
     assert (
         "Layers from the inside: what is kept around supports and loads (ring, band), then rim, then B, then A" in words
     )
-    assert all(x >= 0 and x + wide <= WIDE and 0 <= y <= HIGH for _, x, y, wide, _ in paper.words)
+    assert all(x >= 0 and x + wide <= PAPER_WIDTH and 0 <= y <= PAPER_HEIGHT for _, x, y, wide, _ in paper.words)
     for (_, _, y, *_), (_, _, below, *_) in pairwise(paper.words[:-1]):
         assert below <= y + 1e-9
 
@@ -287,7 +289,7 @@ def test_sheets_of_the_stock_are_named_or_measured(text, size):
     from dsfab.app.options import UNCHANGED
     from dsfab.app.workshop import options_source
 
-    found = options_source(UNCHANGED, "1:50", text, "1.5mm").sets()
+    found = options_source(UNCHANGED, "1:50", text, "1.5mm").set_values()
     assert found["workshop.stock"] == pytest.approx(list(size))
     assert found["workshop.thickness"] == 0.0015
     assert found["workshop.model"] == 50

@@ -9,10 +9,10 @@ from shapely import Polygon
 from dsfab.core.errors import PatternError
 from dsfab.design import Design
 from dsfab.members import member_graph
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.report.assembly import assembly_page, assembly_pdf
 from dsfab.workshop import workshop_plan
-from dsfab.workshop.card_models import NEAR, ROOT, TIP, panel_parts, scaled_graph
+from dsfab.workshop.card_models import ROOT_SHARE, TAB_GAP_SHARE, TIP_SHARE, panel_parts, scaled_graph
 from tests.analytic import SURFACES, WIDTH
 from tests.designs import sliced
 
@@ -33,8 +33,8 @@ def panels_of(name):
 @pytest.mark.parametrize(("name", "bay"), [("cylinder", 0.8), ("sphere", 0.65)])
 def test_panels_end_at_the_edges_of_what_goes_through_and_tabs_before_its_middle(name, bay):
     """Between two stripes of .12 m a panel is bay - .12 long, and its tabs come to .15 of .06 from both middles."""
-    tab = (1 - NEAR) * WIDTH / 2 * (ROOT + TIP) / 2 * WIDTH
-    long, area = bay - NEAR * WIDTH, (bay - WIDTH) * WIDTH + 2 * tab
+    tab = (1 - TAB_GAP_SHARE) * WIDTH / 2 * (ROOT_SHARE + TIP_SHARE) / 2 * WIDTH
+    long, area = bay - TAB_GAP_SHARE * WIDTH, (bay - WIDTH) * WIDTH + 2 * tab
     inner = [part for part in panels_of(name).parts if part.member[0] == "B" and is_inner(part)]
     assert len(inner) > 40
     sizes, areas = 50 * np.array([part.size[0] for part in inner]), 2500 * np.array([part.area for part in inner])
@@ -69,10 +69,12 @@ def test_all_panels_are_simple_and_those_that_go_through_are_whole(name):
 def test_a_vault_of_panels_has_its_pages_and_panels_are_for_models():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     with pytest.raises(PatternError, match="panels with tabs are for models in card: give --model 1:50"):
-        workshop_plan(Design.of(overridden(vault.preset, {"workshop.route": "panels"}), vault).until("slicing"))
+        workshop_plan(
+            Design.from_preset(with_overrides(vault.preset, {"workshop.route": "panels"}), vault).until("slicing")
+        )
     card = {"stock": [0.42, 0.297], "thickness": 0.001, "bolt": 0.0006, "gap": 0.001, "model": 50, "route": "panels"}
-    asked = overridden(vault.preset, {f"workshop.{key}": value for key, value in card.items()})
-    design = Design.of(asked, vault).until("slicing")
+    asked = with_overrides(vault.preset, {f"workshop.{key}": value for key, value in card.items()})
+    design = Design.from_preset(asked, vault).until("slicing")
     plan = workshop_plan(design)
     assert any("panels in one skin" in note for note in plan.notes)
     assert not any(part.holes for part in plan.parts)

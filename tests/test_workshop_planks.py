@@ -14,13 +14,13 @@ from dsfab.core.errors import PatternError
 from dsfab.design import Design
 from dsfab.export import flat_dxf
 from dsfab.members import member_graph
-from dsfab.preset.file import load_preset, overridden
-from dsfab.workshop import refolded, workshop_plan
+from dsfab.preset.file import load_preset, with_overrides
+from dsfab.workshop import refolded_plan, workshop_plan
 from dsfab.workshop.bodies import strip_body
 from dsfab.workshop.files import part_drawing
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.planks import PlankStock, plank_courses, plank_plan, slot_width, standing_order
-from dsfab.workshop.planks.slots import SLIDE, spread
+from dsfab.workshop.planks.slots import SLIDE_ANGLE, largest_deviation
 from tests.analytic import SURFACES
 from tests.designs import sliced
 
@@ -95,7 +95,7 @@ def test_twisted_edges_are_longer_than_drawn_as_a_helix_says():
 def test_a_slot_opens_by_what_the_way_leans_to_each_plank():
     crossing = plan_of("hypar").found.crossings.found[7]
     one, two = crossing.ways
-    lower, upper = crossing.leans(crossing.normal + 0.1 * one - 0.2 * two)
+    lower, upper = crossing.slot_leans(crossing.normal + 0.1 * one - 0.2 * two)
     assert (lower, upper) == (pytest.approx(0.1), pytest.approx(0.2))
 
 
@@ -181,14 +181,14 @@ def body(strip, shift=(0, 0, 0)):
 @pytest.mark.parametrize("name", ["sphere", "hypar"])
 def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
     """Bodies of planks as thick as they are: the upper one, off by some of the way on which it comes, meets none."""
-    plan, strips = plan_of(name), {one.id: one for one in refolded(whole_of(name)).strips}
+    plan, strips = plan_of(name), {one.id: one for one in refolded_plan(whole_of(name)).strips}
     pieces = [part for part in plan.found.pieces if part.member[0] == "B"]
     upper = max(pieces, key=lambda part: plan.found.steep[part.id])  # of many slots
     here = [one for one in plan.found.crossings.found if one.members[1] == upper.member]
     here = [one for one in here if upper.span[0] <= one.at[1] <= upper.span[1]]
     normals = np.array([one.normal for one in here])
     assert len(here) > 2
-    assert np.radians(4) < spread(normals) <= SLIDE + 1e-9
+    assert np.radians(4) < largest_deviation(normals) <= SLIDE_ANGLE + 1e-9
     i, j = np.unravel_index((normals @ normals.T).argmin(), (len(here),) * 2)
     way = (normals[i] + normals[j]) / np.linalg.norm(normals[i] + normals[j])
     lower = [
@@ -211,12 +211,12 @@ def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
 def test_arches_stand_first_and_purlins_are_put_on_them():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     assert [one for one in standing_order(vault.members, UP) if one in ("major", "minor")] == ["minor", "major"]
-    thick = overridden(vault.preset, {"workshop.route": "planks", "workshop.depth": 0.1})
+    thick = with_overrides(vault.preset, {"workshop.route": "planks", "workshop.depth": 0.1})
     with pytest.raises(PatternError, match=r"100 mm deep of boards 80 mm thick do not stand upright: set workshop\.t"):
-        workshop_plan(Design.of(thick, vault).until("slicing"))
-    model = overridden(vault.preset, {"workshop.route": "planks", "workshop.model": 50})
+        workshop_plan(Design.from_preset(thick, vault).until("slicing"))
+    model = with_overrides(vault.preset, {"workshop.route": "planks", "workshop.model": 50})
     with pytest.raises(PatternError, match="a model is built of strips"):
-        workshop_plan(Design.of(model, vault).until("slicing"))
+        workshop_plan(Design.from_preset(model, vault).until("slicing"))
 
 
 @pytest.mark.slow
@@ -231,9 +231,11 @@ def test_planks_of_a_vault_stand_on_the_ground_and_its_files_are_the_same_twice(
     one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
     assert one == two
     assert {"nest.dxf", "assembly.pdf", "index.html", "members.ifc", "cutlist.csv"} <= set(one)
-    design = Design.of(load_preset("barrel_vault", dict(change.split("=") for change in changes))).until("slicing")
+    design = Design.from_preset(load_preset("barrel_vault", dict(change.split("=") for change in changes))).until(
+        "slicing"
+    )
     plan = workshop_plan(design)
-    arches = [strip for strip in refolded(plan).strips if strip.member[0] == "B" and ".c" not in strip.id]
+    arches = [strip for strip in refolded_plan(plan).strips if strip.member[0] == "B" and ".c" not in strip.id]
     low = np.array([strip.edges[..., 2].min() for strip in arches])
     assert np.sum(low < 0.1) == 24  # both ends of twelve arches
     assert np.abs(low[low < 0.1]).max() < 5e-3  # the springing lines are at z = 0

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from dsfab.core.errors import PresetError
 from dsfab.design import Design
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.report.assembly.flat_parts import sheet_figures
-from dsfab.workshop import FlatPart, cut_list, cut_list_workbook, nested, stock_cost, stock_words, workshop_plan
+from dsfab.workshop import FlatPart, cut_list, cut_list_workbook, nest_parts, stock_cost, stock_words, workshop_plan
 from tests.designs import sliced
 from tests.test_workshop import least_gap
 
@@ -36,16 +36,16 @@ def strips(count, long=1.0, wide=0.1):
 )
 def test_sheets_are_those_that_cost_least_together(large, small, words):
     """Along the grain: (.6 - .008) / .108 = 5.5 rows, and (1.25 - .008) / .108 = 11.5 rows of two."""
-    assert stock_words(nested(strips(25), (LARGE, SMALL), GAP, True, (large, small))) == words
+    assert stock_words(nest_parts(strips(25), (LARGE, SMALL), GAP, True, (large, small))) == words
 
 
 def test_what_fits_on_no_small_sheet_takes_a_large_one_and_fills_it():
     """A row of 2.2 m leaves room for ten more rows of two: the small sheet holds what is left."""
     parts = strips(1, 2.2) + strips(25)
-    sheets = nested(parts, (SMALL, LARGE), GAP, True, (12, 40))
+    sheets = nest_parts(parts, (SMALL, LARGE), GAP, True, (12, 40))
     assert stock_words(sheets) == "1 of 1.25 x 0.6 m at 12, 1 of 2.5 x 1.25 m at 40"
     assert stock_cost(sheets) == 52
-    assert stock_words(nested(parts, (SMALL, LARGE), GAP, True)) == "1 of 1.25 x 0.6 m, 1 of 2.5 x 1.25 m"
+    assert stock_words(nest_parts(parts, (SMALL, LARGE), GAP, True)) == "1 of 1.25 x 0.6 m, 1 of 2.5 x 1.25 m"
 
 
 @settings(max_examples=8, deadline=None)
@@ -55,11 +55,11 @@ def test_what_fits_on_no_small_sheet_takes_a_large_one_and_fills_it():
 )
 def test_two_sizes_never_cost_more_than_one_of_them_and_keep_the_gap(sizes, prices):
     parts = [strips(k + 1, *size)[-1] for k, size in enumerate(sizes)]
-    both = nested(parts, (LARGE, SMALL), GAP, prices=prices)
+    both = nest_parts(parts, (LARGE, SMALL), GAP, prices=prices)
     assert sorted(one.part.id for sheet in both for one in sheet.parts) == sorted(part.id for part in parts)
     assert least_gap(both) >= GAP - 1e-9
     for size, price in zip((LARGE, SMALL), prices, strict=True):
-        assert stock_cost(both) <= stock_cost(nested(parts, [size], GAP, prices=[price])) + 1e-6
+        assert stock_cost(both) <= stock_cost(nest_parts(parts, [size], GAP, prices=[price])) + 1e-6
 
 
 @pytest.mark.slow
@@ -68,8 +68,8 @@ def test_parts_are_cut_for_shorter_sheets_where_long_ones_are_dear():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5, "workshop.route": "strips"}))
     stock, plans = [[6, 1.25], [2.5, 1.25]], {}
     for prices in ([60, 45], [500, 45]):
-        asked = overridden(vault.preset, {"workshop.stock": stock, "workshop.prices": prices})
-        plans[prices[0]] = workshop_plan(Design.of(asked, vault))
+        asked = with_overrides(vault.preset, {"workshop.stock": stock, "workshop.prices": prices})
+        plans[prices[0]] = workshop_plan(Design.from_preset(asked, vault))
     fair, dear = plans[60], plans[500]
     assert max(part.size[0] for part in fair.parts) > 2.5
     assert {sheet.size for sheet in dear.sheets} == {(2.5, 1.25)}
@@ -80,7 +80,7 @@ def test_parts_are_cut_for_shorter_sheets_where_long_ones_are_dear():
     rows = list(csv.DictReader(io.StringIO(cut_list(dear))))
     assert sum(float(row["cost"]) for row in rows) == pytest.approx(cost, abs=0.005 * len(rows))
     (bought,) = list(openpyxl.load_workbook(io.BytesIO(cut_list_workbook(dear)))["stock"].values)[1:]
-    assert bought[3:] == (len(dear.sheets), pytest.approx(dear.used, abs=5e-4), 45, cost)
+    assert bought[3:] == (len(dear.sheets), pytest.approx(dear.used_share, abs=5e-4), 45, cost)
 
 
 @pytest.mark.parametrize(

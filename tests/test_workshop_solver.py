@@ -14,8 +14,8 @@ from dsfab.core.errors import PatternError
 from dsfab.design import Design
 from dsfab.export import ProgramError
 from dsfab.preset.file import load_preset
-from dsfab.workshop import nested, workshop_plan
-from dsfab.workshop.nesting import NestedPart, NestedSheet, emptied
+from dsfab.workshop import nest_parts, workshop_plan
+from dsfab.workshop.nesting import NestedPart, NestedSheet, with_fewer_sheets
 from dsfab.workshop.nesting import sheets as emptying
 from dsfab.workshop.nesting.sheets import least_clearance, polygon_distance
 from tests.test_workshop import bowed, least_gap
@@ -57,7 +57,7 @@ def test_what_the_solver_says_is_taken_where_it_holds(monkeypatch):
         return json.dumps([[0, 0.0, 0.6, 0.1], [1, -180.0, 0.6, 0.3]])
 
     monkeypatch.setattr(emptying, "last_line", says)
-    (sheet,) = emptied(two_sheets(), GAP)
+    (sheet,) = with_fewer_sheets(two_sheets(), GAP)
     assert [round(one.turn, 9) for one in sheet.parts] == [0, round(np.pi, 9)]
     assert least_gap([sheet]) == pytest.approx(0.05)
 
@@ -83,12 +83,12 @@ def test_sheets_stay_as_they_are_where_it_does_not_hold_or_nothing_comes(said, m
 
     monkeypatch.setattr(emptying, "last_line", says)
     before = two_sheets()
-    assert emptied(before, GAP) == before
+    assert with_fewer_sheets(before, GAP) == before
 
 
 def test_without_the_library_one_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    design = Design.of(load_preset("cantilever", {"workshop.nesting": "spyrrow"}))
+    design = Design.from_preset(load_preset("cantilever", {"workshop.nesting": "spyrrow"}))
     with pytest.raises(
         PatternError, match=r"needs the library spyrrow; install it with: pip install .dsfab\[nesting\]"
     ):
@@ -99,8 +99,8 @@ def test_without_the_library_one_sentence_says_what_to_install(monkeypatch):
 def test_spyrrow_empties_a_sheet_keeps_the_gap_and_says_the_same_twice():
     pytest.importorskip("spyrrow")
     parts = [bowed(f"P{k}", 2.2, 0.12, 0.3) for k in range(4)] + [bowed(f"Q{k}", 0.4, 0.1, 0.0) for k in range(8)]
-    sheets = [sheet for some in (parts[:-3], parts[-3:]) for sheet in nested(some, [SIZE], GAP)]
-    once, again = (emptied(sheets, GAP, grain=True) for _ in range(2))
+    sheets = [sheet for some in (parts[:-3], parts[-3:]) for sheet in nest_parts(some, [SIZE], GAP)]
+    once, again = (with_fewer_sheets(sheets, GAP, grain=True) for _ in range(2))
     assert (len(sheets), len(once)) == (2, 1)
     assert sorted(one.part.id for one in once[0].parts) == sorted(part.id for part in parts)
     assert least_gap(once) >= GAP - 1e-9

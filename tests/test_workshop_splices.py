@@ -23,7 +23,7 @@ def test_the_longest_piece_that_fits_does_so_as_it_lies(wide):
     fits = strip_fits(layer, ROOM)
     for begin in (0.0, 1.0, 3.0):
         end = max(x for x in np.linspace(begin + 2.2, begin + 2.49, 291) if fits(begin, float(x)))
-        axis = layer.at(layer.stations(begin, end))[0]
-        part = FlatPart("A", "A", (begin, end), layer.outline(begin, end), (), (), (), 0.0, 0.0, axis).lying()
+        axis = layer.middle_line_at(layer.stations(begin, end))[0]
+        part = FlatPart("A", "A", (begin, end), layer.outline(begin, end), (), (), (), 0.0, 0.0, axis).along_x()
         assert part.size[0] <= ROOM[0][0]
         assert part.size[0] > ROOM[0][0] - 0.002

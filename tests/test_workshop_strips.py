@@ -54,7 +54,7 @@ def test_a_strip_that_curls_up_at_its_end_is_built_up_to_there():
     found = strip_parts(graph, LAYERING, STOCK, splice="cover")
     course = member_course(graph, member, 0.1, 0.1)
     assert (course.begin, course.end) == pytest.approx((0, 5.85), abs=0.02)
-    assert found.stopped == ["A1"]
+    assert found.shortened == ["A1"]
     assert len(found.pieces) == 3
     assert sum(float(np.ptp(piece.axis[:, 0])) for piece in found.pieces) == pytest.approx(5.85, abs=0.02)
     assert not is_strip(hook(0.2, 3.0))
@@ -68,7 +68,7 @@ def test_a_plank_that_curls_up_at_its_end_stops_there_and_is_told(member, stoppe
     graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), (member,), ())
     stock = PlankStock(0.018, 0.12, 0.012, "cover", (0.02, 0.008))
     plan = plank_plan(graph, np.tile([0.0, 0.0, 1.0], (graph.sheet.surface.n, 1)), stock, STOCK, 0.0)
-    assert plan.found.stopped == stopped
+    assert plan.planks.shortened == stopped
     assert max(part.span[1] for part in plan.parts) == pytest.approx(5.85 if stopped else 6, abs=0.02)
     assert any("A1 stops before its ends" in line and "curl up" in line for line in plan.lines) == bool(stopped)
 
@@ -88,7 +88,7 @@ def test_a_strip_between_two_others_of_which_nothing_is_left_is_not_built_and_to
     members = (straight("A1", (0, 0), 6), straight("A2", (6 + long, 0), 6), straight("A3", (6, 0.1), long))
     graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), members, ())
     found = strip_parts(graph, LAYERING, STOCK, splice="cover")
-    assert (found.stopped, found.gone) == ((["A3"], []) if built else ([], ["A3"]))
+    assert (found.shortened, found.vanished) == ((["A3"], []) if built else ([], ["A3"]))
     assert {part.member for part in found.pieces} == {"A1", "A2"} | ({"A3"} if built else set())
     stock = PlankStock(0.195, 0.2, 0.012, "cover", (0.02, 0.008))
     plan = plank_plan(graph, np.tile([0.0, 0.0, 1.0], (graph.sheet.surface.n, 1)), stock, STOCK, 0.0)
@@ -157,7 +157,7 @@ class Bent:
 def bent(part, graph, folder):
     """A part read from its file and what it becomes in space, with its course."""
     read = ReadPart(part, folder)
-    course = member_course(graph, graph.by_id[part.member], 3 * LAYERING.bolt, 2 * LAYERING.half_cover)
+    course = member_course(graph, graph.by_id[part.member], 3 * LAYERING.bolt, 2 * LAYERING.half_cover_length)
     curve = Bent(course, part.layer, part.span)
     drawn = np.linalg.norm(np.diff(read.axis, axis=0), axis=1).sum()
     assert drawn == pytest.approx(curve.long[-1], abs=3e-4)  # a chord is shorter than its arc
@@ -233,13 +233,13 @@ def bays_of(name, edge, layering=LAYERING):
     for part in parts_of(name, edge, layering).pieces:
         member = graph.by_id[part.member]
         if (part.member, part.layer) not in layers:
-            course = member_course(graph, member, 3 * layering.bolt, 2 * layering.half_cover)
+            course = member_course(graph, member, 3 * layering.bolt, 2 * layering.half_cover_length)
             layers[part.member, part.layer] = Development(course, part.layer)
         layer, known = layers[part.member, part.layer], []
         for hole in part.holes:
             if hole.bolt in nodes and nodes[hole.bolt].kind == "crossing":
                 node = nodes[hole.bolt]
-                s, _ = layer.place(node.point, node.normal, node.at[node.members.index(member.id)])
+                s, _ = layer.piercing_point(node.point, node.normal, node.at[node.members.index(member.id)])
                 other = graph.by_id[next(one for one in node.members if one != member.id)]
                 if ASIDE < s < member.length - ASIDE:
                     known.append((s, other.stripe, hole))

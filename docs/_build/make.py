@@ -23,10 +23,10 @@ import dsfab
 from docs._build.drawings import CONCEPTS
 from docs._build.wires import drawn
 from dsfab.app.cli import main
-from dsfab.app.editor.workspace import Opened
-from dsfab.core.arrays import from_segments
+from dsfab.app.editor.workspace import OpenedPreset
+from dsfab.core.arrays import distances_from_segments
 from dsfab.design.log import silent
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.render.design_picture import caption
 from dsfab.render.lettering import PAPER
 from dsfab.render.picture import Look, picture
@@ -131,7 +131,7 @@ def my_roof_editor() -> None:
 def _in_the_editor(preset: dsfab.Preset, name: str) -> None:
     width, height = 1440, 900
     with (
-        serving(Opened(preset, (preset.name,))) as server,
+        serving(OpenedPreset(preset, (preset.name,))) as server,
         tempfile.TemporaryDirectory() as folder,
         opened(Path(folder), (width, height)) as tab,
     ):
@@ -222,15 +222,15 @@ NEAR = 0.16
 def guides() -> None:
     """Picture a canopy without a guide, and with a member on a curve."""
     told, canopy = [], dsfab.load_preset(CANOPY)
-    V = dsfab.Design.of(canopy).surface.V
+    V = dsfab.Design.from_preset(canopy).surface.V
     plan = CubicSpline(range(len(CURVE)), CURVE)(np.linspace(0, len(CURVE) - 1, 30))
     curve = np.column_stack([plan, LinearNDInterpolator(V[:, :2], V[:, 2])(plan)]).round(3).tolist()
     member = {"curve": curve, "family": "minor", "member": True}
     start, end = (np.array(part) for part in (curve[:-1], curve[1:]))
     for words, guide in (("a curve (red) and no guide", []), ("a guide on it with member = true", [member])):
-        design = dsfab.run(overridden(canopy, {"pattern.guide": guide}))
+        design = dsfab.run(with_overrides(canopy, {"pattern.guide": guide}))
         V, F = design.solid.V, design.solid.F
-        near = (from_segments(V[F].mean(axis=1)[:, None], start, end).min(axis=1) < NEAR).astype(np.int64)
+        near = (distances_from_segments(V[F].mean(axis=1)[:, None], start, end).min(axis=1) < NEAR).astype(np.int64)
         look = Look(GUIDED, palette=replace(PAPER, families=PAPER.tints), up=upwards(design))
         told.append(picture(V, F, family=1 - near, caption=words, look=look))
     write(np.concatenate(told, axis=1), "guides", ROW)

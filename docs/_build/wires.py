@@ -13,7 +13,7 @@ from matplotlib.path import Path
 
 import dsfab
 from dsfab.app.hops.components import COMPONENTS
-from dsfab.app.hops.server import answered
+from dsfab.app.hops.server import solve_request
 from dsfab.export import mesh_arrays, mesh_json
 from dsfab.render.picture import Look, picture
 
@@ -38,7 +38,7 @@ def body(V: Any, F: Any) -> dict[str, Any]:
 def drawn(file: Any) -> Figure:
     """Draw the canvas of the component for the surface of a mesh file."""
     surface = dsfab.read_surface(file, "m")
-    done, answer = answered("structure", body(surface.V, surface.F))
+    done, answer = solve_request("structure", body(surface.V, surface.F))
     if not done:
         raise RuntimeError(answer)
     given = {one["ParamName"]: one["InnerTree"]["0"] for one in json.loads(answer)["values"]}

@@ -14,12 +14,12 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import table
 from dsfab.core.sparse import peak_memory
 
-ROWS = (
+TIMING_COLUMNS = (
     *("membrane", "bending", "statics", "stress", "diffusion", "modes"),
     *("stripes", "slicing", "thickening", "export", "total"),
 )
@@ -34,7 +34,7 @@ SCALING = (10_000, 40_000, 100_000)
 SCALING_STATICS = (*SCALING, 250_000, 500_000)
 """Vertices of `--scaling` with `--stages statics`."""
 
-STATICS_ROWS = ("assembly", "factor", "solve", "stress", "total", "cpu")
+STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
 """Columns of `--stages statics`, seconds.
 
 `solve` is the solution without the factorisation. `cpu` is processor time for `total`, to compare on a busy machine.
@@ -64,14 +64,14 @@ class Workload:
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:
-            wanted = tuple(int(number) for number in self.vertices.split(","))
+            counts = tuple(int(number) for number in self.vertices.split(","))
         except ValueError:
-            wanted = ()
-        if not wanted or min(wanted) < 100:
+            counts = ()
+        if not counts or min(counts) < 100:
             raise DsfabError(
                 f"--vertices {self.vertices!r} is no list of numbers from 100 up; write for example 10000,40000"
             )
-        return wanted
+        return counts
 
 
 def bench(
@@ -90,20 +90,23 @@ def bench(
     Export writes and reads back the preset's formats, without STEP unless --step is set.
     """
     if preview:
-        return _previewed(presets, json_)
+        return _bench_preview(presets, json_)
     sizes = work.sizes()
     results = []
-    jobs = [(name, more) for name in presets or ("sphere",) for more in _edges(name, source, sizes)]
+    jobs = [(name, overrides) for name in presets or ("sphere",) for overrides in _edge_overrides(name, source, sizes)]
     with Reporter(quiet=json_) as reporter:
-        for name, more in jobs:
-            reporter("bench", f"{' '.join((name, *more))}, {repeat} {'run' if repeat == 1 else 'runs'}")
-            runs = [_in_own_process(name, source.also(*more), step, work.stages) for _ in range(max(1, repeat))]
+        for name, overrides in jobs:
+            reporter("bench", f"{' '.join((name, *overrides))}, {repeat} {'run' if repeat == 1 else 'runs'}")
+            runs = [
+                _in_own_process(name, source.with_overrides(*overrides), step, work.stages)
+                for _ in range(max(1, repeat))
+            ]
             results.append(_median(runs))
-    out(json.dumps(results, indent=2) if json_ else _table(results))
+    print_result(json.dumps(results, indent=2) if json_ else _table(results))
     return 0
 
 
-def _previewed(presets: Sequence[str], as_json: bool) -> int:
+def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
     from dsfab.app.bench_preview import PIXELS, SIZES, frame_rates, rates_table
 
     if presets:
@@ -112,17 +115,17 @@ def _previewed(presets: Sequence[str], as_json: bool) -> int:
     reporter("bench", f"drawing {', '.join(f'{n:,}' for n in SIZES)} triangles at {PIXELS[0]} x {PIXELS[1]}")
     with reporter:
         rows = frame_rates()
-    out(json.dumps(rows, indent=2) if as_json else rates_table(rows))
+    print_result(json.dumps(rows, indent=2) if as_json else rates_table(rows))
     return 0
 
 
-def _edges(name: str, source: Source, wanted: tuple[int, ...]) -> list[tuple[str, ...]]:
+def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -> list[tuple[str, ...]]:
     """Overrides for shapes with about these numbers of vertices, which grow with 1 / edge^2.
 
     The preset is read in any case, so that a mistake in a later preset is found before the first run.
     """
-    surface = source.read(name).surface
-    if not wanted:
+    surface = source.read_preset(name).surface
+    if not vertex_counts:
         return [()]
     edge = getattr(surface, "edge", None)
     if not edge:
@@ -130,8 +133,8 @@ def _edges(name: str, source: Source, wanted: tuple[int, ...]) -> list[tuple[str
             f"--scaling changes surface.edge, which {name} does not have; choose a preset with a shape, or give a mesh "
             "one (--set surface.edge=0.3)"
         )
-    now = surface.build().n
-    return [(f"surface.edge={edge * (now / n) ** 0.5:.6g}",) for n in wanted]
+    current_count = surface.build().n
+    return [(f"surface.edge={edge * (current_count / n) ** 0.5:.6g}",) for n in vertex_counts]
 
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
@@ -141,20 +144,25 @@ def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
     from dsfab.export import write
 
     start = time.perf_counter()
-    design = run(source.read(name))
+    design = run(source.read_preset(name))
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
         for suffix in design.preset.export.formats:
             if step or suffix != "step":
-                thing, how = deliverable(design, f".{suffix}")
-                write(thing, Path(folder) / f"bench.{suffix}", **how)
+                content, options = deliverable(design, f".{suffix}")
+                write(content, Path(folder) / f"bench.{suffix}", **options)
         export = time.perf_counter() - begin
-    seconds = {**dict.fromkeys(ROWS), **design.seconds, "export": export, "total": time.perf_counter() - start}
+    seconds = {
+        **dict.fromkeys(TIMING_COLUMNS),
+        **design.seconds,
+        "export": export,
+        "total": time.perf_counter() - start,
+    }
     return {
         "preset": design.preset.name,
         "vertices": design.surface.n,
         "triangles": design.surface.m,
-        **{row: seconds[row] for row in ROWS},
+        **{row: seconds[row] for row in TIMING_COLUMNS},
         "peak_mb": peak_memory() / 2**20,
         "compliance": design.statics.equilibrium.compliance,
     }
@@ -164,7 +172,7 @@ def measure_statics(name: str, source: Source) -> dict[str, Any]:
     """Return seconds per part, peak memory in MiB, and sizes of the statics alone, in this process."""
     from dsfab.design import Log, statics_step, surface_step
 
-    preset, log = source.read(name), Log(None)
+    preset, log = source.read_preset(name), Log(None)
     surface = surface_step(preset, log)
     begin = time.process_time()
     result = statics_step(preset, surface, log)
@@ -189,27 +197,27 @@ def measure_statics(name: str, source: Source) -> dict[str, Any]:
 def _in_own_process(name: str, source: Source, step: bool, stages: str) -> dict[str, Any]:
     mesh = str(source.mesh) if source.mesh else None
     request = json.dumps([name, source.set_, mesh, source.unit, step, stages])
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", "dsfab.app.bench", request], capture_output=True, text=True, check=False
     )
-    if done.returncode:
+    if completed.returncode:
         raise DsfabError(
-            done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"the run of {name} was killed"
+            completed.stderr.strip().splitlines()[-1] if completed.stderr.strip() else f"the run of {name} was killed"
         )
-    result: dict[str, Any] = json.loads(done.stdout)
+    result: dict[str, Any] = json.loads(completed.stdout)
     return result
 
 
 def _median(runs: list[dict[str, Any]]) -> dict[str, Any]:
     middle = dict(runs[0])
-    for key in (*ROWS, *STATICS_ROWS, "peak_mb"):
+    for key in (*TIMING_COLUMNS, *STATICS_COLUMNS, "peak_mb"):
         if runs[0].get(key) is not None:
             middle[key] = round(statistics.median(run[key] for run in runs), 4)
     return middle
 
 
 def _table(results: list[dict[str, Any]]) -> str:
-    shown = STATICS_ROWS if "assembly" in results[0] else ROWS
+    shown = STATICS_COLUMNS if "assembly" in results[0] else TIMING_COLUMNS
     head = ("preset", "|V|", "|T|", *(row.capitalize() for row in shown), "Peak MiB", "Compliance J")
     rows = [
         (

@@ -47,12 +47,12 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
     a, b = 2 * np.pi * i.ravel() / columns, 2 * np.pi * j.ravel() / rows
     r = 0.34 + 0.04 * np.cos(5 * a) * np.sin(3 * b)
     V = np.stack([(1 + r * np.cos(b)) * np.cos(a), (1 + r * np.cos(b)) * np.sin(a), r * np.sin(b)], axis=1)
-    here, east = (i * rows + j).ravel(), ((i + 1) % columns * rows + j).ravel()
-    north, both = (i * rows + (j + 1) % rows).ravel(), ((i + 1) % columns * rows + (j + 1) % rows).ravel()
-    F = np.concatenate([np.stack([here, east, both], axis=1), np.stack([here, both, north], axis=1)])
-    far = np.full(len(V), np.inf)
+    corner, east = (i * rows + j).ravel(), ((i + 1) % columns * rows + j).ravel()
+    north, northeast = (i * rows + (j + 1) % rows).ravel(), ((i + 1) % columns * rows + (j + 1) % rows).ravel()
+    F = np.concatenate([np.stack([corner, east, northeast], axis=1), np.stack([corner, northeast, north], axis=1)])
+    no_distance = np.full(len(V), np.inf)
     half = 0.25 + 0.1 * np.cos(a)
-    return V, F, np.stack([np.sin(a), np.sin(b), half, half, far, far], axis=1)
+    return V, F, np.stack([np.sin(a), np.sin(b), half, half, no_distance, no_distance], axis=1)
 
 
 def measure(triangles: int) -> dict[str, Any]:
@@ -66,12 +66,12 @@ def measure(triangles: int) -> dict[str, Any]:
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
     from dsfab.render.shader import StripeShader
-    from dsfab.render.view import framed, named_side
+    from dsfab.render.view import fit_view, named_side
 
     require_rendering()
     V, F, fields = wavy_torus(triangles)
     shaders = {"plain": None, "shader": StripeShader(fields), "graded": StripeShader(fields)}
-    view = framed(V, named_side(V, np.array([0.0, 0.0, 1.0]), "20,40"), (-1.2, 1.2, -0.9, 0.9))
+    view = fit_view(V, named_side(V, np.array([0.0, 0.0, 1.0]), "20,40"), (-1.2, 1.2, -0.9, 0.9))
     colour = np.array((220, 156, 122), dtype=np.uint8)
     scenes = {
         kind: Scene([Body(V, F, colour, casts=True, shader=shader)], np.zeros(3), 1.5)
@@ -80,18 +80,20 @@ def measure(triangles: int) -> dict[str, Any]:
     try:
         scenes["plain"].frame(view, *PIXELS)  # the renderer has a name after the first frame
         renderer = scenes["plain"].renderer
-        taken = _frames(scenes, shaders, view)
+        frame_times = _frames(scenes, shaders, view)
     finally:
         for scene in scenes.values():
             scene.close()
-    clock, cpu, change = ({kind: median(row[k] for row in rows[1:]) for kind, rows in taken.items()} for k in range(3))
+    clock, cpu, change_times = (
+        {kind: median(row[k] for row in rows[1:]) for kind, rows in frame_times.items()} for k in range(3)
+    )
     return {  # the first of each compiles
         "triangles": len(F),
         "renderer": renderer,
         **{kind: 1 / seconds for kind, seconds in clock.items()},
         "over_clock": clock["shader"] / clock["plain"],
         "over_cpu": cpu["shader"] / cpu["plain"],
-        "change_ms": 1000 * change["shader"],
+        "change_ms": 1000 * change_times["shader"],
         "peak_mb": peak_memory() / 2**20,
     }
 
@@ -100,32 +102,32 @@ def _frames(
     scenes: "dict[str, Scene]", shaders: "dict[str, StripeShader | None]", view: "View"
 ) -> dict[str, list[tuple[float, float, float]]]:
     """Seconds of each frame by kind: by the clock, by the processor, and of the change before it."""
-    taken: dict[str, list[tuple[float, float, float]]] = {}
-    for together in (("plain", "shader", "graded"), ("walls",)):  # in turn, so that a busy machine is fair to all
+    frame_times: dict[str, list[tuple[float, float, float]]] = {}
+    for kinds in (("plain", "shader", "graded"), ("walls",)):  # in turn, so that a busy machine is fair to all
         start, number = time.perf_counter(), 0
         while number < 5 or time.perf_counter() - start < SECONDS:
-            for kind in together:
+            for kind in kinds:
                 scene = "shader" if kind == "walls" else kind
                 begin, worked = time.perf_counter(), time.process_time()
                 if stripes := shaders[scene]:
-                    _changed(stripes, number, kind, view.eye / 1.5)
+                    _change_settings(stripes, number, kind, view.eye / 1.5)
                 changed = time.perf_counter() - begin
                 scenes[scene].frame(view, *PIXELS)
                 now = time.perf_counter() - begin, time.process_time() - worked, changed
-                taken.setdefault(kind, []).append(now)
+                frame_times.setdefault(kind, []).append(now)
             number += 1
-    return taken
+    return frame_times
 
 
-def _changed(stripes: "StripeShader", number: int, kind: str, eye: Floats) -> None:
-    from dsfab.render.shader import BY_VERTEX, NO_REACH, Settings
+def _change_settings(stripes: "StripeShader", number: int, kind: str, eye: Floats) -> None:
+    from dsfab.render.shader import BY_VERTEX, NO_REACH, StripeSettings
 
     if kind == "walls":
-        stripes.look(eye, 0.01)
+        stripes.show_walls(eye, 0.01)
         return
     graded = kind == "graded"
     half, reach = ((BY_VERTEX, BY_VERTEX), (0.1, NO_REACH)) if graded else ((0.2, 0.15), (NO_REACH, NO_REACH))
-    stripes.set(Settings((4 + 0.1 * number, 9.0), (0.0, 0.0), half, reach))
+    stripes.set(StripeSettings((4 + 0.1 * number, 9.0), (0.0, 0.0), half, reach))
 
 
 def frame_rates(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
@@ -136,12 +138,12 @@ def frame_rates(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
     return rows
 
 
-def _in_own_process(triangles: int, more: dict[str, str]) -> dict[str, Any]:
+def _in_own_process(triangles: int, variables: dict[str, str]) -> dict[str, Any]:
     command = [sys.executable, "-m", "dsfab.app.bench_preview", str(triangles)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **more})
-    if done.returncode:
-        raise DsfabError((done.stderr.strip() or f"drawing {triangles:,} triangles was killed").splitlines()[-1])
-    result: dict[str, Any] = json.loads(done.stdout)
+    completed = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **variables})
+    if completed.returncode:
+        raise DsfabError((completed.stderr.strip() or f"drawing {triangles:,} triangles was killed").splitlines()[-1])
+    result: dict[str, Any] = json.loads(completed.stdout)
     return result
 
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.export import CALCULIX, SAME, SUFFIX, format_suffix
+from dsfab.app.export import ALIASES, CALCULIX, CALCULIX_SUFFIX, format_suffix
 from dsfab.app.options import NO_FLAGS, UNCHANGED, Quiet, Source, StepFlags, estimate_step
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import ExportError
-from dsfab.core.messages import sentence, size
+from dsfab.core.messages import byte_size, sentence
 
 if TYPE_CHECKING:
     from dsfab.design.design import Design
@@ -38,7 +38,7 @@ class Files:
         Parameter(negative=(), help="Write it although nothing carries a load, or although it is as thin as a film."),
     ] = False
 
-    def overrides(self) -> tuple[str, ...]:
+    def preset_overrides(self) -> tuple[str, ...]:
         """Return formats and acceptance as KEY=VALUE of the preset. Raises ExportError for an unknown format."""
         accepted = ("fabrication.accept=true",) * self.accept
         if self.format_ is None:
@@ -58,20 +58,20 @@ class PictureFlags:
         bool, Parameter(negative=(), help="Also make fabrication.png: where the smallest member, gap and wall are.")
     ] = False
 
-    def ask_ahead(self) -> None:
+    def check_ahead(self) -> None:
         """Start to check whether this machine can draw; `possible` has the answer."""
-        from dsfab.render.opengl import ask_ahead
+        from dsfab.render.opengl import probe_ahead
 
         if self.picture or self.marked:
-            ask_ahead()
+            probe_ahead()
 
-    def possible(self, reporter: Reporter) -> "PictureFlags":
+    def drawable(self, reporter: Reporter) -> "PictureFlags":
         """Return the flags without pictures if this machine cannot draw; the build itself goes on."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures() if self.picture or self.marked else ""
         if why:
-            reporter.say(f"preview     no picture: {why}")
+            reporter.print_line(f"preview     no picture: {why}")
         return PictureFlags(picture=False) if why else self
 
 
@@ -98,55 +98,57 @@ def build(
         Name of a shipped preset (see `dsfab presets`), a TOML file, a folder that `dsfab build` wrote, or a mesh file.
     """
     if not step.estimate:
-        pictures.ask_ahead()
+        pictures.check_ahead()
     from dsfab.design import run
     from dsfab.export import require_writable
     from dsfab.report.design.save import ready_to_draw, save
 
-    proposal, given = _read(preset, source.also(*files.overrides(), *step.overrides()), quiet)
-    _require(given.export.formats)
+    proposal, loaded_preset = _read_preset(
+        preset, source.with_overrides(*files.preset_overrides(), *step.overrides()), quiet
+    )
+    _require_formats(loaded_preset.export.formats)
     reporter = Reporter(quiet)
     if step.estimate:
-        return estimate_step(given, reporter)
-    drawn, folder = pictures.possible(reporter), files.output or Path("outputs") / given.name
+        return estimate_step(loaded_preset, reporter)
+    drawable, folder = pictures.drawable(reporter), files.output or Path("outputs") / loaded_preset.name
     require_writable(folder)
     with reporter:
-        with ready_to_draw(drawn.picture):
-            design = run(given, reporter)
+        with ready_to_draw(drawable.picture):
+            design = run(loaded_preset, reporter)
             if fix:
-                design = _fixed(design, reporter)
-            saved = save(design, folder, reporter, drawn.picture, drawn.marked)
+                design = _fix_design(design, reporter)
+            saved = save(design, folder, reporter, drawable.picture, drawable.marked)
         reporter.done()
-        for text in saved.told:
-            reporter.say(f"export      {text}")
+        for text in saved.messages:
+            reporter.print_line(f"export      {text}")
     if not quiet:
         _summary(design, folder, saved.facts)
     if saved.refused:
-        asked = files.format_ is not None or not (proposal or _may_be_left_out(design.preset.export))
-        _refuse(saved.refused, design.preset, None if asked else folder, reporter)
+        step_requested = files.format_ is not None or not (proposal or _step_is_optional(design.preset.export))
+        _report_refusal(saved.refused, design.preset, None if step_requested else folder, reporter)
     return 0
 
 
 def _format(word: str) -> str:
     suffix = format_suffix(word)
-    if suffix == SUFFIX:
+    if suffix == CALCULIX_SUFFIX:
         raise ExportError(f"{word!r} is a check and no file of a build; dsfab export --to {CALCULIX} writes it")
-    return SAME.get(suffix, suffix)[1:]
+    return ALIASES.get(suffix, suffix)[1:]
 
 
-def _read(name: str, source: Source, quiet: bool) -> "tuple[Proposal | None, Preset]":
+def _read_preset(name: str, source: Source, quiet: bool) -> "tuple[Proposal | None, Preset]":
     proposal = source.proposal(name)
     for line in proposal.lines if proposal and not quiet else ():
-        out(line)
-    return proposal, source.read(name, proposal)
+        print_result(line)
+    return proposal, source.read_preset(name, proposal)
 
 
-def _may_be_left_out(export: "Export") -> bool:
+def _step_is_optional(export: "Export") -> bool:
     """True if the build may do without STEP: `quick`, beside other formats."""
     return export.step == "quick" and len(export.formats) > 1
 
 
-def _refuse(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:
+def _report_refusal(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:
     """Report a missing file; raise ExportError if the user asked for it (`folder` is None)."""
     if folder is None:
         raise ExportError(why)
@@ -154,22 +156,22 @@ def _refuse(why: str, preset: "Preset", folder: Path | None, reporter: Reporter)
     longer = (
         f"; dsfab export {shlex.quote(str(folder))} --to step --step auto tries more ways, for minutes" if quick else ""
     )
-    reporter.say(f"export      left out: {why}{longer}")
+    reporter.print_line(f"export      left out: {why}{longer}")
 
 
-def _fixed(design: "Design", reporter: Reporter) -> "Design":
+def _fix_design(design: "Design", reporter: Reporter) -> "Design":
     from dsfab.study.fabrication import fixed_design
 
-    done = fixed_design(design, reporter)
+    fix_result = fixed_design(design, reporter)
     reporter.done()
-    for key, (old, new) in done.changes.items():
-        reporter.say(f"fix         {key}: {old} -> {new}")
-    if not done.changes:
-        reporter.say("fix         nothing to change: no limit of [fabrication] is missed")
-    return done.design
+    for key, (value_before, value_after) in fix_result.changes.items():
+        reporter.print_line(f"fix         {key}: {value_before} -> {value_after}")
+    if not fix_result.changes:
+        reporter.print_line("fix         nothing to change: no limit of [fabrication] is missed")
+    return fix_result.design
 
 
-def _require(formats: Sequence[str]) -> None:
+def _require_formats(formats: Sequence[str]) -> None:
     from dsfab.export import FORMATS
 
     for suffix in formats:
@@ -179,26 +181,30 @@ def _require(formats: Sequence[str]) -> None:
 def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
     from dsfab.render.design_picture import caption
     from dsfab.report.design.facts import alternative_lines, attempt_lines, choice_lines
-    from dsfab.report.design.inspection import acting_lines, fabrication_lines, quality_lines
+    from dsfab.report.design.inspection import fabrication_lines, load_lines, quality_lines
     from dsfab.report.design.statics import answer_lines, case_lines
 
     solid = design.solid
     pieces = design.solid.pieces
-    if lost := facts.get("loses_to"):
-        out(sentence(lost))
+    if losing_words := facts.get("loses_to"):
+        print_result(sentence(losing_words))
     if design.preset.description:
-        out(design.preset.description)
-    out(caption(design))
-    out(
+        print_result(design.preset.description)
+    print_result(caption(design))
+    print_result(
         f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
     measures = (*quality_lines(facts["pattern"]), *fabrication_lines(facts["fabrication"]))
-    tried = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice), *alternative_lines(facts))
-    for line in (*acting_lines(facts), *tried, *case_lines(design), *answer_lines(design), *measures):
-        out(line)
+    search_lines = (
+        *attempt_lines(design.pattern.attempts),
+        *choice_lines(design.pattern.choice),
+        *alternative_lines(facts),
+    )
+    for line in (*load_lines(facts), *search_lines, *case_lines(design), *answer_lines(design), *measures):
+        print_result(line)
     for note in design.notes:
-        out(f"note ({note.stage}): {note.text}")
+        print_result(f"note ({note.stage}): {note.text}")
     for path in sorted(folder.iterdir()):
         if path.is_file():
-            out(f"  {path}  {size(path.stat().st_size)}")
+            print_result(f"  {path}  {byte_size(path.stat().st_size)}")

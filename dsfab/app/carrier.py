@@ -11,23 +11,23 @@ from dsfab.preset.file import preset_from, preset_toml
 from dsfab.preset.model import Preset
 
 
-class _Carrier(pickle.Pickler):
+class _DraftPickler(pickle.Pickler):
     def reducer_override(self, thing: object) -> Any:
         if isinstance(thing, Preset):  # its parts have classes that exist only after dsfab is imported
-            return carried_preset, (preset_toml(thing),)
+            return preset_from_text, (preset_toml(thing),)
         if isinstance(thing, MappingProxyType):
             return _proxy, (dict(thing),)
         return NotImplemented
 
 
-def carried(thing: object) -> bytes:
+def pickled(thing: object) -> bytes:
     """Return a draft as bytes for `pickle.loads` in another process, with types that pickle does not support itself."""
     file = io.BytesIO()
-    _Carrier(file, protocol=5).dump(thing)
+    _DraftPickler(file, protocol=5).dump(thing)
     return file.getvalue()
 
 
-def carried_preset(text: str) -> Preset:
+def preset_from_text(text: str) -> Preset:
     """Return the preset of a TOML text."""
     return preset_from(tomllib.loads(text))
 

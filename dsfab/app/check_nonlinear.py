@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.export import built_design, source_of
+from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import Source
-from dsfab.app.terminal import Reporter, out, signals_as_interrupts
+from dsfab.app.terminal import Reporter, print_result, signals_as_interrupts
 from dsfab.core.messages import length
 
 if TYPE_CHECKING:
@@ -45,49 +45,54 @@ class Nonlinear:
     minutes: Annotated[float, Parameter(help="Limit of each of the two or three runs of CalculiX.")] = 60.0
 
 
-AS_A_FILE = Nonlinear()
+LINEAR_FILE_CHECK = Nonlinear()
 """The check of a file, which is not nonlinear."""
 
 
-def check_nonlinear(name: str, source: Source, asked: Nonlinear, as_json: bool, quiet: bool) -> int:
+def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool, quiet: bool) -> int:
     """Check a design and print the result; return 1 if it gives way under less than its loads, else 0."""
     from dsfab.design import Design
     from dsfab.study import nonlinear_check, require_ccx
 
     require_ccx()
-    given, _ = source_of(name, source)
+    preset, _ = preset_and_folder(name, source)
     with Reporter(quiet or as_json) as reporter, signals_as_interrupts():  # so that CalculiX and its files end too
-        design = built_design(name, given) or Design.of(given, progress=reporter).until("slicing")
-        found = nonlinear_check(design, asked.case, asked.imperfection, asked.minutes, reporter, asked.check_edge)
+        design = built_design(name, preset) or Design.from_preset(preset, progress=reporter).until("slicing")
+        result = nonlinear_check(
+            design, options.case, options.imperfection, options.minutes, reporter, options.check_edge
+        )
     if as_json:
-        out(json.dumps(facts(found), indent=2))
+        print_result(json.dumps(nonlinear_facts(result), indent=2))
     elif not quiet:
-        for line in lines(found):
-            out(line)
-    return int(found.given_way and found.limit < 1)
+        for line in nonlinear_lines(result):
+            print_result(line)
+    return int(result.given_way and result.limit < 1)
 
 
-def facts(found: "NonlinearCheck") -> dict[str, Any]:
+def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
     """Return the result as numbers in SI units."""
     return {
-        "case": found.case,
-        "linear_factor": found.linear,
-        "limit_factor": found.limit,
-        "gives_way": found.given_way,
-        "stopped_after_minutes": found.minutes or None,
-        "imperfection_m": found.imperfection,
-        "displacement_m": found.moved,
-        "wedges": found.triangles,
-        "edge_m": found.edge,
-        "path": {"factor": found.load.tolist(), "largest_displacement_m": found.u.tolist()},
+        "case": result.case,
+        "linear_factor": result.linear,
+        "limit_factor": result.limit,
+        "gives_way": result.given_way,
+        "stopped_after_minutes": result.minutes or None,
+        "imperfection_m": result.imperfection,
+        "displacement_m": result.moved,
+        "wedges": result.triangles,
+        "edge_m": result.edge,
+        "path": {"factor": result.load.tolist(), "largest_displacement_m": result.u.tolist()},
     }
 
 
-def lines(found: "NonlinearCheck") -> Iterator[str]:
+def nonlinear_lines(result: "NonlinearCheck") -> Iterator[str]:
     """Yield the result as text."""
-    yield found.told
-    at = "under its load" if found.limit >= 1 or not found.given_way else "where it gives way"
-    yield f"largest displacement {at}: {length(found.moved)}; the material stays elastic here, whatever its strength"
-    chosen = range(0, len(found.load), max(len(found.load) // 10, 1))
-    yield "  times its load  " + "  ".join(f"{found.load[k]:>8.3g}" for k in chosen)
-    yield "  moves           " + "  ".join(f"{length(float(found.u[k])):>8}" for k in chosen)
+    yield result.sentence
+    situation = "under its load" if result.limit >= 1 or not result.given_way else "where it gives way"
+    yield (
+        f"largest displacement {situation}: {length(result.moved)}; the material stays elastic here, whatever "
+        "its strength"
+    )
+    steps = range(0, len(result.load), max(len(result.load) // 10, 1))
+    yield "  times its load  " + "  ".join(f"{result.load[k]:>8.3g}" for k in steps)
+    yield "  moves           " + "  ".join(f"{length(float(result.u[k])):>8}" for k in steps)

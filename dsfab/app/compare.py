@@ -13,10 +13,11 @@ import numpy as np
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError
-from dsfab.core.messages import bounded, length, mass, sentence, table
-from dsfab.export import require_writable, whole_or_nothing
+from dsfab.core.messages import length, mass, sentence, table
+from dsfab.core.messages import value_with_bound as bounded
+from dsfab.export import atomic_folder, require_writable
 from dsfab.report.comparison_files import write_results
 from dsfab.report.compliance.findings import percent, within
 from dsfab.report.design.facts import versions
@@ -46,73 +47,84 @@ HEAD = (
 
 def comparison_text(share: float | None, result: "Comparison") -> str:
     """Return a table of the structures that carry the loads, then remarks."""
-    lost = losing_line(result.alternatives)
-    lines = [sentence(lost)] if lost else []
+    losing_words = losing_line(result.alternatives)
+    lines = [sentence(losing_words)] if losing_words else []
     lines += [] if share is None else [f"{share:.0%} of the material"]
-    lines.append(table(HEAD, (_cells(one, result) for one in result.competitors if one.judgement)))
-    for one in result.competitors:
-        if one.error:
-            lines.append(f"{one.name} does not carry the loads: {one.error}")
-        elif one.spread:
-            lines.append(_spread(one, result))
-    lines += _theory(result)
-    lines += [line for one in result.competitors for line in _modes(one)]
-    for one in result.rivals:
-        gain = result.gain(one.name)
-        if one.judgement and result.design.judgement:
-            best = "best " if one.spread else ""
-            lines.append(f"the design is {gain:.3g} x as stiff as the {best}{one.name} structure of the same mass")
+    lines.append(
+        table(
+            HEAD, (_competitor_cells(competitor, result) for competitor in result.competitors if competitor.judgement)
+        )
+    )
+    for competitor in result.competitors:
+        if competitor.error:
+            lines.append(f"{competitor.name} does not carry the loads: {competitor.error}")
+        elif competitor.spread:
+            lines.append(_spread_line(competitor, result))
+    lines += _theory_lines(result)
+    lines += [line for competitor in result.competitors for line in _mode_lines(competitor)]
+    for competitor in result.rivals:
+        gain = result.gain(competitor.name)
+        if competitor.judgement and result.design.judgement:
+            best_word = "best " if competitor.spread else ""
+            lines.append(
+                f"the design is {gain:.3g} x as stiff as the {best_word}{competitor.name} structure of the same mass"
+            )
     return "\n".join(lines)
 
 
-def _theory(result: "Comparison") -> list[str]:
-    judged = {one.name: one.judgement.theory for one in result.competitors if one.judgement}
-    known = [f"{name} by up to {percent(theory)}" for name, theory in judged.items() if theory]
-    return [f"thin-shell theory: solids are softer, {', '.join(known)}"] if known else []
+def _theory_lines(result: "Comparison") -> list[str]:
+    judged = {competitor.name: competitor.judgement.theory for competitor in result.competitors if competitor.judgement}
+    softer = [f"{name} by up to {percent(theory)}" for name, theory in judged.items() if theory]
+    return [f"thin-shell theory: solids are softer, {', '.join(softer)}"] if softer else []
 
 
-def _modes(one: "Competitor") -> list[str]:
-    cases = list(one.judgement.cases.values()) if one.judgement else []
-    pressed = [case for case in cases if case.buckling is not None]
-    told = []
-    if pressed:
-        least = min(pressed, key=lambda case: case.buckling or 0.0)
-        told.append(f"buckles at {bounded(least.buckling or 0.0, least.buckling_bound)} x the load")
-    if swinging := [case for case in cases if case.frequency is not None]:
-        told.append(f"swings at {bounded(swinging[0].frequency or 0.0, swinging[0].frequency_bound, 'Hz')}")
+def _mode_lines(competitor: "Competitor") -> list[str]:
+    cases = list(competitor.judgement.cases.values()) if competitor.judgement else []
+    buckling_cases = [case for case in cases if case.buckling is not None]
+    words = []
+    if buckling_cases:
+        lowest = min(buckling_cases, key=lambda case: case.buckling or 0.0)
+        words.append(f"buckles at {bounded(lowest.buckling or 0.0, lowest.buckling_bound)} x the load")
+    if vibrating_cases := [case for case in cases if case.frequency is not None]:
+        words.append(
+            f"swings at {bounded(vibrating_cases[0].frequency or 0.0, vibrating_cases[0].frequency_bound, 'Hz')}"
+        )
     assumed = next((f" ({case.assumed})" for case in cases if case.assumed), "")
     refused = list(dict.fromkeys(text for case in cases for text in case.refusals))
-    return [f"{one.name} {' and '.join(told)}{assumed}"] * bool(told) + [f"{one.name}: {text}" for text in refused]
+    return [f"{competitor.name} {' and '.join(words)}{assumed}"] * bool(words) + [
+        f"{competitor.name}: {text}" for text in refused
+    ]
 
 
-def _cells(one: "Competitor", result: "Comparison") -> tuple[str, ...]:
-    gain = result.gain(one.name)
-    moved = one.judgement.worst("displacement").value if one.judgement else float("nan")
+def _competitor_cells(competitor: "Competitor", result: "Comparison") -> tuple[str, ...]:
+    gain = result.gain(competitor.name)
+    displacement = competitor.judgement.worst("displacement").value if competitor.judgement else float("nan")
     return (
-        one.name,
-        one.variant,
-        mass(one.mass),
-        f"{one.area_fraction:.1%}",
-        within(one.compliance, one.judgement.bound if one.judgement else None, "J"),
-        one.judgement.level if one.judgement else "",
-        f"{one.compliance / result.full.compliance:.2f}",
+        competitor.name,
+        competitor.variant,
+        mass(competitor.mass),
+        f"{competitor.area_fraction:.1%}",
+        within(competitor.compliance, competitor.judgement.bound if competitor.judgement else None, "J"),
+        competitor.judgement.level if competitor.judgement else "",
+        f"{competitor.compliance / result.full.compliance:.2f}",
         f"{gain:.2f}" if result.design.judgement else "-",
-        length(moved),
-        str(one.pieces),
-        f"{one.seconds:.1f}",
+        length(displacement),
+        str(competitor.pieces),
+        f"{competitor.seconds:.1f}",
     )
 
 
-def _spread(one: "Competitor", result: "Comparison") -> str:
-    spread, full = one.spread, result.full.compliance
+def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
+    spread, full = competitor.spread, result.full.compliance
     assert spread is not None
     return (
-        f"{one.name}: {spread.carried} of {spread.tried} variants carry the loads, from {spread.best / full:.3g} to "
+        f"{competitor.name}: {spread.carried} of {spread.tried} variants carry the loads, from "
+        f"{spread.best / full:.3g} to "
         f"{spread.worst / full:.3g} x the full sheet, {spread.mean / full:.3g} x in the mean"
     )
 
 
-Compared = tuple[float | None, "Comparison"]
+ComparisonAtShare = tuple[float | None, "Comparison"]
 """A share of the surface, None for the design as it is, and its comparison."""
 
 
@@ -141,17 +153,17 @@ class Questions:
     memory: Annotated[float, Parameter(help="GB that the solver may take for a full check.")] = 4.0
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def competitor_names(self) -> tuple[str, ...]:
         """Names of the competitors. Raises DsfabError for an unknown one."""
-        from dsfab.study.baselines import DEFAULT, chosen
+        from dsfab.study.baselines import DEFAULT, baselines_by_name
 
         words = () if self.against is None else tuple(self.against.split(","))
         names = DEFAULT if self.against is None else tuple(word.strip() for word in words if word.strip())
-        chosen(names)
+        baselines_by_name(names)
         return names
 
     @property
-    def shares(self) -> list[float]:
+    def area_shares(self) -> list[float]:
         """Shares of the surface for further comparisons: '0.2:0.8:7' are seven. Raises DsfabError for another form."""
         if self.volumes is None:
             return []
@@ -173,7 +185,7 @@ class Questions:
         options |= {"memory": str(self.memory) if self.memory != Questions.memory else None}
         words = [word for name, value in options.items() if value is not None for word in (f"--{name}", value)]
         flags = {"buckling": self.buckling, "frequency": self.frequency}
-        return words + [f"--{name}" for name, asked in flags.items() if asked]
+        return words + [f"--{name}" for name, is_set in flags.items() if is_set]
 
 
 @Parameter(name="*")
@@ -195,7 +207,7 @@ class Results:
 
 
 @dataclass(frozen=True)
-class Task:
+class CompareTask:
     """A comparison: the preset with its changes, the options, and whether to write a report."""
 
     source: Source
@@ -204,104 +216,113 @@ class Task:
 
     def command(self, preset: str) -> str:
         """Return the command line that repeats it, without its folder."""
-        more = [] if self.report else ["--no-report"]
-        return shlex.join(["dsfab", "compare", *self.source.words(preset), *self.questions.words(), *more])
+        report_flag = [] if self.report else ["--no-report"]
+        return shlex.join(
+            ["dsfab", "compare", *self.source.command_words(preset), *self.questions.words(), *report_flag]
+        )
 
 
-def compare_one(given: "Preset", task: Task, folder: Path, command: str, quiet: bool, as_json: bool) -> int:
+def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str, quiet: bool, as_json: bool) -> int:
     """Compare, write all files and print the result; return 1 if the design does not carry its loads, else 0."""
-    reporter, asked = Reporter(quiet or as_json), task.questions
-    files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(asked.shares) > 1 else ())]
+    reporter, questions = Reporter(quiet or as_json), task.questions
+    files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(questions.area_shares) > 1 else ())]
     with reporter:
-        found = _compared(given, asked, reporter)
-        subject = _findings(found, command) if task.report else None
-        with whole_or_nothing(folder) as partial_folder:
+        comparisons = _comparisons(preset, questions, reporter)
+        findings = _report_findings(comparisons, command) if task.report else None
+        with atomic_folder(folder) as partial_folder:
             reporter("write", str(folder))
-            document = write_results(given, found, command, partial_folder)
-            if subject:
+            document = write_results(preset, comparisons, command, partial_folder)
+            if findings:
                 reporter("report", "drawing and writing report.html and report.pdf")
-                files = [*_reported(subject, found, partial_folder, reporter), *files]
+                files = [*_write_report(findings, comparisons, partial_folder, reporter), *files]
     if as_json:
-        out(document)
+        print_result(document)
     elif not quiet:
-        _say(found, subject, [folder / name for name in files])
-    return int(any(share is None and one.design.judgement is None for share, one in found))
+        _print_results(comparisons, findings, [folder / name for name in files])
+    return int(any(share is None and compared.design.judgement is None for share, compared in comparisons))
 
 
-def _compared(preset: "Preset", asked: Questions, reporter: Reporter) -> list[Compared]:
+def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
     """Compare the design as it is, then at each share of the surface.
 
     A design without equilibrium raises DsfabError; with shares it is reported and left out.
     """
     from dsfab.design import draft
-    from dsfab.statics import Ask
+    from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
     from dsfab.study.comparison import Checks, comparison, judges
 
     design = draft(preset, reporter)
-    ask = Ask(frequencies=int(asked.frequency), buckling=int(asked.buckling))
-    checks, shares = Checks(asked.level, ask, 1e9 * asked.memory, reporter), asked.shares
-    found: list[Compared] = []
+    mode_questions = ResultRequest(frequencies=int(questions.frequency), buckling=int(questions.buckling))
+    checks, shares = Checks(questions.level, mode_questions, 1e9 * questions.memory, reporter), questions.area_shares
+    results: list[ComparisonAtShare] = []
     reporter("compare", "solving the design")
     try:
-        own, rival, told = judges(design, asked.names, checks)
-        if told:
-            reporter.say(f"compare     {told} (--level full checks all)")
-        beside = partial(reporter, "compare")
-        compared = comparison(design, asked.names, own, beside, rival, bool(shares))
-        found.append((None, compared.with_alternatives()))
+        design_judge, rival_judge, level_note = judges(design, questions.competitor_names, checks)
+        if level_note:
+            reporter.print_line(f"compare     {level_note} (--level full checks all)")
+        report_progress = partial(reporter, "compare")
+        compared = comparison(
+            design, questions.competitor_names, design_judge, report_progress, rival_judge, bool(shares)
+        )
+        results.append((None, compared.with_alternatives()))
     except DsfabError as error:
         if not shares:
             raise
-        reporter.say(f"compare     the design as its preset draws it is left out: {error}")
+        reporter.print_line(f"compare     the design as its preset draws it is left out: {error}")
     # a whole sheet on its coarse mesh would look a quarter too soft beside a cut sheet judged by one solve
-    judge = checks.judge(asked.level or "whole")
+    judge = checks.judge(questions.level or "whole")
     for share in shares:
 
         def progress(name: str, share: float = share) -> None:
             reporter("compare", f"{share:.0%} of the material: {name}")
 
         progress("the design")
-        found.append((share, compare_at(design, share, asked.names, judge, progress)))
-    return found
+        results.append((share, compare_at(design, share, questions.competitor_names, judge, progress)))
+    return results
 
 
-def _findings(found: list[Compared], command: str) -> "Findings":
+def _report_findings(comparisons: list[ComparisonAtShare], command: str) -> "Findings":
     """Findings on the design as it is, or else at the largest share at which it carries its loads."""
     from dsfab.report.compliance import Findings
 
-    volumes = [(share, one) for share, one in found if share is not None]
-    drawn = [(share, one) for share, one in found if share is None]
-    carrying = [(share, one) for share, one in reversed(found) if one.design.judgement]
-    share, subject = (drawn or carrying or found[-1:])[0]
+    volumes = [(share, compared) for share, compared in comparisons if share is not None]
+    as_drawn = [(share, compared) for share, compared in comparisons if share is None]
+    carrying = [(share, compared) for share, compared in reversed(comparisons) if compared.design.judgement]
+    share, subject = (as_drawn or carrying or comparisons[-1:])[0]
     return Findings(subject, volumes, command, share)
 
 
-def _reported(subject: "Findings", found: list[Compared], folder: Path, reporter: Reporter) -> list[str]:
+def _write_report(
+    findings: "Findings", comparisons: list[ComparisonAtShare], folder: Path, reporter: Reporter
+) -> list[str]:
     from dsfab.report.compliance import write_report
 
     rows = [
-        {"volume": share, **row} for share, one in found if share is not None for row in one.record()["competitors"]
+        {"volume": share, **row}
+        for share, compared in comparisons
+        if share is not None
+        for row in compared.record()["competitors"]
     ]
-    files, missing = write_report(subject, rows, folder)
-    for told in missing:
-        reporter.say(f"report      {told}")
+    files, missing = write_report(findings, rows, folder)
+    for message in missing:
+        reporter.print_line(f"report      {message}")
     return files
 
 
-def _say(found: list[Compared], subject: "Findings | None", files: list[Path]) -> None:
+def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | None", files: list[Path]) -> None:
 
-    out("\n\n".join(comparison_text(share, comparison) for share, comparison in found))
-    if subject:
-        from dsfab.report.compliance.verdict_words import one_line
+    print_result("\n\n".join(comparison_text(share, comparison) for share, comparison in comparisons))
+    if findings:
+        from dsfab.report.compliance.verdict_words import verdict_line
 
-        out(one_line(subject))
-    out("\n".join(f"  {path}" for path in files))
+        print_result(verdict_line(findings))
+    print_result("\n".join(f"  {path}" for path in files))
 
 
 FILES = ("summary.html", "summary.csv")
 
-Row = dict[str, Any]
+SummaryRow = dict[str, Any]
 """A line of the summary: `name`, `folder`, `error`; without an error also the results of the design.
 
 These are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full` and `seconds`, and
@@ -315,7 +336,7 @@ class Batch:
     outputs/compare.
     """
 
-    task: Task
+    task: CompareTask
     output: Path | None
 
     def run(self, presets: Sequence[str], resume: bool, quiet: bool, as_json: bool) -> int:
@@ -324,74 +345,80 @@ class Batch:
         A refused preset is reported in a sentence, and the next one follows.
         """
         reporter = Reporter(quiet or as_json)
-        rows: list[Row] = []
+        rows: list[SummaryRow] = []
         for count, preset in enumerate(presets, start=1):
-            reporter.say(f"{count} of {len(presets)}: {preset}")
+            reporter.print_line(f"{count} of {len(presets)}: {preset}")
             row = self._row(preset, [row["folder"] for row in rows], resume, reporter)
             rows.append(row)
-            reporter.say(f"{row['name']}: {row['error'] or row['verdict']}\n")
+            reporter.print_line(f"{row['name']}: {row['error'] or row['verdict']}\n")
         folder = self.output or Path("outputs") / "compare"
-        with whole_or_nothing(folder) as partial_folder:
-            _write(rows, self.task.questions.names, folder, partial_folder)
+        with atomic_folder(folder) as partial_folder:
+            _write_summary(rows, self.task.questions.competitor_names, folder, partial_folder)
         if as_json:
-            out(json.dumps([row | {"folder": str(row["folder"] or "")} for row in rows], indent=2))
+            print_result(json.dumps([row | {"folder": str(row["folder"] or "")} for row in rows], indent=2))
         elif not quiet:
-            out("\n".join(f"  {folder / name}" for name in FILES))
+            print_result("\n".join(f"  {folder / name}" for name in FILES))
         return int(any(row["error"] or row["verdict"] == "fail" for row in rows))
 
-    def _row(self, preset: str, taken: Sequence[Path | None], resume: bool, reporter: Reporter) -> Row:
+    def _row(self, preset: str, taken: Sequence[Path | None], resume: bool, reporter: Reporter) -> SummaryRow:
         name, command = Path(preset).stem, self.task.command(preset)
         try:
-            given = self.task.source.read(preset)
-            folder = self.output / given.name if self.output else Path("outputs") / given.name / "compliance"
+            loaded_preset = self.task.source.read_preset(preset)
+            folder = (
+                self.output / loaded_preset.name if self.output else Path("outputs") / loaded_preset.name / "compliance"
+            )
             if folder in taken:
-                raise DsfabError(f"a preset before it is called {given.name} too; change `name` in one of the files")
-            name = given.name
-            if not (resume and _made(folder, given, command, self.task.report)):
-                compare_one(given, self.task, folder, command, quiet=True, as_json=False)
+                raise DsfabError(
+                    f"a preset before it is called {loaded_preset.name} too; change `name` in one of the files"
+                )
+            name = loaded_preset.name
+            if not (resume and _is_current(folder, loaded_preset, command, self.task.report)):
+                compare_one(loaded_preset, self.task, folder, command, quiet=True, as_json=False)
             else:
-                reporter.say("compared already")
-            return {"name": name, "folder": folder, "error": "", **_found(folder)}
+                reporter.print_line("compared already")
+            return {"name": name, "folder": folder, "error": "", **_row_of_folder(folder)}
         except DsfabError as error:
             return {"name": name, "folder": None, "error": str(error), "verdict": ""}
 
 
-def _made(folder: Path, given: "Preset", command: str, report: bool) -> bool:
+def _is_current(folder: Path, preset: "Preset", command: str, report: bool) -> bool:
     """True if the folder has the results of this command, preset and version."""
     from dsfab.preset.file import preset_toml
 
     try:
-        told = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+        earlier = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    wanted = {"command": command, "preset": preset_toml(given), "versions": versions()}
-    whole = not report or (folder / "report.html").exists()
-    return whole and all(told.get(key) == value for key, value in wanted.items())
+    expected = {"command": command, "preset": preset_toml(preset), "versions": versions()}
+    has_report = not report or (folder / "report.html").exists()
+    return has_report and all(earlier.get(key) == value for key, value in expected.items())
 
 
-def _found(folder: Path) -> Row:
-    told = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-    rows = [row for row in told["competitors"] if row["volume"] is None] or told["competitors"]
-    of = {row["name"]: row for row in rows}
-    own = of.pop("design")
+def _row_of_folder(folder: Path) -> SummaryRow:
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    rows = [row for row in results["competitors"] if row["volume"] is None] or results["competitors"]
+    row_by_name = {row["name"]: row for row in rows}
+    design_row = row_by_name.pop("design")
     keys = ("verdict", "reason", "mass_kg", "area_fraction", "compliance_J", "bound", "ratio_to_full")
-    beside = {f"{name}_ratio": row["ratio_to_design"] for name, row in of.items() if name != "full"}
-    return {key: own.get(key) for key in keys} | beside | {"seconds": sum(row["seconds"] for row in rows)}
+    ratios = {f"{name}_ratio": row["ratio_to_design"] for name, row in row_by_name.items() if name != "full"}
+    return {key: design_row.get(key) for key in keys} | ratios | {"seconds": sum(row["seconds"] for row in rows)}
 
 
-def _write(rows: Sequence[Row], against: Sequence[str], folder: Path, partial_folder: Path) -> None:
-    from dsfab.report.comparison_files import summary_page
-    from dsfab.report.html_pages import page
+def _write_summary(rows: Sequence[SummaryRow], against: Sequence[str], folder: Path, partial_folder: Path) -> None:
+    from dsfab.report.comparison_files import summary_document
+    from dsfab.report.html_pages import document_html
 
     columns = list(dict.fromkeys(key for row in rows for key in row))
     with open(partial_folder / "summary.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore")
         writer.writeheader()
         writer.writerows(rows)
-    (partial_folder / "summary.html").write_text(page(summary_page(rows, against, folder)), encoding="utf-8")
+    (partial_folder / "summary.html").write_text(
+        document_html(summary_document(rows, against, folder)), encoding="utf-8"
+    )
 
 
-ORDINARY, FULL_RESULTS = Questions(), Results()
+DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()
 """Default options and files."""
 
 
@@ -400,7 +427,7 @@ def compare(
     /,
     *more: str,
     source: Source = UNCHANGED,
-    questions: Questions = ORDINARY,
+    questions: Questions = DEFAULT_QUESTIONS,
     results: Results = FULL_RESULTS,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print results.json, no table.")] = False,
     quiet: Quiet = False,
@@ -419,11 +446,11 @@ def compare(
     more
         Further presets.
     """
-    _ = questions.names, questions.shares  # raises for wrong options before the preset is read
-    task = Task(source, questions, results.report)
+    _ = questions.competitor_names, questions.area_shares  # raises for wrong options before the preset is read
+    task = CompareTask(source, questions, results.report)
     if more or results.resume:
         return Batch(task, results.output).run((preset, *more), results.resume, quiet, json_)
-    given = source.read(preset)
-    folder = results.output or Path("outputs") / given.name / "compliance"
+    loaded_preset = source.read_preset(preset)
+    folder = results.output or Path("outputs") / loaded_preset.name / "compliance"
     require_writable(folder)
-    return compare_one(given, task, folder, task.command(preset), quiet, json_)
+    return compare_one(loaded_preset, task, folder, task.command(preset), quiet, json_)

@@ -10,19 +10,19 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, picture_size
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError
-from dsfab.core.messages import size
+from dsfab.core.messages import byte_size
 from dsfab.design import ROWS
-from dsfab.export import whole_or_nothing
-from dsfab.preset.file import overridden
+from dsfab.export import atomic_folder
+from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.render import light
-from dsfab.render.colouring import asking
+from dsfab.render.colouring import preset_with_mode
 from dsfab.render.lettering import PAPER
-from dsfab.render.picture import png
+from dsfab.render.picture import png_bytes
 from dsfab.render.previewer import Previewers
-from dsfab.report.contact_sheet import Tile
+from dsfab.report.contact_sheet import ContactTile
 from dsfab.study.variations import (
     Values,
     best_order,
@@ -34,7 +34,7 @@ from dsfab.study.variations import (
     spelled_value,
 )
 
-ASKS = 200
+UNCONFIRMED_VARIANTS = 200
 """Variants that are drawn without --yes."""
 
 
@@ -48,55 +48,55 @@ class Variants:
         self.view, self.show, self.pixels = view, show, pixels
         self.short = short_names(list(values))
 
-    def tiles(self, reporter: Reporter, yes: bool) -> list[Tile]:
+    def tiles(self, reporter: Reporter, yes: bool) -> list[ContactTile]:
         """Return all tiles, in the order of the combinations. Raises DsfabError if none has a picture."""
         total = count(self.values)
-        if total > ASKS and not yes:
-            self._refuse(total, reporter)
-        done: dict[int, Tile] = {}
+        if total > UNCONFIRMED_VARIANTS and not yes:
+            self._refuse_many(total, reporter)
+        tile_by_index: dict[int, ContactTile] = {}
         listed = list(combinations(self.values))
         reporter("preview", f"drawing {total} variants")
         with self._previewers() as previewers:
             for index in best_order(self.values):
-                done[index] = self._tile(index + 1, listed[index], previewers)
-        if all(tile.png is None for tile in done.values()):
-            raise DsfabError(f"none of the {total} variants can be drawn; the first: {done[0].error}")
-        return [done[index] for index in range(total)]
+                tile_by_index[index] = self._tile(index + 1, listed[index], previewers)
+        if all(tile.png is None for tile in tile_by_index.values()):
+            raise DsfabError(f"none of the {total} variants can be drawn; the first: {tile_by_index[0].error}")
+        return [tile_by_index[index] for index in range(total)]
 
     def _previewers(self) -> Previewers:
         return Previewers(view=self.view, show=self.show, marks=self.show == "loads")
 
-    def _tile(self, number: int, changes: Mapping[str, Any], previewers: Previewers) -> Tile:
+    def _tile(self, number: int, changes: Mapping[str, Any], previewers: Previewers) -> ContactTile:
         texts = {key: spelled_value(value) for key, value in changes.items()}
         sets = [f"{key}={text}" for key, text in texts.items()]
         words = [*self.base, *(word for text in sets for word in ("--set", text))]
         command = shlex.join([*words, "-o", f"outputs/{self.preset.name}-{number:03}"])
         parameters = tuple((self.short[key], text) for key, text in texts.items())
         try:
-            previewer = previewers.showing(overridden(self.preset, changes))
+            previewer = previewers.previewer_for(with_overrides(self.preset, changes))
             picture = previewer.picture(self.pixels, quality=light.QUICK, words=False)
         except DsfabError as error:
-            return Tile(number, parameters, command, None, str(error))
-        return Tile(number, parameters, command, png(picture))
+            return ContactTile(number, parameters, command, None, str(error))
+        return ContactTile(number, parameters, command, png_bytes(picture))
 
-    def _refuse(self, total: int, reporter: Reporter) -> None:
+    def _refuse_many(self, total: int, reporter: Reporter) -> None:
         """Raise DsfabError with the expected time, measured on the first variant that can be drawn."""
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):
                 tile = self._tile(number, changes, previewers)
-                if tile.png is not None or number == ASKS:
+                if tile.png is not None or number == UNCONFIRMED_VARIANTS:
                     break
             start = time.perf_counter()
             self._tile(number, changes, previewers)
             picture = time.perf_counter() - start
-            rows = previewers.made.seconds if previewers.made else {}
+            rows = previewers.design.seconds if previewers.design else {}
         stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
         expected = expected_seconds(self.values, stages, picture)
-        files = size(total * picture_bytes(self.pixels))
+        files = byte_size(total * picture_bytes(self.pixels))
         raise DsfabError(
-            f"{total:,} variants would take about {_duration(expected)} and {files} of pictures; "
-            f"add --yes to draw them all, or vary less (up to {ASKS} are drawn without asking)"
+            f"{total:,} variants would take about {_duration_words(expected)} and {files} of pictures; "
+            f"add --yes to draw them all, or vary less (up to {UNCONFIRMED_VARIANTS} are drawn without asking)"
         )
 
 
@@ -105,7 +105,7 @@ def picture_bytes(pixels: tuple[int, int]) -> float:
     return 0.5 * pixels[0] * pixels[1]
 
 
-def _duration(seconds: float) -> str:
+def _duration_words(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.0f} seconds"
     return f"{seconds / 60:.0f} minutes" if seconds < 6000 else f"{seconds / 3600:.1f} hours"
@@ -161,29 +161,37 @@ def explore(
     from dsfab.render.opengl import require_rendering
     from dsfab.report.contact_sheet import check_film
 
-    given, pixels, values = asking(source.read(preset), tile.show), picture_size(tile.size_), parse_variations(vary)
+    loaded_preset, pixels, values = (
+        preset_with_mode(source.read_preset(preset), tile.show),
+        picture_size(tile.size_),
+        parse_variations(vary),
+    )
     for key, listed in values.items():
         for value in listed:  # each value alone, so that an error appears before the work begins
-            overridden(given, {key: value})
+            with_overrides(loaded_preset, {key: value})
     if film.animate:
         check_film(values, film.fps)
-    folder = tile.output or Path("outputs") / f"{given.name}-explore"
+    folder = tile.output or Path("outputs") / f"{loaded_preset.name}-explore"
     require_rendering()
     reporter = Reporter(quiet)
-    variants = Variants(given, values, ["dsfab", "build", *source.words(preset)], tile.view, tile.show, pixels)
+    variants = Variants(
+        loaded_preset, values, ["dsfab", "build", *source.command_words(preset)], tile.view, tile.show, pixels
+    )
     with reporter:
-        tiles = _drawn(variants, folder, film, yes, reporter)
+        tiles = _draw_variants(variants, folder, film, yes, reporter)
     if not quiet:
-        _summary(tiles, folder, folder / f"{given.name}.{film.animate}" if film.animate else None)
+        _summary(tiles, folder, folder / f"{loaded_preset.name}.{film.animate}" if film.animate else None)
     return 0
 
 
-def _drawn(variants: "Variants", folder: Path, film: FilmOptions, yes: bool, reporter: Reporter) -> "list[Tile]":
+def _draw_variants(
+    variants: "Variants", folder: Path, film: FilmOptions, yes: bool, reporter: Reporter
+) -> "list[ContactTile]":
     """Draw all tiles and write the folder; remove pictures of an earlier sheet that are not in the new one."""
-    from dsfab.report.contact_sheet import pictures_of, write_film
+    from dsfab.report.contact_sheet import pictures_on_page, write_film
 
     name = variants.preset.name
-    with whole_or_nothing(folder, lambda old, new: pictures_of(old) - pictures_of(new)) as partial:
+    with atomic_folder(folder, lambda old, new: pictures_on_page(old) - pictures_on_page(new)) as partial:
         tiles = variants.tiles(reporter, yes)
         _write(tiles, variants, partial)
         if film.animate:
@@ -192,23 +200,23 @@ def _drawn(variants: "Variants", folder: Path, film: FilmOptions, yes: bool, rep
     return tiles
 
 
-def _write(tiles: "list[Tile]", variants: "Variants", folder: Path) -> None:
-    from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, columns, contact_sheet, page, save
+def _write(tiles: "list[ContactTile]", variants: "Variants", folder: Path) -> None:
+    from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, column_count, contact_page, contact_sheet, save
 
     values, pixels = variants.values, variants.pixels
-    across = columns(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
+    column_number = column_count(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
     title = f"{variants.preset.name}, {len(tiles)} {'variant' if len(tiles) == 1 else 'variants'}"
-    line = "   ·   ".join(f"{key} = {', '.join(map(spelled_value, listed))}" for key, listed in values.items())
-    contact_sheet(tiles, title, line, across, 380, pixels[0] / pixels[1], PAPER).save(folder / SHEET_NAME)
-    (folder / PAGE_NAME).write_text(page(tiles, title, line, across), encoding="utf-8")
+    subtitle = "   ·   ".join(f"{key} = {', '.join(map(spelled_value, listed))}" for key, listed in values.items())
+    contact_sheet(tiles, title, subtitle, column_number, 380, pixels[0] / pixels[1], PAPER).save(folder / SHEET_NAME)
+    (folder / PAGE_NAME).write_text(contact_page(tiles, title, subtitle, column_number), encoding="utf-8")
     save(tiles, folder)
 
 
-def _summary(tiles: "list[Tile]", folder: Path, film: Path | None) -> None:
+def _summary(tiles: "list[ContactTile]", folder: Path, film: Path | None) -> None:
     from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME
 
     failed = sum(tile.png is None for tile in tiles)
-    out(f"{len(tiles)} variants" + (f", {failed} of them impossible" if failed else ""))
-    out(f"  {folder / PAGE_NAME}\n  {folder / SHEET_NAME}")
+    print_result(f"{len(tiles)} variants" + (f", {failed} of them impossible" if failed else ""))
+    print_result(f"  {folder / PAGE_NAME}\n  {folder / SHEET_NAME}")
     if film:
-        out(f"  {film}  {size(film.stat().st_size)}")
+        print_result(f"  {film}  {byte_size(film.stat().st_size)}")

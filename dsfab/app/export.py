@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from dsfab.app.options import NO_FLAGS, UNCHANGED, Quiet, Source, StepFlags, built_folder, estimate_step
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import ExportError
-from dsfab.core.messages import length, size
+from dsfab.core.messages import byte_size, length
 from dsfab.design import Progress
 
 if TYPE_CHECKING:
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from dsfab.thickening import Solid
 
 CALCULIX = "calculix"
-SUFFIX = ".inp"
-SAME = {".stp": ".step"}
+CALCULIX_SUFFIX = ".inp"
+ALIASES = {".stp": ".step"}
 """Suffixes with the format of another one."""
-SHORT = {"saf": ".saf.xlsx", "opensees": ".tcl"}
+SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}
 """Suffixes of common names."""
 ELSEWHERE = {
     "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
@@ -47,7 +47,7 @@ GROUPS = {
 }
 """Groups of formats in words, by their kind of input."""
 
-TO = (
+TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
     "edges and centre lines. Lines by family: dxf (with plan and elevations), svg (a drawing to scale), lines.step "
     "(curves), csv, json. Members by name: members.json, members.csv, nodes.csv; as "
@@ -58,7 +58,7 @@ TO = (
     "opensees; for CalculiX: beams.inp. A check: calculix. [as the suffix of -o]"
 )
 
-Which = Literal["uncut", "cut"]
+SheetName = Literal["uncut", "cut"]
 
 
 @dataclass(frozen=True)
@@ -67,17 +67,17 @@ class ExportRequest:
 
     suffix: str
     path: Path
-    sheet: Which | None
+    sheet: SheetName | None
 
 
 def export(
     preset: str,
     /,
     *,
-    to: Annotated[str | None, Parameter(help=TO)] = None,
+    to: Annotated[str | None, Parameter(help=TO_HELP)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="The file [outputs/NAME/NAME.ext].")] = None,
     sheet: Annotated[
-        Which | None,
+        SheetName | None,
         Parameter(help="The uncut or the cut sheet, in place of the solid; for calculix the uncut one if not given."),
     ] = None,
     source: Source = UNCHANGED,
@@ -92,33 +92,37 @@ def export(
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote. Its design
         is reused, unless --set or an edit of its preset.toml changes the design.
     """
-    given, folder = source_of(preset, source.also(*step.overrides()))
-    reporter, built = Reporter(quiet), built_design(preset, given)
+    loaded_preset, folder = preset_and_folder(preset, source.with_overrides(*step.overrides()))
+    reporter, built = Reporter(quiet), built_design(preset, loaded_preset)
     if step.estimate:
-        return estimate_step(given, reporter, built)
+        return estimate_step(loaded_preset, reporter, built)
     from dsfab.export import require_writable_file
 
-    ask = _asked(to, output, folder, given.name, sheet)
-    require_writable_file(ask.path)
+    request = _export_request(to, output, folder, loaded_preset.name, sheet)
+    require_writable_file(request.path)
     with reporter:
-        told = write_file(given, built, ask, reporter)
+        lines = write_file(loaded_preset, built, request, reporter)
     if not quiet:
-        for line in told:
-            out(line)
-        out(f"  {ask.path}  {size(ask.path.stat().st_size)}")
+        for line in lines:
+            print_result(line)
+        print_result(f"  {request.path}  {byte_size(request.path.stat().st_size)}")
     return 0
 
 
-def write_file(given: "Preset", built: "Design | None", ask: ExportRequest, progress: Progress) -> list[str]:
+def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
     """Write the requested file, of a built or a new design; return lines about it.
 
     Raises DsfabError of the stage that refuses, and ExportError if the file cannot be written.
     """
     from dsfab.export.formats import FORMATS
 
-    if ask.suffix != SUFFIX and FORMATS[ask.suffix].takes == "utilisation":
-        given.statics.require_strength()
-    return _model(given, ask, progress) if ask.suffix == SUFFIX else _mesh(given, built, ask, progress)
+    if request.suffix != CALCULIX_SUFFIX and FORMATS[request.suffix].takes == "utilisation":
+        preset.statics.require_strength()
+    return (
+        _write_model(preset, request, progress)
+        if request.suffix == CALCULIX_SUFFIX
+        else _write_solid_or_sheet(preset, built, request, progress)
+    )
 
 
 def offered_formats() -> list[dict[str, str]]:
@@ -127,7 +131,7 @@ def offered_formats() -> list[dict[str, str]]:
 
     offered = []
     for suffix, form in FORMATS.items():
-        if suffix in SAME:
+        if suffix in ALIASES:
             continue
         try:
             form.ready()
@@ -138,59 +142,61 @@ def offered_formats() -> list[dict[str, str]]:
     return [*offered, {"format": CALCULIX, "group": "a check", "missing": ""}]
 
 
-def source_of(name: str, source: Source) -> tuple["Preset", Path]:
+def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
     """Return the preset, and the folder of its files: the built folder, or that of `dsfab build`."""
     if folder := built_folder(name):
-        return source.read(str(folder / "preset.toml")), folder
-    given = source.read(name)
-    return given, Path("outputs") / given.name
+        return source.read_preset(str(folder / "preset.toml")), folder
+    loaded_preset = source.read_preset(name)
+    return loaded_preset, Path("outputs") / loaded_preset.name
 
 
-def built_design(name: str, given: "Preset") -> "Design | None":
+def built_design(name: str, preset: "Preset") -> "Design | None":
     """Return the design of a built folder, if it is that of the preset; else None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)
-    return read_archive(folder, given) if folder else None
+    return read_archive(folder, preset) if folder else None
 
 
-def _words() -> dict[str, str]:
+def _suffix_by_word() -> dict[str, str]:
     from dsfab.export import FORMATS
 
-    return {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}, **SHORT}
+    return {CALCULIX: CALCULIX_SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}, **SHORT_WORDS}
 
 
 def format_suffix(word: str) -> str:
     """Return the suffix for a word of --to. Raises ExportError for an unknown word, or if a library is missing."""
     from dsfab.export import FORMATS
 
-    known = _words()
-    suffix = SUFFIX if word == SUFFIX[1:] else known.get(word)
+    suffixes = _suffix_by_word()
+    suffix = CALCULIX_SUFFIX if word == CALCULIX_SUFFIX[1:] else suffixes.get(word)
     if suffix is None:
         if word in ELSEWHERE:
             raise ExportError(f"{word!r} names no format; {ELSEWHERE[word]}")
-        near = difflib.get_close_matches(word, known, n=1)
-        hint = f"did you mean {near[0]}? " if near else ""
-        raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(known)}")
+        suggestions = difflib.get_close_matches(word, suffixes, n=1)
+        hint = f"did you mean {suggestions[0]}? " if suggestions else ""
+        raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(suffixes)}")
     if suffix in FORMATS:
         FORMATS[suffix].ready()
     return suffix
 
 
-def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> ExportRequest:
+def _export_request(
+    to: str | None, output: Path | None, folder: Path, name: str, sheet: SheetName | None
+) -> ExportRequest:
     from dsfab.export.formats import FORMATS, suffix_of
 
     if to is None and output is None:
-        raise ExportError(f"nothing says what to write; add --to {', '.join(_words())}")
+        raise ExportError(f"nothing says what to write; add --to {', '.join(_suffix_by_word())}")
     word = (to if to is not None else suffix_of(output) if output else "").lower().removeprefix(".")
     suffix = format_suffix(word)
     path = output if output is not None else folder / f"{name}{suffix}"
     if suffix_of(path) != suffix:
         raise ExportError(f"-o {path} does not end in {suffix}; --to {word} writes {path.stem}{suffix}")
-    if sheet is not None and suffix != SUFFIX and not FORMATS[suffix].sheets:
+    if sheet is not None and suffix != CALCULIX_SUFFIX and not FORMATS[suffix].sheets:
         holds = ", ".join(key[1:] for key, form in FORMATS.items() if form.sheets and form.takes == "mesh")
         raise ExportError(f"a {suffix} file holds solids only; leave out --sheet, or write {holds}")
-    if suffix != SUFFIX and sheet is not None and FORMATS[suffix].takes != "mesh":
+    if suffix != CALCULIX_SUFFIX and sheet is not None and FORMATS[suffix].takes != "mesh":
         raise ExportError(f"what a {suffix} file shows is settled, see `dsfab export --help`; leave out --sheet")
     return ExportRequest(suffix, path, sheet)
 
@@ -202,55 +208,60 @@ def _make_folder(path: Path) -> None:
         raise ExportError(f"cannot make the folder {path.parent}: {error.strerror}; choose another with -o") from None
 
 
-def _model(given: "Preset", ask: ExportRequest, reporter: Progress) -> list[str]:
+def _write_model(preset: "Preset", request: ExportRequest, reporter: Progress) -> list[str]:
     from dsfab.design import run
     from dsfab.export.analysis.calculix import write_calculix
     from dsfab.study.check_model import cut_model, uncut_model
 
-    made = cut_model(run(given, reporter), reporter) if ask.sheet == "cut" else uncut_model(given, reporter)
-    reporter("export", f"writing {ask.path.name}")
-    _make_folder(ask.path)
-    write_calculix(made.model, ask.path)
-    return _told(made, ask)
+    check_model = (
+        cut_model(run(preset, reporter), reporter) if request.sheet == "cut" else uncut_model(preset, reporter)
+    )
+    reporter("export", f"writing {request.path.name}")
+    _make_folder(request.path)
+    write_calculix(check_model.model, request.path)
+    return _model_lines(check_model, request)
 
 
-def _told(made: "CheckModel", ask: ExportRequest) -> list[str]:
-    model = made.model
-    lines = [f"warning: {text}" for text in made.warnings]
+def _model_lines(check_model: "CheckModel", request: ExportRequest) -> list[str]:
+    model = check_model.model
+    lines = [f"warning: {text}" for text in check_model.warnings]
     kind = "six-node shells" if model.element == "S6" else "six-node triangles in plane stress"
     lines.append(
-        f"{ask.sheet or 'uncut'} sheet: {len(model.triangles):,} {kind} ({model.element}), {len(model.nodes):,} nodes; "
+        f"{request.sheet or 'uncut'} sheet: {len(model.triangles):,} {kind} ({model.element}), "
+        f"{len(model.nodes):,} nodes; "
         "metres, newtons, pascals"
     )
-    for name, answer in made.answers.items():
+    for name, answer in check_model.answers.items():
         lines.append(
             f"{name}: dsfab finds a largest displacement of {length(answer.largest_displacement)} and an internal "
             f"energy of {answer.compliance / 2:.4g} J (half of the compliance)"
         )
-    where = "" if ask.path.parent == Path() else f"cd {ask.path.parent} && "
-    lines.append(f"compare: {where}ccx {ask.path.stem}, then read {ask.path.stem}.dat")
+    change_folder = "" if request.path.parent == Path() else f"cd {request.path.parent} && "
+    lines.append(f"compare: {change_folder}ccx {request.path.stem}, then read {request.path.stem}.dat")
     return lines
 
 
-def _mesh(given: "Preset", built: "Design | None", ask: ExportRequest, reporter: Progress) -> list[str]:
+def _write_solid_or_sheet(
+    preset: "Preset", built: "Design | None", request: ExportRequest, reporter: Progress
+) -> list[str]:
     from dsfab.design import Design, run
     from dsfab.design.output.files import deliverable
     from dsfab.export import write
     from dsfab.study import require_fit
 
-    told: list[str] = []
-    how: dict[str, Any] = {}
-    if ask.sheet == "uncut":
+    lines: list[str] = []
+    options: dict[str, Any] = {}
+    if request.sheet == "uncut":
         reporter("surface", "making the surface")
-        thing: Solid | Surface = (built or Design.of(given)).surface
+        content: Solid | Surface = (built or Design.from_preset(preset)).surface
     else:
-        design = built or run(given, reporter)
+        design = built or run(preset, reporter)
         if built is None:
             require_fit(design)
-        thing, how = deliverable(design, ask.suffix)
-        thing = design.sheet.surface if ask.sheet == "cut" else thing
-        how["note"] = told.append
-    reporter("export", f"writing and reading back {ask.path.name}")
-    _make_folder(ask.path)
-    write(thing, ask.path, name=given.name, report=lambda done: told.append(done.told), **how)
-    return told
+        content, options = deliverable(design, request.suffix)
+        content = design.sheet.surface if request.sheet == "cut" else content
+        options["note"] = lines.append
+    reporter("export", f"writing and reading back {request.path.name}")
+    _make_folder(request.path)
+    write(content, request.path, name=preset.name, report=lambda done: lines.append(done.summary), **options)
+    return lines

@@ -20,7 +20,7 @@ PROGRAM = (
 )
 """Program of the other process. Garbage collection would take a tenth of the time of importing."""
 
-SECONDS = 60.0
+SKETCH_SECONDS = 60.0
 """Seconds after which a sketch is given up, from the moment when the true picture could be drawn."""
 
 
@@ -32,11 +32,11 @@ class FirstPicture:
     told : called from another thread when the sketch is ready; None for no sketch.
     """
 
-    def __init__(self, told: Callable[[], None] | None) -> None:
-        self._told = told
+    def __init__(self, on_sketch: Callable[[], None] | None) -> None:
+        self._told = on_sketch
         home = str(Path(__file__).parents[2])
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", PROGRAM, home, *["sketches"] * bool(told)],
+            [sys.executable, "-P", "-c", PROGRAM, home, *["sketches"] * bool(on_sketch)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -47,7 +47,7 @@ class FirstPicture:
         self._window: str | None = None
 
     @property
-    def sketches(self) -> bool:
+    def draws_sketches(self) -> bool:
         """Whether the process shall draw a sketch."""
         return self._told is not None
 
@@ -60,14 +60,14 @@ class FirstPicture:
             pass
 
     @contextmanager
-    def replaced(self) -> Iterator[None]:
+    def restore_on_error(self) -> Iterator[None]:
         """Write the file a second time in the body; an error in it restores the content from before the sketch."""
         try:
             yield
         except BaseException:
             self._end()
             if self._sketched:
-                self._undo()
+                self._restore_file()
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
@@ -75,7 +75,7 @@ class FirstPicture:
 
         sketch : see `Design.sketch`.    options : of `dsfab.render.previewer.Previewer`.
         """
-        from dsfab.app.carrier import carried
+        from dsfab.app.carrier import pickled
 
         if self._sketched:
             return
@@ -86,24 +86,24 @@ class FirstPicture:
             except OSError:
                 return
         self._sketched = True
-        self._talk(carried((sketch, path, pixels, options)), self._told)
+        self._start_request(pickled((sketch, path, pixels, options)), self._told)
 
     def finish(self) -> str | None:
         """Wait for the sketch, if any; return the kind of window of the process, or None if it cannot draw."""
         if not self._talking:
-            self._talk(None, None)
-        self._wait(SECONDS)
+            self._start_request(None, None)
+        self._wait(SKETCH_SECONDS)
         return self._window
 
-    def structure(self, asked: object, path: Path) -> bool:
+    def draw_structure(self, structure_picture: object, path: Path) -> bool:
         """Write the picture of a `StructurePicture`; return False on failure, so that the caller draws it."""
         import pickle
 
-        drawn: list[bool] = []
+        successes: list[bool] = []
         if self.finish() is not None:
-            self._talk(pickle.dumps((asked, path), protocol=5), lambda: drawn.append(True))
+            self._start_request(pickle.dumps((structure_picture, path), protocol=5), lambda: successes.append(True))
             self._wait(600.0)
-        return bool(drawn)
+        return bool(successes)
 
     def _wait(self, seconds: float) -> None:
         """Wait for the picture; end a process that takes longer or failed."""
@@ -117,33 +117,33 @@ class FirstPicture:
         if self._talking:
             self._talking.join()
 
-    def _talk(self, asked: bytes | None, then: Callable[[], None] | None) -> None:
-        self._talking = threading.Thread(target=self._ask, args=(asked, then), daemon=True)
+    def _start_request(self, message: bytes | None, on_success: Callable[[], None] | None) -> None:
+        self._talking = threading.Thread(target=self._send_request, args=(message, on_success), daemon=True)
         self._talking.start()
 
-    def _ask(self, asked: bytes | None, then: Callable[[], None] | None) -> None:
-        given, answer = self._process.stdin, self._process.stdout
-        assert given
-        assert answer
+    def _send_request(self, message: bytes | None, on_success: Callable[[], None] | None) -> None:
+        requests, answers = self._process.stdin, self._process.stdout
+        assert requests
+        assert answers
         try:
-            if asked is not None:
-                given.write(len(asked).to_bytes(8, "little") + asked)
-                given.flush()
-            if self._window is None and (line := answer.readline()):
+            if message is not None:
+                requests.write(len(message).to_bytes(8, "little") + message)
+                requests.flush()
+            if self._window is None and (line := answers.readline()):
                 self._window = line.decode().strip()
-            if self._window is not None and asked is not None:
-                if not answer.readline():
+            if self._window is not None and message is not None:
+                if not answers.readline():
                     self._window = None
-                elif then:
-                    then()
+                elif on_success:
+                    on_success()
         except (OSError, ValueError):
             self._window = None
 
-    def _undo(self) -> None:
-        from dsfab.export import replacing
+    def _restore_file(self) -> None:
+        from dsfab.export import atomic_file
 
         if not self._before:
             self._path.unlink(missing_ok=True)
         elif self._path.read_bytes() != self._before[0]:
-            with replacing(self._path) as temporary:
+            with atomic_file(self._path) as temporary:
                 temporary.write_bytes(self._before[0])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from dsfab.app.options import MaxTriangles, Unit, Up
-from dsfab.app.terminal import out
+from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError, PresetError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def new(
     mesh
         OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP.
     """
-    from dsfab.export import replacing
+    from dsfab.export import atomic_file
     from dsfab.preset.proposal import propose
 
     if mesh.suffix == ".toml":
@@ -47,18 +47,18 @@ def new(
         raise PresetError(f"-o {target}: a preset is a .toml file; write for instance -o {target.stem}.toml")
     if target.exists() and not force:
         raise PresetError(f"{target} is there already; choose another name with -o, or write over it with --force")
-    text = proposal.text(_from(target, mesh))
-    with replacing(target) as path:
+    text = proposal.text(_relative_path(target, mesh))
+    with atomic_file(target) as path:
         path.write_text(text, encoding="utf-8")
     for line in proposal.lines:
-        out(line)
-    if told := bearing(proposal):
-        out(told)
-    out(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
+        print_result(line)
+    if warning := strength_warning(proposal):
+        print_result(warning)
+    print_result(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
     return 0
 
 
-def bearing(proposal: "Proposal") -> str:
+def strength_warning(proposal: "Proposal") -> str:
     """Return a warning if a sheet with a span over 50 m bears more than its strength before it is cut; else ''.
 
     Its own weight may be more than such a sheet bears at any thickness. The solution takes seconds.
@@ -71,24 +71,27 @@ def bearing(proposal: "Proposal") -> str:
     if not proposal.preset.statics.strength or max(size.span, size.bridged) < 50:
         return ""
     try:
-        design = Design.of(proposal.preset)
+        design = Design.from_preset(proposal.preset)
         parts, areas = design.load.parts, design.surface.areas[:, None]
         facts = [answer_facts(design, case) for case in design.statics.cases.values()]
     except DsfabError:
         return ""
-    most, usual = (max(fact[key] for fact in facts) for key in ("utilisation", "utilisation_99"))
-    if most <= 1 or parts is None:
+    largest_share, usual_share = (max(fact[key] for fact in facts) for key in ("utilisation", "utilisation_99"))
+    if largest_share <= 1 or parts is None:
         return ""
     weight = abs((parts.weight * areas).sum(axis=0)[2] / (parts.traction * areas).sum(axis=0)[2])
-    how = "make it thicker (statics.thickness)"
+    advice = "make it thicker (statics.thickness)"
     if weight > 0.6:  # a thicker sheet has hardly less stress
-        own = f"{weight:.0%} of its load is its own weight, and a thicker one weighs more"
-        how = f"{own}: give it more feet, or more rise"
-    topic = f"{'bears':<{max(len(each.topic) for each in proposal.decisions)}}"
-    return f"{topic}  {most:.0%} of its strength, {usual:.0%} on 99 % of it, and more once it is cut; {how}"
+        weight_words = f"{weight:.0%} of its load is its own weight, and a thicker one weighs more"
+        advice = f"{weight_words}: give it more feet, or more rise"
+    topic = f"{'bears':<{max(len(decision.topic) for decision in proposal.decisions)}}"
+    return (
+        f"{topic}  {largest_share:.0%} of its strength, {usual_share:.0%} on 99 % of it, and more once it is "
+        f"cut; {advice}"
+    )
 
 
-def _from(preset: Path, mesh: Path) -> Path:
+def _relative_path(preset: Path, mesh: Path) -> Path:
     try:
         return Path(os.path.relpath(mesh.absolute(), preset.absolute().parent))
     except ValueError:  # a path on another drive

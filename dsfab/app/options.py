@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError, PresetError
-from dsfab.core.messages import size, table
+from dsfab.core.messages import byte_size, table
 
 if TYPE_CHECKING:
     from dsfab.design.design import Design
@@ -69,9 +69,9 @@ def built_folder(name: str) -> Path | None:
     folder = Path(name)
     if name in shipped_presets() or not folder.is_dir():
         return None
-    from dsfab.export import complete
+    from dsfab.export import complete_folder
 
-    complete(folder)
+    complete_folder(folder)
     if not (folder / "preset.toml").is_file():
         raise PresetError(f"{folder} has no preset.toml, so dsfab did not build it; give a preset or a built folder")
     return folder
@@ -88,54 +88,59 @@ class Source:
     up: Up = None
     max_triangles: MaxTriangles = None
 
-    def read(self, name: str, proposal: "Proposal | None" = None) -> "Preset":
+    def read_preset(self, name: str, proposal: "Proposal | None" = None) -> "Preset":
         """Return the preset of this name or file with its changes; for a mesh file, or `roof --mesh FILE`, the
         proposed one.
 
         proposal : the proposal for the mesh, if the caller has it.
         Raises PresetError for unknown or invalid presets, and for a preset without its mesh.
         """
-        from dsfab.preset.file import load_preset, overridden, require_mesh
+        from dsfab.preset.file import load_preset, require_mesh, with_overrides
 
         proposal = proposal or self.proposal(name)
         if proposal:
-            return overridden(proposal.preset, self.overrides())
-        given = load_preset(name, self.overrides(), self.mesh)
+            return with_overrides(proposal.preset, self.overrides())
+        preset = load_preset(name, self.overrides(), self.mesh)
         if self.mesh is None:
-            require_mesh(given)
-        return given
+            require_mesh(preset)
+        return preset
 
     def proposal(self, name: str) -> "Proposal | None":
         """Return the proposal for a mesh file in place of a preset; None for a preset."""
         from dsfab.preset.proposal import OWN, propose
         from dsfab.surface import MESH_SUFFIXES
 
-        other = Path(name).is_file() and Path(name).suffix.lower() not in ("", ".toml")  # its reader lists the formats
-        named = name if other or Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
-        if named is None:
+        is_mesh_file = Path(name).is_file() and Path(name).suffix.lower() not in (
+            "",
+            ".toml",
+        )  # its reader lists the formats
+        mesh_file = (
+            name if is_mesh_file or Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
+        )
+        if mesh_file is None:
             return None
-        if named is name and self.mesh is not None:
+        if mesh_file is name and self.mesh is not None:
             raise PresetError(f"{name} and --mesh {self.mesh} are two meshes; give one of them")
         material = self.overrides().get("statics.material")
         material = material if isinstance(material, str) else None
-        return propose(Path(named), self.unit, self.up, material, self.max_triangles)
+        return propose(Path(mesh_file), self.unit, self.up, material, self.max_triangles)
 
     def overrides(self) -> dict[str, Any]:
         """Return the changes as values of dotted keys, with unit and axis. Raises PresetError as `sets` does."""
-        given = {"surface.unit": self.unit, "surface.up": self.up, "surface.max_triangles": self.max_triangles}
-        return self.sets() | {key: value for key, value in given.items() if value is not None}
+        options = {"surface.unit": self.unit, "surface.up": self.up, "surface.max_triangles": self.max_triangles}
+        return self.set_values() | {key: value for key, value in options.items() if value is not None}
 
-    def sets(self) -> dict[str, Any]:
+    def set_values(self) -> dict[str, Any]:
         """Return the values of --set by dotted keys. Raises PresetError for a text that is not KEY=VALUE."""
         from dsfab.preset.file import parse_override
 
         return dict(parse_override(text) for text in self.set_)
 
-    def also(self, *texts: str) -> "Source":
+    def with_overrides(self, *texts: str) -> "Source":
         """Return a copy with more changes, KEY=VALUE each, which override earlier ones."""
         return replace(self, set_=(*self.set_, *texts))
 
-    def words(self, name: str) -> list[str]:
+    def command_words(self, name: str) -> list[str]:
         """Return the words of a command line that names this preset with these changes."""
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
@@ -173,24 +178,24 @@ class StepFlags:
 
     def overrides(self) -> tuple[str, ...]:
         """Return the options as KEY=VALUE of the preset, which checks them."""
-        given = {"step": self.step, "step_faces": self.max_faces, "step_mb": self.max_mb}
-        return tuple(f"export.{key}={json.dumps(value)}" for key, value in given.items() if value is not None)
+        options = {"step": self.step, "step_faces": self.max_faces, "step_mb": self.max_mb}
+        return tuple(f"export.{key}={json.dumps(value)}" for key, value in options.items() if value is not None)
 
 
 NO_FLAGS = StepFlags()
 """STEP options of the preset."""
 
 
-def estimate_step(given: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
+def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
     """Print the cost of a design's STEP file; write nothing."""
     from dsfab.design import run
 
     with reporter:
-        design = built or run(given, reporter)
+        design = built or run(preset, reporter)
         reporter("export", "estimating STEP")
         lines = list(estimate_lines(design))
     for line in lines:
-        out(line)
+        print_result(line)
     return 0
 
 
@@ -199,21 +204,21 @@ def estimate_lines(design: "Design") -> Iterator[str]:
     from dsfab.design.output.files import deliverable
     from dsfab.export import step_estimates
 
-    thing, how = deliverable(design, ".step")
-    how.pop("details", None)  # the file's data beside its shape take no space
-    found = step_estimates(thing, name=design.preset.name, **how)
+    content, options = deliverable(design, ".step")
+    options.pop("details", None)  # the file's data beside its shape take no space
+    estimates = step_estimates(content, name=design.preset.name, **options)
     head = ("STEP", "faces", "size", "write s", "open s", "memory to open", "")
-    yield table(head, [_row(one) for one in found])
-    for one in found:
-        if one.refused or one.note:
-            yield f"  {one.way}: {one.refused or one.note}"
-    if not any(one.chosen for one in found):
+    yield table(head, [_estimate_row(estimate) for estimate in estimates])
+    for estimate in estimates:
+        if estimate.refused or estimate.note:
+            yield f"  {estimate.way}: {estimate.refused or estimate.note}"
+    if not any(estimate.chosen for estimate in estimates):
         yield "none of these would be written; raise --max-faces or --max-mb, or write stl or 3mf"
 
 
-def _row(one: "Estimate") -> tuple[str, ...]:
-    mark = "<- chosen" if one.chosen else ("refused" if one.refused else "")
-    if not one.faces:
-        return (one.way, *["-"] * 5, mark)
-    times = (f"{one.write_seconds:.3g}", f"{one.open_seconds:.2g}")
-    return (one.way, f"{one.faces:,}", size(one.size), *times, size(one.memory), mark)
+def _estimate_row(estimate: "Estimate") -> tuple[str, ...]:
+    mark = "<- chosen" if estimate.chosen else ("refused" if estimate.refused else "")
+    if not estimate.faces:
+        return (estimate.way, *["-"] * 5, mark)
+    times = (f"{estimate.write_seconds:.3g}", f"{estimate.open_seconds:.2g}")
+    return (estimate.way, f"{estimate.faces:,}", byte_size(estimate.size), *times, byte_size(estimate.memory), mark)

@@ -15,9 +15,9 @@ from cyclopts import Parameter
 
 from dsfab.app.first_picture import FirstPicture
 from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, built_folder, picture_size
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError
-from dsfab.core.messages import size
+from dsfab.core.messages import byte_size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from dsfab.preset.model import Preset
     from dsfab.render.previewer import Previewers
 
-FINISHED = ("fabrication", "members")
+FINISHED_PICTURES = ("fabrication", "members")
 """Pictures of the finished solid, and of the finished sheet."""
 
 
-WORDS = {
+SHOW_WORDS = {
     "deflection": ("displacement",),
     "modes": ("major_mode", "minor_mode"),
     "all": (
@@ -40,29 +40,29 @@ WORDS = {
 }
 """Words of --show that stand for several names."""
 
-ASKED = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
+SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
 """Pictures that `all` adds if this key of [statics] is set."""
 
 
-def shows(text: str, preset: "Preset") -> tuple[str, ...]:
+def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
     """Return the names in 'structure', 'modes', 'all', 'structure,stress'; raise DsfabError for unknown ones."""
-    from dsfab.render.colouring import MODES, check_show
+    from dsfab.render.colouring import MODE_FIELDS, check_show
 
     names: list[str] = []
     for word in (part.strip() for part in text.split(",")):
         if word == "all":
             modes = preset.pattern.method != "stripes"  # stripes do not run along modes
-            names += [name for name in WORDS[word] if modes or name not in MODES]
-            names += [name for name, key in ASKED.items() if getattr(preset.statics, key)]
+            names += [name for name in SHOW_WORDS[word] if modes or name not in MODE_FIELDS]
+            names += [name for name, key in SHOWN_ON_REQUEST.items() if getattr(preset.statics, key)]
         else:
-            names += WORDS.get(word, (word,))
+            names += SHOW_WORDS.get(word, (word,))
     for name in names:
         check_show(name)
     return tuple(dict.fromkeys(names))
 
 
 @dataclass(frozen=True)
-class Page:
+class PreviewPage:
     """Pictures of a page and its file. options : of `dsfab.render.previewer.Previewer`, but `show`."""
 
     names: tuple[str, ...]
@@ -93,20 +93,20 @@ class PictureOptions:
         str | None, Parameter(name="--size", help="WIDTHxHEIGHT in pixels [1600x1200; each of several: 800x600].")
     ] = None
 
-    def page(self, preset: "Preset", folder: Path = Path()) -> Page:
+    def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
         """Return the page of a preset, in `folder` unless --output names a file; raise DsfabError for invalid
         options.
         """
         from dsfab.render.drawing import check_ground
 
-        names = (self.show.strip(),) if self.show.strip() in FINISHED else shows(self.show, preset)
-        marks = {} if self.layers is None else {"marks": _layers(self.layers)}
+        names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
+        marks = {} if self.layers is None else {"marks": _layer_names(self.layers)}
         pixels = picture_size(self.size_ or ("1600x1200" if len(names) == 1 else "800x600"))
         path = self.output or folder / f"{preset.name}.png"
         if path.suffix.lower() != ".png":
             raise DsfabError(f"-o {path} does not end in .png; previews are PNG files")
         check_ground(self.ground)
-        return Page(names, pixels, path, {"view": self.view, "ground": self.ground, **marks})
+        return PreviewPage(names, pixels, path, {"view": self.view, "ground": self.ground, **marks})
 
 
 def preview(
@@ -128,72 +128,76 @@ def preview(
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
     reporter = Reporter(quiet)
-    with _first_picture(picture, reporter) as first:
+    with _first_picture(picture, reporter) as first_picture:
         folder = built_folder(preset)
         file = preset if folder is None else str(folder / "preset.toml")
-        given = source.read(file)
-        page = picture.page(given, folder or Path())
+        loaded_preset = source.read_preset(file)
+        page = picture.page(loaded_preset, folder or Path())
         if watch and not Path(file).is_file():
             raise DsfabError(
                 f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first"
             )
-        with _drawing(page, reporter, folder, first) as draw:
+        with _drawing(page, reporter, folder, first_picture) as draw:
             if watch:
-                return _watch(Path(file), lambda: draw(source.read(file)), reporter)
-            draw(given)
+                return _watch(Path(file), lambda: draw(source.read_preset(file)), reporter)
+            draw(loaded_preset)
     return 0
 
 
 @contextmanager
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
     """Start a process that draws, if a core is free: for a sketch on a terminal, or for the finished structure."""
-    single = "," not in picture.show and picture.show.strip() not in (*WORDS, *FINISHED)
-    sketched = single and reporter.watched
-    finished = (
+    single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
+    needs_sketch = single and reporter.is_watched
+    needs_structure = (
         picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
     )  # otherwise this process is as quick
-    if not (sketched or finished) or (os.cpu_count() or 1) == 1:
-        from dsfab.render.opengl import ask_ahead
+    if not (needs_sketch or needs_structure) or (os.cpu_count() or 1) == 1:
+        from dsfab.render.opengl import probe_ahead
 
-        ask_ahead()
+        probe_ahead()
         yield None
         return
-    told = (lambda: reporter.say("preview     a first picture is there, its widths follow")) if sketched else None
-    with FirstPicture(told) as first:
-        yield first
+    on_sketch = (
+        (lambda: reporter.print_line("preview     a first picture is there, its widths follow"))
+        if needs_sketch
+        else None
+    )
+    with FirstPicture(on_sketch) as first_picture:
+        yield first_picture
 
 
 @contextmanager
 def _drawing(
-    page: Page, reporter: Reporter, folder: Path | None, first: FirstPicture | None
+    page: PreviewPage, reporter: Reporter, folder: Path | None, first_picture: FirstPicture | None
 ) -> "Iterator[Callable[[Preset], None]]":
     """Provide a function that draws the page of a preset into its file; `folder` is the built folder, if any."""
-    from dsfab.render.opengl import require_rendering, take_for_granted
+    from dsfab.render.opengl import assume_window, require_rendering
     from dsfab.render.previewer import Previewers
 
-    if first is None:
+    if first_picture is None:
         require_rendering()
     options = {"show": page.names[0], **page.options}
 
-    def sketched(design: "Design") -> None:
-        if first:
-            first.draw(design, page.path, page.pixels, options)
+    def draw_sketch(design: "Design") -> None:
+        if first_picture:
+            first_picture.draw(design, page.path, page.pixels, options)
 
-    with Previewers(sketched if first and first.sketches else None, **options) as previewers:
+    with Previewers(draw_sketch if first_picture and first_picture.draws_sketches else None, **options) as previewers:
 
         def draw(preset: "Preset") -> None:
-            if page.names[0] in FINISHED:
+            if page.names[0] in FINISHED_PICTURES:
                 _draw_finished(preset, page, reporter, folder)
-            elif first and not previewers.made:
-                with first.replaced():
-                    previewers.drafted(preset, reporter)
-                    if (window := first.finish()) is not None:
-                        take_for_granted(window)
-                    _draw(previewers, preset, page, reporter, first)
+            elif first_picture and not previewers.design:
+                with first_picture.restore_on_error():
+                    previewers.draft_for(preset, reporter)
+                    if (window := first_picture.finish()) is not None:
+                        assume_window(window)
+                    _draw(previewers, preset, page, reporter, first_picture)
             else:
-                _draw(previewers, preset, page, reporter, first)
+                _draw(previewers, preset, page, reporter, first_picture)
             if not reporter.quiet:
-                out(f"  {page.path}  {size(page.path.stat().st_size)}")
+                print_result(f"  {page.path}  {byte_size(page.path.stat().st_size)}")
 
         try:
             yield draw
@@ -201,7 +205,7 @@ def _drawing(
             reporter.stop()
 
 
-def _layers(text: str) -> tuple[str, ...]:
+def _layer_names(text: str) -> tuple[str, ...]:
     from dsfab.render.drawing import EVERY_LAYER
 
     if text in ("all", "none"):
@@ -213,37 +217,45 @@ def _layers(text: str) -> tuple[str, ...]:
 
 
 def _draw(
-    previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter, first: FirstPicture | None
+    previewers: "Previewers",
+    preset: "Preset",
+    page: PreviewPage,
+    reporter: Reporter,
+    first_picture: FirstPicture | None,
 ) -> None:
-    if page.names != ("structure",) or not _draw_structure(previewers, preset, page, reporter, first):
+    if page.names != ("structure",) or not _draw_structure(previewers, preset, page, reporter, first_picture):
         _draw_pattern(previewers, preset, page, reporter)
 
 
-def _draw_pattern(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
-    from dsfab.render.colouring import asking
+def _draw_pattern(previewers: "Previewers", preset: "Preset", page: PreviewPage, reporter: Reporter) -> None:
+    from dsfab.render.colouring import preset_with_mode
     from dsfab.render.picture import write_png
     from dsfab.render.previewer import panels
 
     for name in page.names:
-        preset = asking(preset, name)
+        preset = preset_with_mode(preset, name)
     if len(page.names) == 1:
-        previewer = previewers.showing(preset, reporter)
+        previewer = previewers.previewer_for(preset, reporter)
         reporter("preview", f"drawing {page.path.name}")
         previewer.write(page.path, page.pixels)
         reporter.done()
     else:
-        found = panels(previewers.drafted(preset, reporter), page.names, page.pixels, reporter, **page.options)
+        panel_page = panels(previewers.draft_for(preset, reporter), page.names, page.pixels, reporter, **page.options)
         reporter.done()
-        for line in found.left_out:
-            reporter.say(f"preview     left out: {line}")
-        write_png(found.pixels, page.path)
-    if previewers.made:
-        for note in previewers.made.notes:
-            reporter.say(f"note ({note.stage}): {note.text}")
+        for line in panel_page.left_out:
+            reporter.print_line(f"preview     left out: {line}")
+        write_png(panel_page.pixels, page.path)
+    if previewers.design:
+        for note in previewers.design.notes:
+            reporter.print_line(f"note ({note.stage}): {note.text}")
 
 
 def _draw_structure(
-    previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter, first: FirstPicture | None
+    previewers: "Previewers",
+    preset: "Preset",
+    page: PreviewPage,
+    reporter: Reporter,
+    first_picture: FirstPicture | None,
 ) -> bool:
     """Draw evenly spaced stripes as they are built; return False if that is impossible.
 
@@ -253,53 +265,55 @@ def _draw_structure(
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png
 
-    design = previewers.drafted(preset, reporter)
+    design = previewers.draft_for(preset, reporter)
     if not design.pattern.even:
         return False
     try:
         design = design.until("thickening")
     except DsfabError as error:
-        reporter.say(f"note (preview): drawn before it is cut, because cutting failed: {error}")
+        reporter.print_line(f"note (preview): drawn before it is cut, because cutting failed: {error}")
         return False
     reporter("preview", f"drawing {page.path.name}")
-    asked = structure_drawing(design, size=page.pixels, **page.options)
-    if not (first and first.structure(asked, page.path)):
+    structure_picture = structure_drawing(design, size=page.pixels, **page.options)
+    if not (first_picture and first_picture.draw_structure(structure_picture, page.path)):
         require_rendering()
-        write_png(asked.drawn(), page.path)
+        write_png(structure_picture.render(), page.path)
     reporter.done()
     for note in design.notes:
-        reporter.say(f"note ({note.stage}): {note.text}")
+        reporter.print_line(f"note ({note.stage}): {note.text}")
     return True
 
 
-def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
+def _draw_finished(preset: "Preset", page: PreviewPage, reporter: Reporter, built: Path | None) -> None:
     from dsfab.design import Design
     from dsfab.design.output.archive import read_archive
     from dsfab.render.picture import write_png
 
     members = page.names == ("members",)
     design = read_archive(built, preset) if built else None
-    design = design or Design.of(preset, None, reporter).until("slicing" if members else "thickening")
-    picture = _members if members else _measured
+    design = design or Design.from_preset(preset, None, reporter).until("slicing" if members else "thickening")
+    picture = _members_picture if members else _fabrication_picture
     write_png(picture(design, page, reporter), page.path)
     reporter.done()
     for text in design.members.notes if members else ():
-        reporter.say(f"note (members): {text}")
+        reporter.print_line(f"note (members): {text}")
     for note in design.notes:
-        reporter.say(f"note ({note.stage}): {note.text}")
+        reporter.print_line(f"note ({note.stage}): {note.text}")
 
 
-def _measured(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]":
+def _fabrication_picture(design: "Design", page: PreviewPage, reporter: Reporter) -> "NDArray[Any]":
     from dsfab.render.fabrication import workshop_picture
     from dsfab.study.fabrication import fabrication
 
     reporter("fabrication", "measuring members, gaps and walls")
-    made = fabrication(design)
+    measures = fabrication(design)
     reporter("preview", f"drawing {page.path.name}")
-    return workshop_picture(design, made, size=page.pixels, view=page.options["view"], ground=page.options["ground"])
+    return workshop_picture(
+        design, measures, size=page.pixels, view=page.options["view"], ground=page.options["ground"]
+    )
 
 
-def _members(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]":
+def _members_picture(design: "Design", page: PreviewPage, reporter: Reporter) -> "NDArray[Any]":
     from dsfab.render import members_picture
 
     reporter("members", f"naming members, and drawing {page.path.name}")
@@ -307,26 +321,28 @@ def _members(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]"
 
 
 def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
-    seen: tuple[int, int] | None = None
-    reporter.say(f"watch       {file}; Ctrl-C ends it")
+    seen_stamp: tuple[int, int] | None = None
+    reporter.print_line(f"watch       {file}; Ctrl-C ends it")
     try:
         while True:
-            now = _stamp(file)
-            if now is not None and now != seen:  # an editor may take the file away for a moment
-                seen = now
+            current_stamp = _file_stamp(file)
+            if (
+                current_stamp is not None and current_stamp != seen_stamp
+            ):  # an editor may take the file away for a moment
+                seen_stamp = current_stamp
                 try:
                     draw()
                 except DsfabError as error:
                     reporter.stop()
-                    reporter.say(f"watch       {error}")
+                    reporter.print_line(f"watch       {error}")
             time.sleep(0.25)
     except KeyboardInterrupt:
         return 0
 
 
-def _stamp(file: Path) -> tuple[int, int] | None:
+def _file_stamp(file: Path) -> tuple[int, int] | None:
     try:
-        found = file.stat()
+        status = file.stat()
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_size
+    return status.st_mtime_ns, status.st_size

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.export import built_design, source_of
+from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 
 if TYPE_CHECKING:
     from dsfab.design import Design, Progress
@@ -39,30 +39,34 @@ def report(
     from dsfab.design import Design
     from dsfab.export import require_writable
 
-    given, folder = source_of(preset, source)
-    given.statics.require_strength()
+    loaded_preset, folder = preset_and_folder(preset, source)
+    loaded_preset.statics.require_strength()
     folder = output or folder / "members"
     require_writable(folder)
     with Reporter(quiet) as reporter:
-        design = built_design(preset, given) or Design.of(given, progress=reporter).until("slicing")
-        files, told = write_members(design, shlex.join(["dsfab", "report", *source.words(preset)]), folder, reporter)
+        design = built_design(preset, loaded_preset) or Design.from_preset(loaded_preset, progress=reporter).until(
+            "slicing"
+        )
+        files, lines = write_members(
+            design, shlex.join(["dsfab", "report", *source.command_words(preset)]), folder, reporter
+        )
     if not quiet:
-        for line in told:
-            out(line)
-        out("\n".join(f"  {folder / name}" for name in files))
+        for line in lines:
+            print_result(line)
+        print_result("\n".join(f"  {folder / name}" for name in files))
     return 0
 
 
 def write_members(design: "Design", command: str, folder: Path, progress: "Progress") -> tuple[list[str], list[str]]:
     """Write the report and its tables, all of them or none; return their names and lines about them."""
-    from dsfab.export import whole_or_nothing
+    from dsfab.export import atomic_folder
     from dsfab.report.members import write_member_report
 
     progress("members", "summing up forces and checking each bay")
-    told = [design.member_utilisation.standard, design.member_utilisation.told]
-    with whole_or_nothing(folder) as here:
+    lines = [design.member_utilisation.standard, design.member_utilisation.summary]
+    with atomic_folder(folder) as build_folder:
         progress("report", "drawing and writing report.html and report.pdf")
-        files, missing = write_member_report(design, command, here)
+        files, missing = write_member_report(design, command, build_folder)
         for name in TABLES:
-            design.write(here / f"{design.preset.name}.{name}")
-    return [*files, *(f"{design.preset.name}.{name}" for name in TABLES)], [*told, *missing]
+            design.write(build_folder / f"{design.preset.name}.{name}")
+    return [*files, *(f"{design.preset.name}.{name}" for name in TABLES)], [*lines, *missing]

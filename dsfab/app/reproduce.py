@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab.app.options import Quiet
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError, did_you_mean
-from dsfab.core.messages import size
-from dsfab.export import whole_or_nothing
+from dsfab.core.messages import byte_size
+from dsfab.export import atomic_folder
 from dsfab.report.design.facts import versions
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def reproduce(
     from dsfab.render.opengl import require_rendering
     from dsfab.study import fitting_processes
 
-    chosen = choose(names)
+    chosen = figures_by_name(names)
     if not 1 <= coarser <= COARSEST:
         raise DsfabError(f"--coarser {coarser:g} is not between 1 and {COARSEST:g}; write for instance --coarser 2")
     if workers is not None and workers < 1:
@@ -71,7 +71,7 @@ def reproduce(
     count = fitting_processes(len(chosen)) if workers is None else min(workers, len(chosen))
     with Reporter(quiet) as reporter:
         figures = _write(chosen, output, coarser, count, reporter, volumes, small)
-    failed = [f"{made.figure.preset} ({made.error})" for made in figures if made.error]
+    failed = [f"{result.figure.preset} ({result.error})" for result in figures if result.error]
     if not quiet:
         _summary(figures, output, small)
     if failed:
@@ -79,23 +79,23 @@ def reproduce(
     return 0
 
 
-def choose(names: tuple[str, ...]) -> "list[PaperFigure]":
+def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
     """Return the figures of these names, in the paper's order; all without names. Raises DsfabError for an unknown
     name.
     """
     from dsfab.reproduction.published import FIGURES
 
-    known = [figure.preset for figure in FIGURES]
+    presets = [figure.preset for figure in FIGURES]
     for name in names:
-        if name not in known:
+        if name not in presets:
             raise DsfabError(
-                f"the paper has no figure {name!r}{did_you_mean(name, known)}; its figures are {', '.join(known)}"
+                f"the paper has no figure {name!r}{did_you_mean(name, presets)}; its figures are {', '.join(presets)}"
             )
     return [figure for figure in FIGURES if not names or figure.preset in names]
 
 
 def _write(
-    chosen: "list[PaperFigure]",
+    figures_wanted: "list[PaperFigure]",
     folder: Path,
     coarser: float,
     workers: int,
@@ -106,47 +106,48 @@ def _write(
     """Make the figures, then the page; remove pictures of an earlier page that are not in the new one."""
     from dsfab.reproduction.figures import make_figure
     from dsfab.reproduction.page import PAGE_NAME, SMALL_NAME, PageFacts, page, pictures_of, small_page
-    from dsfab.study import made_in_processes
+    from dsfab.study import map_in_processes
 
     figures: list[FigurePictures] = []
-    loads = [_load()]
-    with whole_or_nothing(folder, lambda old, new: pictures_of(old) - pictures_of(new)) as partial:
+    loads = [_system_load()]
+    with atomic_folder(folder, lambda old, new: pictures_of(old) - pictures_of(new)) as partial:
         job = partial_of(make_figure, folder=partial, coarser=coarser)
-        each = made_in_processes(job, chosen, workers, work=lambda figure: figure.timings.triangles)
-        for number, figure in enumerate(chosen, start=1):
-            reporter("reproduce", f"{number} of {len(chosen)}: {figure.preset}")
-            figures.append(next(each))
-            loads.append(_load())
+        results = map_in_processes(job, figures_wanted, workers, work=lambda figure: figure.timings.triangles)
+        for number, figure in enumerate(figures_wanted, start=1):
+            reporter("reproduce", f"{number} of {len(figures_wanted)}: {figure.preset}")
+            figures.append(next(results))
+            loads.append(_system_load())
         if volumes:
             from dsfab.reproduction.volumes import sphere_volumes
 
             sphere_volumes(partial, reporter, coarser)
-        lie = partial if volumes else folder
-        text = page(figures, PageFacts(coarser, _machine(), _busy(loads)), _volumes(lie))
+        volumes_folder = partial if volumes else folder
+        text = page(figures, PageFacts(coarser, _machine_words(), _load_words(loads)), _volume_rows(volumes_folder))
         (partial / PAGE_NAME).write_text(text, encoding="utf-8")
         if small:
-            (partial / SMALL_NAME).write_text(small_page(text, (partial, lie)), encoding="utf-8")
+            (partial / SMALL_NAME).write_text(small_page(text, (partial, volumes_folder)), encoding="utf-8")
     return figures
 
 
-def _volumes(folder: Path) -> list[dict[str, Any]]:
+def _volume_rows(folder: Path) -> list[dict[str, Any]]:
     try:
-        told = json.loads((folder / "sphere_volumes.json").read_text(encoding="utf-8"))
-        return list(told["competitors"]) if (folder / "sphere_volumes.svg").exists() else []
+        content = json.loads((folder / "sphere_volumes.json").read_text(encoding="utf-8"))
+        return list(content["competitors"]) if (folder / "sphere_volumes.svg").exists() else []
     except (OSError, ValueError, KeyError, TypeError):
         return []
 
 
-def _machine() -> str:
-    known = versions()
+def _machine_words() -> str:
+    library_versions = versions()
     cores = os.cpu_count() or 1
     return (
-        f"dsfab {known['dsfab']}, Python {known['python']}, solver {known['solver']}, {platform.system()}, "
-        f"{cores} {'core' if cores == 1 else 'cores'} of {_processor()}"
+        f"dsfab {library_versions['dsfab']}, Python {library_versions['python']}, solver "
+        f"{library_versions['solver']}, {platform.system()}, "
+        f"{cores} {'core' if cores == 1 else 'cores'} of {_processor_name()}"
     )
 
 
-def _processor() -> str:
+def _processor_name() -> str:
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
@@ -154,31 +155,31 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def _load() -> float:
+def _system_load() -> float:
     """Programs that want a core, mean of the last minute; nan if the system does not report it."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
 
 
-def _busy(loads: list[float]) -> str:
-    least, most = min(loads), max(loads)
-    return "" if math.isnan(least) else f"{least:.1f} to {most:.1f} programs wanted a core meanwhile"
+def _load_words(loads: list[float]) -> str:
+    least, greatest = min(loads), max(loads)
+    return "" if math.isnan(least) else f"{least:.1f} to {greatest:.1f} programs wanted a core meanwhile"
 
 
 def _summary(figures: "list[FigurePictures]", folder: Path, small: bool) -> None:
-    from dsfab.reproduction.figures import WAYS
+    from dsfab.reproduction.figures import RENDITION_TITLES
     from dsfab.reproduction.page import COLUMNS, SMALL_NAME, rendition_facts
 
-    for made in figures:
-        out(f"{made.figure.preset}: {made.carried or 'not made'}")
-        for way in made.ways:
-            facts = zip(COLUMNS, rendition_facts(way.rendition), strict=True)
-            told = ", ".join(f"{column} {fact}" for (column, _), fact in facts if fact)
-            out(f"  {WAYS[way.rendition.name]}: {way.rendition.refused or told}")
-            if way.found:
-                out(f"    {way.found}")
+    for result in figures:
+        print_result(f"{result.figure.preset}: {result.carried or 'not made'}")
+        for method in result.ways:
+            facts = zip(COLUMNS, rendition_facts(method.rendition), strict=True)
+            facts_words = ", ".join(f"{column} {fact}" for (column, _), fact in facts if fact)
+            print_result(f"  {RENDITION_TITLES[method.rendition.name]}: {method.rendition.refused or facts_words}")
+            if method.found:
+                print_result(f"    {method.found}")
     written = sum(
         path.stat().st_size for path in folder.iterdir() if path.suffix == ".webp" or path.name == "index.html"
     )
-    out(f"  {folder / 'index.html'}  {size(written)} with its pictures")
+    print_result(f"  {folder / 'index.html'}  {byte_size(written)} with its pictures")
     if small:
-        out(f"  {folder / SMALL_NAME}  {size((folder / SMALL_NAME).stat().st_size)}, in one file")
+        print_result(f"  {folder / SMALL_NAME}  {byte_size((folder / SMALL_NAME).stat().st_size)}, in one file")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Source, picture_size
-from dsfab.app.terminal import out
+from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.toml_files import TomlError, toml_table
 
@@ -41,26 +41,26 @@ class PlanOptions:
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT of the pictures [480x360].")] = None
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
-    def tables(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options as keys of a sweep file, which has the keys `given`; None for unset ones."""
-        from dsfab.app.sweep_options import words
+    def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the options as keys of a sweep file, which has the keys `file_tables`; None for unset ones."""
+        from dsfab.app.sweep_options import listed_words
 
-        kept = words(self.keep)
+        keep_words = listed_words(self.keep)
         tables: dict[str, Any] = {
             "sampling": self.sample,
             "seed": self.seed,
-            "metrics": words(self.metric),
-            "constraints": words(self.constraint),
-            "keep": [] if kept == ["nothing"] else kept,
+            "metrics": listed_words(self.metric),
+            "constraints": listed_words(self.constraint),
+            "keep": [] if keep_words == ["nothing"] else keep_words,
             "size": self.size,
             "view": self.view,
         }
-        asked = {"metric": self.optimise, "evaluations": self.evaluations}
-        if search := {key: value for key, value in asked.items() if value is not None}:
-            tables["search"] = {**given.get("search", {}), **search}
+        search_options = {"metric": self.optimise, "evaluations": self.evaluations}
+        if search := {key: value for key, value in search_options.items() if value is not None}:
+            tables["search"] = {**file_tables.get("search", {}), **search}
         if self.export is not None:
-            tables["formats"] = words([self.export.lower()])
-            tables["keep"] = list(dict.fromkeys([*(kept or given.get("keep", ["picture"])), "solid"]))
+            tables["formats"] = listed_words([self.export.lower()])
+            tables["keep"] = list(dict.fromkeys([*(keep_words or file_tables.get("keep", ["picture"])), "solid"]))
         return tables
 
 
@@ -81,13 +81,13 @@ class Work:
     ] = "killed"
 
     @property
-    def tried_again(self) -> "tuple[State, ...]":
+    def retried_states(self) -> "tuple[State, ...]":
         """States of runs to retry."""
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
         """Return the folder of the sweep; None for a new one without --output. Raises DsfabError for two folders."""
-        if _goes_on(what, varied):
+        if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder and goes on there; leave -o out")
             return Path(what)
@@ -128,33 +128,33 @@ def sweep(
     what
         A sweep file, a preset (with --vary), or the folder of a sweep to go on with.
     """
-    from dsfab.app.sweep_options import with_options, words
+    from dsfab.app.sweep_options import listed_words, with_options
 
     if choice.best is not None or choice.build is not None:
-        from dsfab.app.sweep_status import ask
+        from dsfab.app.sweep_status import list_or_build_run
 
-        return ask(Path(what), choice.best, choice.by, choice.build, quiet)
+        return list_or_build_run(Path(what), choice.best, choice.by, choice.build, quiet)
     varied = bool(vary or (plan.sample or "").startswith("csv:"))
-    given, title = _given(what, varied)
-    values = with_options(given, source, vary, plan.tables(given))
-    if words(plan.keep) == ["nothing"]:
+    file_tables, title = _plan_tables(what, varied)
+    values = with_options(file_tables, source, vary, plan.tables(file_tables))
+    if listed_words(plan.keep) == ["nothing"]:
         values["keep"] = []
-    return _run(values, title, work.folder(what, varied), work, quiet)
+    return _run_sweep(values, title, work.folder(what, varied), work, quiet)
 
 
-def _goes_on(what: str, varied: bool) -> bool:
+def _is_sweep_folder(what: str, varied: bool) -> bool:
     """True for the folder of a sweep; with --vary a shipped preset goes before a folder of its name."""
     from dsfab.core.toml_files import shipped_presets
 
     return Path(what).is_dir() and not (varied and what in shipped_presets())
 
 
-def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
+def _plan_tables(what: str, varied: bool) -> tuple[dict[str, Any], str]:
     from dsfab.study.sweeps.folder import SWEEP
     from dsfab.study.sweeps.plan import read_plan
 
     path = Path(what)
-    if _goes_on(what, varied):
+    if _is_sweep_folder(what, varied):
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
         return read_plan(path / SWEEP), f"sweep {path / SWEEP}"
@@ -179,10 +179,10 @@ def _is_sweep(path: Path) -> bool:
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 
 
-def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, quiet: bool) -> int:
+def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Work, quiet: bool) -> int:
     from dsfab.app.cli import DONE, MISSING, STOPPED
     from dsfab.app.sweep_status import SweepProgress
-    from dsfab.report.sweep_pages import best_loss, headline, missing_runs, summary
+    from dsfab.report.sweep_pages import first_metric, loss_sentence, missing_runs_line, sweep_summary
     from dsfab.study.sweeps.folder import checked_plan, only_coordinator, prepare, sweep_folder
     from dsfab.study.sweeps.plan import plan_from
 
@@ -190,48 +190,48 @@ def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, qu
         raise DsfabError(f"--workers {work.workers} must be 1 or more")
     plan = plan_from(values, title)
     draw = _drawer(plan)
-    known = checked_plan(plan)
-    folder = folder if folder is not None else Path("outputs") / f"{known[0].name}-sweep"
-    line = SweepProgress(quiet, headline(plan), plan.limits)
+    checked = checked_plan(plan)
+    folder = folder if folder is not None else Path("outputs") / f"{checked[0].name}-sweep"
+    line = SweepProgress(quiet, first_metric(plan), plan.limits)
     with only_coordinator(sweep_folder(folder)):
-        found = prepare(plan, folder, work.extend, known)
-        for row in found.rows():
+        sweep = prepare(plan, folder, work.extend, checked)
+        for row in sweep.rows():
             if row.state == "done":
-                line.knows(row.number, row.metrics)
-        stopped = _run_all(found, _crew(found, draw, work.workers, work.scheduler), line, work.tried_again)
+                line.add_run(row.number, row.metrics)
+        stopped = _run_all(sweep, _workers(sweep, draw, work.workers, work.scheduler), line, work.retried_states)
         if not quiet:
-            if plan.search is not None and not stopped and (lost := best_loss(found)):
-                out(lost)
-            out(summary(found))
-        missing, quoted = missing_runs(found), shlex.quote(str(folder))
+            if plan.search is not None and not stopped and (losing_words := loss_sentence(sweep)):
+                print_result(losing_words)
+            print_result(sweep_summary(sweep))
+        missing, quoted = missing_runs_line(sweep), shlex.quote(str(folder))
     if stopped:
-        line.say(f"dsfab: stopped; what is done is kept, `dsfab sweep {quoted}` goes on. {missing}".rstrip())
+        line.print_line(f"dsfab: stopped; what is done is kept, `dsfab sweep {quoted}` goes on. {missing}".rstrip())
         return STOPPED
     if missing:
-        line.say(f"dsfab: {missing}; `dsfab sweep {quoted}` tries again")
+        line.print_line(f"dsfab: {missing}; `dsfab sweep {quoted}` tries again")
     return MISSING if missing else DONE
 
 
-def _run_all(found: "SweepFolder", crew: "Workers", line: Any, retry: "Collection[State]") -> bool:
+def _run_all(sweep: "SweepFolder", workers: "Workers", line: Any, retry: "Collection[State]") -> bool:
     """Make the runs and write the pages; return True if Ctrl-C stopped it."""
     from dsfab.report.sweep_pages import SweepPages
 
-    shown, stopped = SweepPages(found), False
+    pages, stopped = SweepPages(sweep), False
 
-    def told(progress: "Progress") -> None:
+    def report_progress(progress: "Progress") -> None:
         line(progress)
-        shown.now_and_then()
+        pages.write_if_old()
 
     try:
         try:
-            found.run(crew, told, retry)
+            sweep.run(workers, report_progress, retry)
         except KeyboardInterrupt:
             stopped = True
         finally:
             line.stop()
-            crew.close()
+            workers.close()
     finally:
-        shown.write()
+        pages.write()
     return stopped
 
 
@@ -247,11 +247,11 @@ def _drawer(plan: "Plan") -> "Drawer | None":
     return SheetDrawer(size, plan.view)
 
 
-def _crew(found: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Workers":
+def _workers(sweep: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Workers":
     if scheduler is not None:
         from dsfab.study.sweeps.workers import DaskWorkers
 
-        return DaskWorkers(found.job(draw, ship_mesh=True), scheduler)
+        return DaskWorkers(sweep.job(draw, ship_mesh=True), scheduler)
     from dsfab.study.sweeps.workers import LocalWorkers
 
-    return LocalWorkers(found.job(draw), workers)
+    return LocalWorkers(sweep.job(draw), workers)

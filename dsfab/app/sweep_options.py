@@ -26,11 +26,11 @@ def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
         keys = [key.strip() for key in text.partition("=")[0].split(",")]
         values = text.partition("=")[2]
         if len(keys) > 1:
-            linked.append(_together(text, keys, values))
+            linked.append(_linked_tables(text, keys, values))
             continue
         if keys[0] in vary:
             raise DsfabError(f"--vary {keys[0]} is there twice; give all of its values at once")
-        vary[keys[0]] = _span(text, values) if _is_span(values) else parse_variations([text])[keys[0]]
+        vary[keys[0]] = _span_table(text, values) if _is_span(values) else parse_variations([text])[keys[0]]
     return vary, linked
 
 
@@ -38,7 +38,7 @@ def _is_span(values: str) -> bool:
     return ":" in values and "," not in values and not values.lstrip().startswith(("{", "[", '"'))
 
 
-def _span(text: str, values: str) -> Tables:
+def _span_table(text: str, values: str) -> Tables:
     words = [word.strip() for word in values.split(":")]
     log = words[-1] == "log"
     words = words[:-1] if log else words
@@ -55,8 +55,8 @@ def _span(text: str, values: str) -> Tables:
     return {"from": start, "to": end, **count, **({"log": True} if log else {})}
 
 
-def _together(text: str, keys: list[str], values: str) -> Tables:
-    rows = [parse_variations([f"{key}={one}"])[key] for key, one in zip(keys, values.split(";"), strict=False)]
+def _linked_tables(text: str, keys: list[str], values: str) -> Tables:
+    rows = [parse_variations([f"{key}={listed}"])[key] for key, listed in zip(keys, values.split(";"), strict=False)]
     if len(values.split(";")) != len(keys):
         raise DsfabError(
             f"--vary {text!r} links {len(keys)} keys and needs as many lists, as in "
@@ -65,26 +65,26 @@ def _together(text: str, keys: list[str], values: str) -> Tables:
     return dict(zip(keys, rows, strict=True))
 
 
-def words(texts: Sequence[str]) -> list[str]:
+def listed_words(texts: Sequence[str]) -> list[str]:
     """Split options that may be repeated or hold a comma list: ('a,b', 'c') -> a, b, c."""
     return [word.strip() for text in texts for word in text.split(",") if word.strip()]
 
 
 def with_options(
-    values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), others: Tables | None = None
+    values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
-    """Return the tables of a sweep file with the command line's options over them. `others`: keys as in the file,
+    """Return the tables of a sweep file with the command line's options over them. `plan_table`: keys as in the file,
     or None.
     """
     result = dict(values)
-    more, linked = vary_tables(vary)
-    if more:
-        result["vary"] = {**result.get("vary", {}), **more}
+    vary_table, linked = vary_tables(vary)
+    if vary_table:
+        result["vary"] = {**result.get("vary", {}), **vary_table}
     if linked:
         result["linked"] = [*result.get("linked", []), *linked]
     if changes := source.overrides():
         result["set"] = {**result.get("set", {}), **changes}
     if source.mesh is not None:
         result["mesh"] = str(source.mesh)
-    result.update({key: value for key, value in (others or {}).items() if value not in (None, [])})
+    result.update({key: value for key, value in (plan_table or {}).items() if value not in (None, [])})
     return result

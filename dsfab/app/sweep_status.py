@@ -8,10 +8,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.status import Status
 
-from dsfab.app.terminal import out
+from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import duration, table
-from dsfab.report.sweep_pages import headline
+from dsfab.report.sweep_pages import first_metric
 from dsfab.study.sweeps.folder import PRESET, SweepFolder
 from dsfab.study.sweeps.folder import best as best_of
 from dsfab.study.sweeps.metrics import ABOUT
@@ -31,7 +31,7 @@ class SweepProgress:
         self._status: Status | None = None
         self._told = 0.0
 
-    def knows(self, number: int, metrics: Mapping[str, float]) -> None:
+    def add_run(self, number: int, metrics: Mapping[str, float]) -> None:
         """Record the metrics of a run, of this or an earlier session."""
         value = metrics.get(self._metric, float("nan"))
         if not isfinite(value) or not all(limit.holds(metrics) for limit in self._limits):
@@ -44,37 +44,37 @@ class SweepProgress:
         """Report the end of a run, or the start of the first."""
         outcome = progress.last
         if outcome is not None and outcome.error:
-            most = 110  # characters; the log has the whole reason
-            short = outcome.error if len(outcome.error) <= most else outcome.error[:most] + "..."
+            limit = 110  # characters; the log has the whole reason
+            short = outcome.error if len(outcome.error) <= limit else outcome.error[:limit] + "..."
             ended = "was killed" if outcome.killed else "failed"
             self._console.print(f"run {outcome.number} {ended}: {short}", markup=False)
         elif outcome is not None:
-            self.knows(outcome.number, outcome.metrics)
+            self.add_run(outcome.number, outcome.metrics)
         line = self._line(progress)
         if self._console.is_terminal:
-            self._status = self._status or self._begun(line)
+            self._status = self._status or self._start_status(line)
             self._status.update(line)
-        elif time.monotonic() - self._told > 10 or not progress.left:
+        elif time.monotonic() - self._told > 10 or not progress.remaining:
             self._console.print(line, markup=False)
             self._told = time.monotonic()
 
-    def _begun(self, line: str) -> Status:
+    def _start_status(self, line: str) -> Status:
         status = self._console.status(line)
         status.start()
         return status
 
     def _line(self, progress: Progress) -> str:
         killed = f", {progress.killed} killed" if progress.killed else ""
-        parts = [f"{progress.done} done, {progress.failed} failed{killed}, {progress.left} left"]
+        parts = [f"{progress.done} done, {progress.failed} failed{killed}, {progress.remaining} left"]
         if progress.ended_now:
             parts.append(f"{progress.rate:.3g} runs/min")
-            parts += [f"{duration(progress.seconds_left)} left"] if progress.left else []
+            parts += [f"{duration(progress.seconds_left)} left"] if progress.remaining else []
         if self._best is not None:
             unit = ABOUT[self._metric].unit
             parts.append(f"best {self._metric} {self._best[0]:.4g}{' ' + unit if unit else ''} (run {self._best[1]})")
         return "; ".join(parts)
 
-    def say(self, text: str) -> None:
+    def print_line(self, text: str) -> None:
         """Print a line."""
         self._console.print(text, markup=False)
 
@@ -85,41 +85,41 @@ class SweepProgress:
             self._status = None
 
 
-def ask(path: Path, best: int | None, by: str | None, number: int | None, quiet: bool) -> int:
+def list_or_build_run(path: Path, best_count: int | None, by: str | None, number: int | None, quiet: bool) -> int:
     """Run --best or --build; raise DsfabError for a folder without a sweep, and for unknown runs."""
-    found = SweepFolder.at(path)
+    sweep = SweepFolder.from_folder(path)
     if number is None:
-        out(_best(found, best or 0, by))
+        print_result(_best_runs_table(sweep, best_count or 0, by))
         return 0
     from dsfab.app.build import Files, build
     from dsfab.app.options import Source
 
-    changes = next((row.changes for row in found.rows() if row.number == number), None)
+    changes = next((row.changes for row in sweep.rows() if row.number == number), None)
     if changes is None:
-        raise DsfabError(f"there is no run {number}; {path} has runs 1 to {len(found.rows())}")
+        raise DsfabError(f"there is no run {number}; {path} has runs 1 to {len(sweep.rows())}")
     sets = tuple(f"{key}={spelled_value(value)}" for key, value in changes.items())
     folder = path / "built" / f"{number:05}"
     return build(str(path / PRESET), source=Source(sets), files=Files(folder), quiet=quiet)
 
 
-def _best(found: SweepFolder, count: int, by: str | None) -> str:
-    plan = found.plan
-    metric = by or headline(plan)
-    if metric not in plan.measured:
-        raise DsfabError(f"{metric!r} was not measured in {found.path}; use one of {', '.join(plan.measured)}")
+def _best_runs_table(sweep: SweepFolder, count: int, by: str | None) -> str:
+    plan = sweep.plan
+    metric = by or first_metric(plan)
+    if metric not in plan.measured_metrics:
+        raise DsfabError(f"{metric!r} was not measured in {sweep.path}; use one of {', '.join(plan.measured_metrics)}")
     if count < 1:
         raise DsfabError(f"--best {count} lists nothing; give 1 or more")
-    rows = found.rows()
-    chosen = best_of(rows, metric, plan.limits)[:count]
-    if not chosen:
+    rows = sweep.rows()
+    best_rows = best_of(rows, metric, plan.limits)[:count]
+    if not best_rows:
         limits = f" and meets {', '.join(plan.constraints)}" if plan.constraints else ""
-        raise DsfabError(f"no run of {found.path} is done{limits} with a {metric}")
-    keys = list(dict.fromkeys(key for row in chosen for key in row.changes))
+        raise DsfabError(f"no run of {sweep.path} is done{limits} with a {metric}")
+    keys = list(dict.fromkeys(key for row in best_rows for key in row.changes))
     short = short_names(keys)
-    metrics = [metric, *(name for name in plan.measured if name != metric)]
+    metrics = [metric, *(name for name in plan.measured_metrics if name != metric)]
 
     def line(row: RunRow) -> list[str]:
         numbers = [f"{row.metrics.get(name, float('nan')):.4g}" for name in metrics]
         return [str(row.number), *numbers, *(spelled_value(row.changes.get(key)) for key in keys)]
 
-    return table(["run", *metrics, *(short[key] for key in keys)], [line(row) for row in chosen])
+    return table(["run", *metrics, *(short[key] for key in keys)], [line(row) for row in best_rows])

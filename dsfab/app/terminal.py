@@ -28,7 +28,7 @@ class Reporter:
         self.stop() if error else self.done()
 
     @property
-    def watched(self) -> bool:
+    def is_watched(self) -> bool:
         """Whether it prints to a terminal, where a person may be waiting."""
         return self._console.is_terminal and not self.quiet
 
@@ -54,12 +54,12 @@ class Reporter:
             self._status.stop()
             self._status = None
 
-    def say(self, text: str) -> None:
+    def print_line(self, text: str) -> None:
         """Print a line."""
         self._console.print(text, markup=False)
 
 
-def out(text: str = "") -> None:
+def print_result(text: str = "") -> None:
     """Print a line of results on standard output."""
     sys.stdout.write(text + "\n")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.messages import table
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dsfab.verification import Test, VerificationRow
 
 
-VERIFY_CALIBRATION_HEAD = (
+CALIBRATION_HEAD = (
     "design",
     "width",
     "share",
@@ -43,14 +43,16 @@ def calibrate(folder: Path, as_json: bool) -> int:
     with Reporter(quiet=as_json) as reporter:
         rows = list(measured(told=lambda kind, seed: reporter("calibration", f"{kind} {seed}")))
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps({"summary": asdict(summary(rows)), "designs": [_record(row) for row in rows]}, indent=2)
+    text = json.dumps(
+        {"summary": asdict(summary(rows)), "designs": [_calibration_record(row) for row in rows]}, indent=2
+    )
     (folder / "calibration.json").write_text(text, encoding="utf-8")
     (folder / "calibration.csv").write_text(table_text(rows), encoding="utf-8")
-    out(
+    print_result(
         text
         if as_json
         else "\n".join(
-            (table(VERIFY_CALIBRATION_HEAD, map(_verify_calibration_cells, rows)), *_by_kind(rows), summary_text(rows))
+            (table(CALIBRATION_HEAD, map(_calibration_cells, rows)), *_lines_by_kind(rows), summary_text(rows))
         )
     )
     return int(summary(rows).inside < 0.95)
@@ -60,26 +62,33 @@ def summary_text(rows: "Sequence[TrialRow]") -> str:
     """Return a sentence about a table."""
     from dsfab.study.verdict.calibration import summary
 
-    told = summary(rows)
+    result = summary(rows)
     return (
-        f"verdicts on {told.designs} random designs: {told.inside:.0%} inside their bound, median bound "
-        f"{told.median_bound:.1%}, largest error {told.largest_error:.1%}, {told.converged} converged; quick level: "
-        f"median error {told.quick_median:.1%}, nine in ten within {told.quick_most:.1%}"
+        f"verdicts on {result.designs} random designs: {result.inside:.0%} inside their bound, median bound "
+        f"{result.median_bound:.1%}, largest error {result.largest_error:.1%}, {result.converged} converged; "
+        "quick level: "
+        f"median error {result.quick_median:.1%}, nine in ten within {result.quick_most:.1%}"
     )
 
 
-def _by_kind(rows: "Sequence[TrialRow]") -> Iterator[str]:
+def _lines_by_kind(rows: "Sequence[TrialRow]") -> Iterator[str]:
     for kind in dict.fromkeys(row.kind for row in rows):
         yield f"{kind}: {summary_text([row for row in rows if row.kind == kind])}"
 
 
-def _record(row: "TrialRow") -> dict[str, Any]:
-    found = row.estimate
-    told = {"value": found.value, "bound": found.bound, "levels": row.levels, "truth": row.truth, "inside": row.inside}
-    return {**asdict(row), **told, "error": row.error, "quick_error": row.quick_error}
+def _calibration_record(row: "TrialRow") -> dict[str, Any]:
+    estimate = row.estimate
+    derived = {
+        "value": estimate.value,
+        "bound": estimate.bound,
+        "levels": row.levels,
+        "truth": row.truth,
+        "inside": row.is_inside,
+    }
+    return {**asdict(row), **derived, "error": row.error, "quick_error": row.quick_error}
 
 
-def _verify_calibration_cells(row: "TrialRow") -> tuple[str, ...]:
+def _calibration_cells(row: "TrialRow") -> tuple[str, ...]:
     return (
         f"{row.kind} {row.seed}",
         row.width,
@@ -90,12 +99,12 @@ def _verify_calibration_cells(row: "TrialRow") -> tuple[str, ...]:
         str(row.levels),
         f"{row.estimate.bound:.1%}",
         f"{row.error:+.2%}",
-        "" if row.inside else "outside",
+        "" if row.is_inside else "outside",
         f"{row.quick_error:+.1%}",
     )
 
 
-APP_HEAD = (
+TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
@@ -134,22 +143,22 @@ def verify(
         return calibrate(out_, json_)
     chosen = verification.choose(tests)
     if list_:
-        out("\n".join(f"{test.name:<41} {test.source}" for test in chosen))
+        print_result("\n".join(f"{test.name:<41} {test.source}" for test in chosen))
         return 0
-    pairs = [Elements.named(name) for name in elements] or verification.PAIRS
+    pairs = [Elements.from_name(name) for name in elements] or verification.PAIRS
     with Reporter(quiet=json_) as reporter:
-        told = lambda test, cells: reporter("verify", f"{test}, {cells}")  # noqa: E731
-        rows = list(verification.verify(chosen, pairs, told))
+        report_progress = lambda test, cells: reporter("verify", f"{test}, {cells}")  # noqa: E731
+        rows = list(verification.verify(chosen, pairs, report_progress))
         if page:
             from dsfab.verification.page import write_page
 
             reporter("page", str(out_ / "index.html"))
             write_page(out_, chosen, rows)
     if json_:
-        out(json.dumps([asdict(row) for row in rows], indent=2))
+        print_result(json.dumps([asdict(row) for row in rows], indent=2))
     else:
-        out(table(APP_HEAD, map(_cells, rows)))
-        out("\n".join(_remarks(chosen, rows)))
+        print_result(table(TEST_HEAD, map(_cells, rows)))
+        print_result("\n".join(_remarks(chosen, rows)))
     return int(bool(verification.failures(rows)))
 
 
@@ -175,19 +184,21 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
 
     pair = str(elements_of("displacement"))
     lines = [f"{name}: {text}" for name, text in shortfalls(rows).items()]
-    beyond = {row.test for row in rows if row.verdict == "theory"}
-    lines += [f"{test.name}, verdict theory: {test.beyond}" for test in tests if test.name in beyond]
+    theory_tests = {row.test for row in rows if row.verdict == "theory"}
+    lines += [f"{test.name}, verdict theory: {test.beyond}" for test in tests if test.name in theory_tests]
     failed = {f"{row.test} ({row.mesh}): {row.elements} {row.verdict}": None for row in failures(rows)}
     lines.append(f"pairs that are reported from: {', '.join(failed) or 'none is off on a finest mesh'}")
-    aimed = [row for row in rows if row.met is not None]
-    if aimed:
-        lines.append(f"targets of {pair}: {sum(bool(row.met) for row in aimed)} of {len(aimed)} met")
+    with_target = [row for row in rows if row.met is not None]
+    if with_target:
+        lines.append(f"targets of {pair}: {sum(bool(row.met) for row in with_target)} of {len(with_target)} met")
     spread = {key: value for key, value in pattern_spread(rows).items() if key[1:] == (pair, 16)}
     if spread:
         widest = max(spread, key=lambda key: spread[key])
         lines.append(f"widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]})")
     counts = Counter(standing.outcome for standing in standings(rows, {test.name: test for test in tests}))
     if counts:
-        told = ", ".join(f"{outcome} {counts[outcome]}" for outcome in ("better", "alike", "worse") if counts[outcome])
-        lines.append(f"{pair} against {counts.total()} published values, at equal unknowns or cells: {told}")
+        outcomes = ", ".join(
+            f"{outcome} {counts[outcome]}" for outcome in ("better", "alike", "worse") if counts[outcome]
+        )
+        lines.append(f"{pair} against {counts.total()} published values, at equal unknowns or cells: {outcomes}")
     return [*lines, summary_text(shipped_table())]

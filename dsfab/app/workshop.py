@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.export import built_design, source_of
+from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.messages import length
 from dsfab.core.units import METRES_PER
@@ -37,7 +37,7 @@ class WorkshopFlags:
     ] = False
 
 
-AS_GIVEN = WorkshopFlags()
+PRESET_FLAGS = WorkshopFlags()
 """Options of the preset."""
 
 
@@ -48,7 +48,7 @@ def workshop(
     output: Annotated[
         Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME/workshop].")
     ] = None,
-    flags: WorkshopFlags = AS_GIVEN,
+    flags: WorkshopFlags = PRESET_FLAGS,
     source: Source = UNCHANGED,
     quiet: Quiet = False,
 ) -> int:
@@ -67,44 +67,46 @@ def workshop(
     from dsfab.render import up_axis
     from dsfab.workshop import workshop_plan, write_workshop
 
-    given, folder = source_of(preset, options_source(source, flags.model, flags.stock, flags.thickness))
+    loaded_preset, folder = preset_and_folder(preset, options_source(source, flags.model, flags.stock, flags.thickness))
     if flags.ifc:
-        _check_ifc(given)
-    target = output or folder / ("model" if given.workshop.model else "workshop")
+        _check_ifc(loaded_preset)
+    target = output or folder / ("model" if loaded_preset.workshop.model else "workshop")
     require_writable(target)
     with Reporter(quiet) as reporter:
-        design = built_design(preset, given) or Design.of(given, progress=reporter).until("slicing")
+        design = built_design(preset, loaded_preset) or Design.from_preset(loaded_preset, progress=reporter).until(
+            "slicing"
+        )
         reporter("export", "developing and nesting")
         load = design.load if design.has("statics") else None
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, load))
         documents = _documents(plan, design, flags.ifc)
     if not quiet:
         for note in plan.notes:
-            out(note)
-    where = write_workshop(plan, target, given.name, documents)
+            print_result(note)
+    written_folder = write_workshop(plan, target, loaded_preset.name, documents)
     if not quiet:
-        _say_files(plan, where, documents)
+        _print_files(plan, written_folder, documents)
     return 0
 
 
 def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, bytes]:
     from dsfab.report.assembly import assembly_page, assembly_pdf
 
-    found = {"assembly.pdf": assembly_pdf(plan, design)}
+    documents = {"assembly.pdf": assembly_pdf(plan, design)}
     if plan.graph is not None:
-        found["index.html"] = assembly_page(plan, design).encode()
-    return found | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
+        documents["index.html"] = assembly_page(plan, design).encode()
+    return documents | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
 
 
 MEMBERS = "members.ifc"
 """File of the members for building models."""
 
 
-def _check_ifc(given: "Preset") -> None:
+def _check_ifc(preset: "Preset") -> None:
     from dsfab.export import FORMATS
 
     FORMATS[f".{MEMBERS}"].ready()
-    if given.workshop.model:
+    if preset.workshop.model:
         raise PresetError("--ifc is for full size, and this is a model in card; leave out --ifc or --model")
 
 
@@ -124,11 +126,13 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
             "with: dsfab export ... --to members.ifc"
         )
     details = body_details(design)
-    whole = [one | {"own_area": one["area"], "counted_with": []} for one in details.records["members"]]  # in layers
+    whole_members = [
+        record | {"own_area": record["area"], "counted_with": []} for record in details.records["members"]
+    ]  # in layers
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
-        records={**details.records, "members": whole, "files": drawing_files(plan)},
+        records={**details.records, "members": whole_members, "files": drawing_files(plan)},
         measures={**details.measures, "thickness": plan.thickness},
     )
     with temporary_folder("dsfab") as folder:
@@ -136,25 +140,31 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
         return write(sheet, Path(folder) / MEMBERS, name=design.preset.name, details=details).read_bytes()
 
 
-def _say_files(plan: "WorkshopPlan", where: Path, documents: Mapping[str, bytes]) -> None:
-    parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _counted(plan))
-    thick = sorted({plan.thickness_of(part) for part in plan.parts}, reverse=True)
-    shown = " and ".join(length(one) for one in thick)
-    out(f"{parts} of {shown}, {len(plan.same)} different; {sheets}, {plan.used:.0%} used")
+def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, bytes]) -> None:
+    parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _part_counts(plan))
+    thick = sorted({plan.part_thickness(part) for part in plan.parts}, reverse=True)
+    shown = " and ".join(length(thickness) for thickness in thick)
+    print_result(f"{parts} of {shown}, {len(plan.equal_parts)} different; {sheets}, {plan.used_share:.0%} used")
     if plan.model:
-        out(f"  {where / 'sheet_1.dxf'} and .svg{', and so on: each sheet' if len(plan.sheets) > 1 else ''}")
-    out(f"  {where / 'nest.dxf'}  {where / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
+        print_result(f"  {folder / 'sheet_1.dxf'} and .svg{', and so on: each sheet' if len(plan.sheets) > 1 else ''}")
+    print_result(f"  {folder / 'nest.dxf'}  {folder / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
     listed = ("cutlist.xlsx", *(("bars.csv",) if plan.bars else ()), *documents)
-    out("  ".join(["", *(str(where / name) for name in listed)]))
+    print_result("  ".join(["", *(str(folder / name) for name in listed)]))
 
 
-def _counted(plan: "WorkshopPlan") -> tuple[tuple[int, str], tuple[int, str]]:
+def _part_counts(plan: "WorkshopPlan") -> tuple[tuple[int, str], tuple[int, str]]:
     return (len(plan.parts), "part"), (len(plan.sheets), "sheet")
 
 
-MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
+CARD_MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
 """Values of [workshop] for card: A3, 1 mm, holes for pins, and kerf of the laser; metres."""
-PAPERS = {"A4": (0.297, 0.21), "A3": (0.42, 0.297), "A2": (0.594, 0.42), "A1": (0.841, 0.594), "A0": (1.189, 0.841)}
+PAPER_SIZES = {
+    "A4": (0.297, 0.21),
+    "A3": (0.42, 0.297),
+    "A2": (0.594, 0.42),
+    "A1": (0.841, 0.594),
+    "A0": (1.189, 0.841),
+}
 """Sizes of sheets of card, metres [ISO 216]."""
 
 
@@ -164,20 +174,20 @@ def options_source(source: Source, model: str | None, stock: str | None, thickne
     """
     texts = []
     if model is not None:
-        asked = source.sets()
-        given = {key: value for key, value in MODEL.items() if f"workshop.{key}" not in asked}
-        texts = [f"model={_scale(model):g}", *(f"{key}={value}" for key, value in given.items())]
+        set_values = source.set_values()
+        defaults = {key: value for key, value in CARD_MODEL.items() if f"workshop.{key}" not in set_values}
+        texts = [f"model={_scale(model):g}", *(f"{key}={value}" for key, value in defaults.items())]
     if stock is not None:
         texts.append("stock=[{:.10g}, {:.10g}]".format(*_stock(stock)))
     if thickness is not None:
         texts.append(f"thickness={_metres(thickness, '--thickness'):.10g}")
-    return source.also(*(f"workshop.{text}" for text in texts))
+    return source.with_overrides(*(f"workshop.{text}" for text in texts))
 
 
 def _scale(text: str) -> float:
-    one, colon, scale = text.rpartition(":")
+    numerator, colon, scale = text.rpartition(":")
     try:
-        value = float(scale) / (float(one) if colon else 1.0)
+        value = float(scale) / (float(numerator) if colon else 1.0)
     except (ValueError, ZeroDivisionError):
         value = 0.0
     if not 1 <= value < 1e5:
@@ -186,11 +196,11 @@ def _scale(text: str) -> float:
 
 
 def _stock(text: str) -> tuple[float, float]:
-    if text.upper() in PAPERS:
-        return PAPERS[text.upper()]
+    if text.upper() in PAPER_SIZES:
+        return PAPER_SIZES[text.upper()]
     length_, cross, width = text.lower().partition("x")
     if not cross:
-        raise PresetError(f"--stock {text!r} is no sheet; write {', '.join(PAPERS)}, or for instance 2.5x1.25m")
+        raise PresetError(f"--stock {text!r} is no sheet; write {', '.join(PAPER_SIZES)}, or for instance 2.5x1.25m")
     unit = width.lstrip("0123456789. ") or "m"
     length_ = length_ if length_.strip()[-1:].isalpha() else length_ + unit
     return _metres(length_, "--stock"), _metres(width, "--stock")

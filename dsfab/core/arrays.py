@@ -13,7 +13,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-def locked(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
+def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Return a read-only copy (...) of `values` with type `dtype`; `None` in `shape` stands for any length. Raises
     ValueError for another shape, because a wrong shape is a mistake of a programmer, not of a user."""
     array = np.array(values, dtype=dtype, order="C")
@@ -26,7 +26,7 @@ def locked(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDAr
 
 def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) -> None:
     """Replace field `name` of the frozen dataclass `owner` by its read-only copy (call this in `__post_init__`)."""
-    object.__setattr__(owner, name, locked(getattr(owner, name), dtype, shape))
+    object.__setattr__(owner, name, read_only_copy(getattr(owner, name), dtype, shape))
 
 
 def cross(a: Floats, b: Floats) -> Floats:
@@ -61,8 +61,8 @@ def weighted_quantiles(values: Floats, weight: Floats, shares: Sequence[float]) 
     an element of `values`. A share counts as reached within rounding."""
     order = np.argsort(values, kind="stable")
     upto = np.cumsum(weight[order])
-    at = np.searchsorted(upto, np.asarray(shares) * upto[-1] * (1 - 1e-12))
-    return np.asarray(values[order][np.minimum(at, len(order) - 1)])
+    positions = np.searchsorted(upto, np.asarray(shares) * upto[-1] * (1 - 1e-12))
+    return np.asarray(values[order][np.minimum(positions, len(order) - 1)])
 
 
 def weighted_quantile(values: Floats, weight: Floats, share: float) -> float:
@@ -75,7 +75,7 @@ def edge_lengths(V: Floats, ends: Ints) -> Floats:
     return lengths(V[ends[:, 1]] - V[ends[:, 0]])
 
 
-def closed_length(P: Floats) -> float:
+def polygon_perimeter(P: Floats) -> float:
     """Return the perimeter of the polygon with corners P (k, d), in their unit."""
     return float(np.linalg.norm(P - np.roll(P, -1, axis=0), axis=1).sum())
 
@@ -99,13 +99,13 @@ def face_angles(V: Floats, F: Ints) -> Floats:
     return np.asarray(np.arctan2(lengths(np.cross(u, v)), np.einsum("mci,mci->mc", u, v)))
 
 
-def from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
+def distances_from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
     """Return the distances (...) of points (..., 3) from the segments from a to b (..., 3)."""
     along, to = b - a, points - a
-    return np.asarray(np.linalg.norm(to - along_segments(points, a, b)[..., None] * along, axis=-1))
+    return np.asarray(np.linalg.norm(to - positions_on_segments(points, a, b)[..., None] * along, axis=-1))
 
 
-def along_segments(points: Floats, a: Floats, b: Floats) -> Floats:
+def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
     """Return the positions (...), 0 at a and 1 at b (..., 3), of the nearest places on the segments to points (...,
     3)."""
     along, to = b - a, points - a
@@ -113,7 +113,7 @@ def along_segments(points: Floats, a: Floats, b: Floats) -> Floats:
     return np.asarray(np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1))
 
 
-def unfolded(onto: Floats, normal: Floats, x: Floats) -> Floats:
+def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
     """Rotate vectors x (k, 3) by the shortest rotation from unit normals `normal` to `onto` (k, 3) [Rodrigues 1840].
     Between two faces this is the rotation about their edge: tangents continue straight across it."""
     across = np.cross(normal, onto)
@@ -126,17 +126,17 @@ def sorted_order(keys: Ints) -> Ints:
     """Return the order that sorts integers (k,); equal integers keep their order (a stable argsort). If a key and its
     index fit into one number, the function sorts these numbers. That is ten times faster than numpy's stable argsort,
     and a hundred times faster than its hashing `unique` (numpy 2.4, two million keys)."""
-    return _sorted(keys)[0]
+    return _stable_sort(keys)[0]
 
 
-def grouped(keys: Ints) -> tuple[Ints, Ints, Ints]:
+def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
     """Group equal integers (k,): return `sorted_order`, the start of each group in it, and the group of each
     integer."""
-    order, ascending = _sorted(keys)
-    new = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
-    of = np.empty(len(keys), dtype=np.int64)
-    of[order] = np.cumsum(new) - 1
-    return order, np.flatnonzero(new), of
+    order, ascending = _stable_sort(keys)
+    is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
+    group = np.empty(len(keys), dtype=np.int64)
+    group[order] = np.cumsum(is_start) - 1
+    return order, np.flatnonzero(is_start), group
 
 
 def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
@@ -148,12 +148,12 @@ def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
 
 def complement(indices: Ints, count: int) -> Ints:
     """Return the integers (count - k,) from 0 to count - 1 that are not among k distinct indices, ascending."""
-    left = np.ones(count, dtype=bool)
-    left[indices] = False
-    return np.flatnonzero(left)
+    is_absent = np.ones(count, dtype=bool)
+    is_absent[indices] = False
+    return np.flatnonzero(is_absent)
 
 
-def _sorted(keys: Ints) -> tuple[Ints, Ints]:
+def _stable_sort(keys: Ints) -> tuple[Ints, Ints]:
     """Return `sorted_order` of integers (k,), and the integers in that order."""
     bits = max(len(keys) - 1, 1).bit_length()
     if not len(keys) or keys.min() < 0 or int(keys.max()).bit_length() + bits > 63:
@@ -166,7 +166,7 @@ def _sorted(keys: Ints) -> tuple[Ints, Ints]:
     return packed & ((1 << bits) - 1), packed >> bits
 
 
-def first(indices: Ints, count: int = 5) -> str:
+def first_few(indices: Ints, count: int = 5) -> str:
     """Return the first `count` of indices (k,) as text for error messages: '3, 17, 20, ...'."""
     shown = ", ".join(str(int(i)) for i in indices[:count])
     return shown + (", ..." if len(indices) > count else "")

@@ -34,10 +34,12 @@ class PresetError(DsfabError):
     """A preset with unknown keys, wrong types or impossible values."""
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: str, choices: Iterable[str]) -> str:
     """Return '; did you mean dome?' for the choice nearest to `word` (the first of equals), or an empty text."""
-    names = list(known)
-    close = difflib.get_close_matches(word, names)
-    like = [difflib.SequenceMatcher(None, name, word).ratio() for name in close]
-    nearest = min((name for name, x in zip(close, like, strict=True) if x == max(like)), key=names.index, default="")
+    names = list(choices)
+    matches = difflib.get_close_matches(word, names)
+    ratios = [difflib.SequenceMatcher(None, name, word).ratio() for name in matches]
+    nearest = min(
+        (name for name, ratio in zip(matches, ratios, strict=True) if ratio == max(ratios)), key=names.index, default=""
+    )
     return f"; did you mean {nearest}?" if nearest else ""

@@ -24,7 +24,7 @@ It is far below the error of the elements. Rounding alone reaches 1e-6 on a long
 because the entries of their stiffness are rounded.
 """
 
-PRECISE = 1e-8
+REPORTED_RESIDUAL = 1e-8
 """Relative residual of the linear system, in its energy norm, above which dsfab reports it."""
 
 RESIDUAL = 1e-6
@@ -52,7 +52,7 @@ SOME_REACTION = 0.05
 FAR_FROM_SURFACE = 0.25
 """Largest accepted distance from a point to the vertex that represents it, as a share of the surface's size."""
 
-GLANCING = 1e-3
+LEAST_LOAD_SHARE = 1e-3
 """Snow or wind counts as without effect if a smaller mean share reaches its faces (a twentieth of a degree)."""
 
 POSSIBLE_SIZE = (1e-9, 1e9)
@@ -86,7 +86,7 @@ OFF_SURFACE = 1 / 20
 """Default for the largest distance of a file's solid from the design's, as a share of the thickness. Smooth and
 simplified solids keep it; so does the check of a file that may have curves."""
 
-FURTHER = 2
+SIMPLIFIED_OFF_SURFACE = 2
 """Factor on `OFF_SURFACE` for simplifying a solid of planar faces that otherwise exceeds the budget."""
 
 DEFLECTION = 1 / 4
@@ -100,6 +100,6 @@ READ_BACK = 1e-3
 """Largest accepted relative change by writing and reading a file: volume, area, length, box (relative to its size)."""
 
 
-def worst(found: Iterable[Status]) -> Status:
+def worst_status(statuses: Iterable[Status]) -> Status:
     """Return the most severe status; "pass" for an empty iterable."""
-    return max(found, key=SEVERITY.index, default="pass")
+    return max(statuses, key=SEVERITY.index, default="pass")

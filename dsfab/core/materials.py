@@ -133,12 +133,12 @@ NO_STRENGTH = (
 def material_named(name: str) -> NamedMaterial:
     """Return the material of that name, in any case; raises PresetError with the nearest name for an unknown one."""
     key = " ".join(name.split()).lower()
-    known = {each.lower(): material for each, material in MATERIALS.items()}
-    if key in known:
-        return known[key]
+    by_lower_name = {label.lower(): material for label, material in MATERIALS.items()}
+    if key in by_lower_name:
+        return by_lower_name[key]
     # the search compares small letters; the hint shows the name as the list writes it
-    hint = did_you_mean(key, known)
-    for small, material in known.items():
+    hint = did_you_mean(key, by_lower_name)
+    for small, material in by_lower_name.items():
         hint = hint.replace(f" {small}?", f" {material.name}?")
     raise PresetError(
         f"{name!r} is not known{hint}; use one of {', '.join(MATERIALS)}, or leave it out and give young, poisson and "

@@ -15,18 +15,18 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     )
 
 
-def some_names(names: Sequence[str], shown: int = 5) -> str:
+def names_and_count(names: Sequence[str], shown: int = 5) -> str:
     """Return the first names and the number of the rest: 'A01, A02, A03, A04, A05 and 7 more'."""
     return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
 
 
-def counted(number: int, thing: str) -> str:
+def count_phrase(number: int, thing: str) -> str:
     """Return a count with its noun: '1 face', '12 faces', '2 vertices'."""
     plural = {"vertex": "vertices"}.get(thing, thing + "s")
     return f"{number:,} {thing if number == 1 else plural}"
 
 
-def stopping(count: int) -> str:
+def stopping_clause(count: int) -> str:
     """Return the clause about parts that run into others: 'stops before its ends, where it would run into'."""
     ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
     return f"{ends} would run into"
@@ -42,7 +42,7 @@ def sentence(words: str) -> str:
     return f"{words[0].upper()}{words[1:]}."
 
 
-def size(count: float) -> str:
+def byte_size(count: float) -> str:
     """Return a number of bytes as text: '4.2 MB'."""
     for unit in ("B", "KB", "MB"):
         if count < 1000:
@@ -80,7 +80,7 @@ def force(newtons: float) -> str:
     return f"{newtons / 1e6:.3g} MN"
 
 
-def bounded(value: float, bound: float | None, unit: str = "") -> str:
+def value_with_bound(value: float, bound: float | None, unit: str = "") -> str:
     """Return a value with its relative error bound: '2.34 ± 1.8 %', with as many digits as the bound justifies.
 
     Without a bound: '2.27 (one mesh, bound unknown)'.
@@ -92,10 +92,10 @@ def bounded(value: float, bound: float | None, unit: str = "") -> str:
     return f"{value:.{4 if bound < 0.005 else 3}g}{unit} ± {share} %"
 
 
-def towards(direction: Sequence[float]) -> str:
+def direction_phrase(direction: Sequence[float]) -> str:
     """Return the direction of a nonzero vector: 'down', '+x' (within a degree of the axis), or '(0.6, 0, -0.8)'."""
-    length = sum(x * x for x in direction) ** 0.5
-    unit = [x / length for x in direction]
+    norm = sum(x * x for x in direction) ** 0.5
+    unit = [x / norm for x in direction]
     largest = max(range(3), key=lambda k: abs(unit[k]))
     if abs(unit[largest]) < 0.99985:  # cosine of one degree
         return f"({', '.join(f'{round(x, 2) + 0.0:.2g}' for x in unit)})"

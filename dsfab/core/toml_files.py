@@ -20,7 +20,7 @@ def shipped_presets() -> dict[str, Path]:
     return {path.stem: path for path in sorted(files, key=lambda path: path.stem)}
 
 
-def headline(path: Path) -> str:
+def preset_headline(path: Path) -> str:
     """Return the first line of a preset's description, without checking the preset."""
     return str(read_toml(path).get("description", "")).strip().split("\n")[0]
 
@@ -46,11 +46,11 @@ def toml_table(text: str) -> dict[str, Any]:
         raise TomlError("a number in it has too many digits") from None
 
 
-def _depth_is_over(values: dict[str, Any], most: int) -> bool:
+def _depth_is_over(values: dict[str, Any], limit: int) -> bool:
     """Return whether tables and lists are nested deeper than the limit; by loops, because dotted keys have no limit."""
     level: list[Any] = [values]
-    for _ in range(most):
-        inside = [value for one in level for value in (one.values() if isinstance(one, dict) else one)]
+    for _ in range(limit):
+        inside = [value for item in level for value in (item.values() if isinstance(item, dict) else item)]
         level = [value for value in inside if isinstance(value, dict | list)]
     return bool(level)
 

@@ -41,7 +41,7 @@ def run(preset: Preset, progress: Progress | None = None) -> Design:
 
     Raises the DsfabError of the stage that refuses, and PresetError if `preset` is a mesh alone.
     """
-    return Design.of(preset, None, progress).until("thickening")
+    return Design.from_preset(preset, None, progress).until("thickening")
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
@@ -49,12 +49,12 @@ def revise(design: Design, preset: Preset, progress: Progress | None = None) -> 
 
     A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, because statics are linear.
     """
-    return Design.of(preset, design, progress).until("thickening")
+    return Design.from_preset(preset, design, progress).until("thickening")
 
 
-def draft(preset: Preset, progress: Progress | None = None, old: Design | None = None) -> Design:
+def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
     """Run the stages up to the pattern, reusing those of `earlier` before the first section that differs; cut nothing.
 
     Raises the DsfabError of the stage that refuses.
     """
-    return Design.of(preset, old, progress).until("pattern")
+    return Design.from_preset(preset, earlier, progress).until("pattern")

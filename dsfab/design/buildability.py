@@ -7,7 +7,14 @@ import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import StaticsError, SurfaceError
-from dsfab.core.limits import AT_ONE_VERTEX, FAR_FROM_SURFACE, FEW_VERTICES, GLANCING, LARGEST_MOVE, SOME_REACTION
+from dsfab.core.limits import (
+    AT_ONE_VERTEX,
+    FAR_FROM_SURFACE,
+    FEW_VERTICES,
+    LARGEST_MOVE,
+    LEAST_LOAD_SHARE,
+    SOME_REACTION,
+)
 from dsfab.core.messages import force, length
 from dsfab.design.regions_and_loads import Acting, acting_on, whole_surface
 from dsfab.preset.model import Preset
@@ -27,15 +34,15 @@ class Objection(NamedTuple):
 
 def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
     """Yield the objections to a solved sheet, the gravest first."""
-    on, weight = acting_on(preset, surface), preset.statics.weight
+    acting, weight = acting_on(preset, surface), preset.statics.area_weight
     yield from _moving(surface, cases)
-    if point := _on_one_vertex(surface, on, cases):
+    if point := _on_one_vertex(surface, acting, cases):
         yield point
     else:
         answers = {name: case.equilibrium for name, case in cases.items()}
-        yield from _on_few_vertices(support_entries(surface, on.support, answers))
-    yield from _past_faces(on, surface, weight)
-    yield from _on_supports(on, surface, weight, cases)
+        yield from _on_few_vertices(support_entries(surface, acting.support, answers))
+    yield from _past_faces(acting, surface, weight)
+    yield from _on_supports(acting, surface, weight, cases)
 
 
 def require_buildable(preset: Preset, statics: StaticsResult) -> None:
@@ -54,20 +61,20 @@ def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
 
     Raises SurfaceError with the first one, unless `statics.check` is false.
     """
-    given, found, surface = preset.surface, [], whole_surface(preset, surface)
-    names = [*support_names(given.support), *load_names(given.load)]
-    for name, entry in zip(names, (*given.support, *given.load), strict=True):
-        at = getattr(entry, "at", None)
-        for point in at.places(surface) if isinstance(at, Nearest) else ():
+    section, messages, surface = preset.surface, [], whole_surface(preset, surface)
+    names = [*support_names(section.support), *load_names(section.load)]
+    for name, entry in zip(names, (*section.support, *section.load), strict=True):
+        picker = getattr(entry, "at", None)
+        for point in picker.places(surface) if isinstance(picker, Nearest) else ():
             away = float(np.linalg.norm(surface.V - point, axis=1).min())
             if away > FAR_FROM_SURFACE * surface.size:
-                found.append(
+                messages.append(
                     f"{name} is at {_place(point)}, {length(away)} away from the nearest vertex of the "
                     "surface: move the point, or check its unit (metres)"
                 )
-    if found and preset.statics.check:
-        raise SurfaceError(f"{found[0]} {NEVERTHELESS}")
-    return tuple(found)
+    if messages and preset.statics.check:
+        raise SurfaceError(f"{messages[0]} {NEVERTHELESS}")
+    return tuple(messages)
 
 
 def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
@@ -75,26 +82,28 @@ def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objec
     worst = max(cases, key=lambda name: cases[name].equilibrium.largest_displacement)
     answer, span = cases[worst].equilibrium, float(np.ptp(surface.V, axis=0).max())
     if answer.largest_displacement > LARGEST_MOVE * span:
-        at = int(np.linalg.norm(answer.u, axis=1).argmax())
+        vertex = int(np.linalg.norm(answer.u, axis=1).argmax())
         yield Objection(
-            f"the sheet would move by {length(answer.largest_displacement)}{_under(worst, cases)} at "
-            f"{_place(surface.V[at])}, over a tenth of its span of {length(span)}: make statics.thickness larger, take "
+            f"the sheet would move by {length(answer.largest_displacement)}{_case_clause(worst, cases)} at "
+            f"{_place(surface.V[vertex])}, over a tenth of its span of {length(span)}: make statics.thickness "
+            "larger, take "
             "a stiffer material, a smaller load or more supports, or check their units"
         )
 
 
-def _on_one_vertex(surface: Surface, on: Acting, cases: Mapping[str, CaseResult]) -> Objection | None:
+def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseResult]) -> Objection | None:
     """Object if nearly all of the reaction is on one vertex, the same under every case."""
     sizes = [np.linalg.norm(case.equilibrium.reaction, axis=1) for case in cases.values() if case.factors is None]
     shares = [size / size.sum() for size in sizes if size.any()]
     least = np.min(shares, axis=0) if shares else np.zeros(surface.n)
-    at = int(least.argmax())
-    if least[at] <= AT_ONE_VERTEX:
+    vertex = int(least.argmax())
+    if least[vertex] <= AT_ONE_VERTEX:
         return None
-    names = zip(support_names(on.support), on.support, strict=True)
-    holding = " and ".join(name for name, support in names if support.at.vertices(surface)[at])
+    names = zip(support_names(acting.support), acting.support, strict=True)
+    holding = " and ".join(name for name, support in names if support.at.vertices(surface)[vertex])
     return Objection(
-        f"{least[at]:.0%} of the reaction is on one vertex, at {_place(surface.V[at])} ({holding}): let the support "
+        f"{least[vertex]:.0%} of the reaction is on one vertex, at {_place(surface.V[vertex])} ({holding}): let "
+        "the support "
         "pick a region there, with a ball or a depth, for a sheet cannot stand on a point"
     )
 
@@ -112,21 +121,23 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
             )
 
 
-def _past_faces(on: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
+def _past_faces(acting: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
     """Object to snow and wind parallel to their faces, for example on a wall that is not quite upright."""
-    climate = [load for load in on.load if isinstance(load, Snow | Wind)]
+    climate = [load for load in acting.load if isinstance(load, Snow | Wind)]
     for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
-        if entry.total < GLANCING * load.pressure * entry.area:
+        if entry.total < LEAST_LOAD_SHARE * load.pressure * entry.area:
             yield Objection(
                 f"{entry.name} runs along its faces, and puts {force(entry.total)} on {entry.area:.3g} "
                 "m2: turn its direction, or pick faces that it meets"
             )
 
 
-def _on_supports(on: Acting, surface: Surface, weight: float, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
+def _on_supports(
+    acting: Acting, surface: Surface, weight: float, cases: Mapping[str, CaseResult]
+) -> Iterator[Objection]:
     free = ~next(iter(cases.values())).load.fixed
-    for name, load in zip(load_names(on.load), on.load, strict=True):
-        if not load.on(surface, weight)[free].any():
+    for name, load in zip(load_names(acting.load), acting.load, strict=True):
+        if not load.forces(surface, weight)[free].any():
             yield Objection(
                 f"{name} acts in held directions of held vertices only: the supports take it, and the sheet carries "
                 "nothing of it; move it or the supports",
@@ -134,7 +145,7 @@ def _on_supports(on: Acting, surface: Surface, weight: float, cases: Mapping[str
             )
 
 
-def _under(name: str, cases: Mapping[str, CaseResult]) -> str:
+def _case_clause(name: str, cases: Mapping[str, CaseResult]) -> str:
     return f" under {name}" if len(cases) > 1 else ""
 
 

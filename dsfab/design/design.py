@@ -18,7 +18,7 @@ from dsfab.design.directions import diffusion_step, without_modes
 from dsfab.design.log import Log, Progress
 from dsfab.design.member_model import action_cases, beam_agreement, beam_model, member_utilisation
 from dsfab.design.pattern_measures import measured_pattern
-from dsfab.design.pattern_stage import Before, ChosenWay, chosen_way, pattern_stage, sketched_pattern
+from dsfab.design.pattern_stage import ChosenMethod, EarlierStripes, chosen_method, pattern_stage, sketched_pattern
 from dsfab.design.sheet_loads import sheet_loads
 from dsfab.design.slicing_and_thickening import slicing_step, thickening_step
 from dsfab.design.surface_and_statics import checked_sheet, rough_statics, statics_step, surface_step
@@ -37,41 +37,43 @@ if TYPE_CHECKING:
     from dsfab.members import MemberGraph
     from dsfab.members.eurocode import Utilisation
     from dsfab.members.frame import Frame, FrameAgreement, MemberForces
-    from dsfab.report.design.save import Saved
+    from dsfab.report.design.save import SavedDesign
 
 
 T = TypeVar("T")
 
 
-class Early:
+class EarlyResults:
     """Results by name that follow from rough `statics` (see `rough_statics`), each with its own log."""
 
     def __init__(self, statics: StaticsResult, progress: Progress | None) -> None:
         self.statics, self._progress = statics, progress
         self._made: dict[str, tuple[Any, Log]] = {}
 
-    def once(self, name: str, make: Callable[[Log], T]) -> T:
+    def cached_result(self, name: str, make: Callable[[Log], T]) -> T:
         """Return the result of `make`, computed once under `name`."""
         if name not in self._made:
             log = Log(self._progress)
             self._made[name] = make(log), log
-        found: T = self._made[name][0]
-        return found
+        result: T = self._made[name][0]
+        return result
 
-    def taken(self, name: str, statics: StaticsResult, log: Log) -> Any | None:
+    def take_result(self, name: str, statics: StaticsResult, log: Log) -> Any | None:
         """Remove and return a result, adding its seconds and notes to `log`; None if the pattern follows another
         stress.
         """
         if name not in self._made or not self._holds(statics):
             return None
-        found, told = self._made.pop(name)
-        log.seconds.update(told.seconds)
-        log.notes.extend(told.notes)
-        return found
+        result, result_log = self._made.pop(name)
+        log.seconds.update(result_log.seconds)
+        log.notes.extend(result_log.notes)
+        return result
 
     def _holds(self, statics: StaticsResult) -> bool:
         cases = self.statics.cases
-        return all(np.array_equal(case.followed, cases[name].followed) for name, case in statics.cases.items())
+        return all(
+            np.array_equal(case.followed_stress, cases[name].followed_stress) for name, case in statics.cases.items()
+        )
 
 
 ROWS = {
@@ -87,7 +89,7 @@ ROWS = {
 PARTS = {"statics": ("factor",)}
 """Timing rows that are part of another row of the stage."""
 
-HELD = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
+RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
 """Attributes that hold the results of a stage, where their name is not that of the stage."""
 
 
@@ -102,69 +104,74 @@ class Design:
 
     preset: Preset
     _log: Log = field(default_factory=lambda: Log(None))
-    _before: Before | None = None
+    _before: EarlierStripes | None = None
     _answers: dict[str, tuple[str, Any]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, preset: Preset, old: "Design | None" = None, progress: Progress | None = None) -> "Design":
+    def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
         """Return a design without results, except those of `earlier` before the first section that differs.
 
         Raises PresetError for an argument that is no preset, for example a mesh; the message lists what is missing.
         """
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
-        if old is None:
+        if earlier is None:
             return cls(preset, Log(progress))
-        stage = preset.first_difference(old.preset) or "export"
-        new, start = cls(preset, Log(progress), old._stripes() if stage == "pattern" else None), STAGES.index(stage)
+        stage = preset.first_difference(earlier.preset) or "export"
+        design, start = (
+            cls(preset, Log(progress), earlier._stripes() if stage == "pattern" else None),
+            STAGES.index(stage),
+        )
         for stage in STAGES[:start]:
-            for name in HELD.get(stage, (stage,)):
-                if name in vars(old):
-                    vars(new)[name] = vars(old)[name]
+            for name in RESULT_NAMES.get(stage, (stage,)):
+                if name in vars(earlier):
+                    vars(design)[name] = vars(earlier)[name]
             rows = (*ROWS[stage], *PARTS.get(stage, ()))
-            new._log.seconds.update({row: old.seconds[row] for row in rows if row in old.seconds})
-            new._log.notes.extend(note for note in old.notes if note.stage == stage)
+            design._log.seconds.update({row: earlier.seconds[row] for row in rows if row in earlier.seconds})
+            design._log.notes.extend(note for note in earlier.notes if note.stage == stage)
         if "surface" in STAGES[:start]:
-            new._log.file = old.file
-        new._answers.update({key: one for key, one in old._answers.items() if STAGES.index(one[0]) < start})
-        return new
+            design._log.file = earlier.file
+        design._answers.update(
+            {key: answer for key, answer in earlier._answers.items() if STAGES.index(answer[0]) < start}
+        )
+        return design
 
     @classmethod
-    def known(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
+    def from_results(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
         """Return a design with given results, by the names of its attributes (see `HELD`).
 
         log : receives the seconds and notes of the stages that are still to be computed.
         """
-        new = cls(preset, log or Log(None))
-        vars(new).update(results)
-        return new
+        design = cls(preset, log or Log(None))
+        vars(design).update(results)
+        return design
 
     def until(self, stage: str) -> Self:
         """Compute every stage up to `stage` and return the design itself. Raises the DsfabError of the stage that
         refuses.
         """
         before = STAGES[: STAGES.index(stage) + 1]
-        for each in before:
-            getattr(self, HELD.get(each, (each,))[0])
-            if each == "statics" and "slicing" in before:
+        for name in before:
+            getattr(self, RESULT_NAMES.get(name, (name,))[0])
+            if name == "statics" and "slicing" in before:
                 require_buildable(self.preset, self.statics)
         return self
 
-    def _stripes(self) -> Before | None:
+    def _stripes(self) -> EarlierStripes | None:
         """Return the evenly spaced stripes for a design whose first difference is in [pattern]."""
         even = self.pattern.even if self.has("pattern") else None
-        return Before(self.preset.pattern, even, self.seconds["stripes"]) if even else None
+        return EarlierStripes(self.preset.pattern, even, self.seconds["stripes"]) if even else None
 
     def has(self, stage: str) -> bool:
         """Return whether the results of a stage exist already."""
-        return any(name in vars(self) for name in HELD.get(stage, (stage,)))
+        return any(name in vars(self) for name in RESULT_NAMES.get(stage, (stage,)))
 
-    def once(self, stage: str, name: str, make: Callable[[], T]) -> T:
+    def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
         """Memoise `make()` under `name`; revisions keep it if only stages after `stage` changed."""
         if name not in self._answers:
             self._answers[name] = stage, make()
-        found: T = self._answers[name][1]
-        return found
+        result: T = self._answers[name][1]
+        return result
 
     def write(self, path: str | Path, **options: Any) -> Path:
         """Write one file in the format of its suffix, as `dsfab build` does; see `dsfab.write`."""
@@ -172,7 +179,7 @@ class Design:
 
         return write(self, path, **options)
 
-    def save(self, folder: str | Path, **options: Any) -> "Saved":
+    def save(self, folder: str | Path, **options: Any) -> "SavedDesign":
         """Write into a folder all files that `dsfab build` writes; see `dsfab.save`."""
         from dsfab.report.design.save import save
 
@@ -191,7 +198,7 @@ class Design:
         return inline_picture(self)
 
     def __repr__(self) -> str:
-        return "\n".join(described(self))
+        return "\n".join(summary_lines(self))
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the progress callback and memoised answers out of a pickled design."""
@@ -212,35 +219,35 @@ class Design:
     @cached_property
     def diffusion(self) -> DiffusionResult:
         """Stage 3: tensors and modes."""
-        early: DiffusionResult | None = self._found_early("diffusion")
+        early: DiffusionResult | None = self._early_result("diffusion")
         return early or diffusion_step(self.preset, self.surface, self.statics, self._log)
 
     @cached_property
     def pattern(self) -> PatternResult:
         """Stage 4: the stripes, before the surface is cut."""
-        made = pattern_stage(self.preset, self.stressed, self._log, self._way(self.stressed))
+        result = pattern_stage(self.preset, self.analysis, self._log, self._stripe_method(self.analysis))
         for name in ("_chosen", "_early"):  # the pattern holds what is needed of them
             vars(self).pop(name, None)
-        return made
+        return result
 
-    def _way(self, given: StressedSurface) -> ChosenWay:
+    def _stripe_method(self, analysis: StressedSurface) -> ChosenMethod:
         """Return the method and course of the stripes, once for the sketch and the pattern after it."""
         if "_chosen" not in vars(self):
-            early = self._found_early("way")
-            vars(self)["_chosen"] = early or chosen_way(self.preset, given, self._log, self._before)
-        way: ChosenWay = vars(self)["_chosen"]
-        return way
+            early = self._early_result("way")
+            vars(self)["_chosen"] = early or chosen_method(self.preset, analysis, self._log, self._before)
+        method: ChosenMethod = vars(self)["_chosen"]
+        return method
 
     @cached_property
-    def _early(self) -> Early | None:
+    def _early(self) -> EarlyResults | None:
         """Rough results for a sketch before better elements are solved; None if these save no time."""
         if self.has("statics"):
             return None
         solved = vars(self)["_solved"] = checked_sheet(self.preset, self.surface, self._log)
         rough = rough_statics(self.preset, self.surface, solved)
-        return Early(rough, self._log.progress) if rough else None
+        return EarlyResults(rough, self._log.progress) if rough else None
 
-    def _found_early(self, name: str) -> Any:
+    def _early_result(self, name: str) -> Any:
         """Return a result of the sketch if it is still valid, else None."""
         early, statics = vars(self).get("_early"), self.statics
         return early.taken(name, statics, self._log) if early else None
@@ -258,22 +265,27 @@ class Design:
             _ = self.statics
         early = None if self.has("statics") else self._early
         statics = early.statics if early else self.statics
-        ask, plain = self.preset.pattern, (self.preset, self.surface, statics)
-        if not (modes or self.has("diffusion") or ask.method != "stripes" or ask.width.rule == "stressed"):
-            given = StressedSurface(self.surface, statics, without_modes(*plain))
+        options, stage_inputs = self.preset.pattern, (self.preset, self.surface, statics)
+        if not (modes or self.has("diffusion") or options.method != "stripes" or options.width.rule == "stressed"):
+            analysis = StressedSurface(self.surface, statics, without_modes(*stage_inputs))
         elif early:
-            diffusion = early.once("diffusion", lambda log: diffusion_step(*plain, log))
-            given = StressedSurface(self.surface, statics, diffusion)
+            diffusion = early.cached_result("diffusion", lambda log: diffusion_step(*stage_inputs, log))
+            analysis = StressedSurface(self.surface, statics, diffusion)
         else:
-            given = self.stressed
+            analysis = self.analysis
         if early:
-            way = early.once("way", lambda log: chosen_way(self.preset, given, log, self._before))
+            method = early.cached_result("way", lambda log: chosen_method(self.preset, analysis, log, self._before))
         else:
-            way = self._way(given)
+            method = self._stripe_method(analysis)
         with suppress(PatternError):
-            drawn = sketched_pattern(given, way)
-            known = {"surface": given.surface, "statics": given.statics, "diffusion": given.diffusion, "pattern": drawn}
-            return self.known(self.preset, None, **known)
+            pattern = sketched_pattern(analysis, method)
+            results = {
+                "surface": analysis.surface,
+                "statics": analysis.statics,
+                "diffusion": analysis.diffusion,
+                "pattern": pattern,
+            }
+            return self.from_results(self.preset, None, **results)
         return None
 
     @cached_property
@@ -292,7 +304,7 @@ class Design:
         """The members of the sheet by name, and the nodes between them."""
         from dsfab.members import member_graph  # takes half of the time of `import dsfab`; few designs need it
 
-        return self.once("slicing", "members", lambda: member_graph(self.surface, self.sheet, self.pattern))
+        return self.cached_result("slicing", "members", lambda: member_graph(self.surface, self.sheet, self.pattern))
 
     @property
     def frame(self) -> "Frame":
@@ -300,11 +312,11 @@ class Design:
 
         Raises StaticsError if no member has an axis, or if nothing carries a load.
         """
-        return self.once("slicing", "frame", self._frame)
+        return self.cached_result("slicing", "frame", self._frame)
 
     def _frame(self) -> "Frame":
-        cases, drawn = action_cases(self.preset, self.surface, self.statics), self.slicing.cells.kept()
-        loads = sheet_loads(self.surface, drawn, self.sheet, {name: one.load for name, one in cases.items()})
+        cases, material = action_cases(self.preset, self.surface, self.statics), self.slicing.cells.subset()
+        loads = sheet_loads(self.surface, material, self.sheet, {name: case.load for name, case in cases.items()})
         return beam_model(self.preset, self.sheet.surface, self.members, self.statics, cases, loads)
 
     @property
@@ -312,7 +324,7 @@ class Design:
         """Forces along the axis of each member, by its name, from `section_forces`."""
         from dsfab.members.frame import member_forces
 
-        return self.once("slicing", "member forces", lambda: member_forces(self.members, self.section_forces))
+        return self.cached_result("slicing", "member forces", lambda: member_forces(self.members, self.section_forces))
 
     @property
     def member_utilisation(self) -> "Utilisation":
@@ -320,7 +332,7 @@ class Design:
 
         Raises StaticsError if neither the material nor a strength is set.
         """
-        return self.once(
+        return self.cached_result(
             "slicing",
             "member utilisation",
             lambda: member_utilisation(self.preset, self.members, self.member_forces),
@@ -328,7 +340,7 @@ class Design:
 
     def frame_agreement(self) -> "list[FrameAgreement]":
         """Compare beams and sheet, by case and combination."""
-        return self.once("slicing", "frame agreement", self._frame_agreement)
+        return self.cached_result("slicing", "frame agreement", self._frame_agreement)
 
     def _frame_agreement(self) -> "list[FrameAgreement]":
         loads = self._loads_on_sheet(self.statics.cases)
@@ -347,7 +359,7 @@ class Design:
         return None
 
     @property
-    def stressed(self) -> StressedSurface:
+    def analysis(self) -> StressedSurface:
         """Stages 1 to 3: the input of the pattern."""
         return StressedSurface(self.surface, self.statics, self.diffusion)
 
@@ -369,9 +381,9 @@ class Design:
         return self._log.file
 
     @property
-    def settled(self) -> Preset:
+    def resolved_preset(self) -> Preset:
         """The preset with the results of all searches: it makes the same design without a search."""
-        return self.pattern.settled(self.preset)
+        return self.pattern.preset_with_choices(self.preset)
 
     @property
     def load(self) -> LoadCase:
@@ -391,10 +403,10 @@ class Design:
         """The loads that the pattern follows, by name, on the cut sheet. Raises StaticsError if nothing carries a
         load.
         """
-        return self._loads_on_sheet(self.preset.followed)
+        return self._loads_on_sheet(self.preset.followed_weights)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:
-        return sheet_loads(self.surface, self.slicing.cells.kept(), self.sheet, self.statics.loads(names))
+        return sheet_loads(self.surface, self.slicing.cells.subset(), self.sheet, self.statics.loads(names))
 
     @property
     def section_forces(self) -> dict[str, SectionForces]:
@@ -402,17 +414,17 @@ class Design:
 
         Raises StaticsError if nothing carries a load.
         """
-        return self.once("slicing", "section forces", self._section_forces)
+        return self.cached_result("slicing", "section forces", self._section_forces)
 
     def _section_forces(self) -> dict[str, SectionForces]:
-        model = self.preset.statics.sheet().on(self.sheet.surface)
+        model = self.preset.statics.sheet().model_for(self.sheet.surface)
         loads = self._loads_on_sheet(self.statics.cases)
-        answers, found, shear = solve_for(model, loads, "stress"), {}, None
+        answers, forces, shear = solve_for(model, loads, "stress"), {}, None
         for name, answer in answers.items():
             stress = sheet_stress(model, answer.elements, answer)
-            shear = shear or ShearRecovery.of(model.surface, linear=answer.elements.bending == "hhj")
-            found[name] = section_forces(model.surface, model.thickness, stress, shear)
-        return found
+            shear = shear or ShearRecovery.for_surface(model.surface, linear=answer.elements.bending == "hhj")
+            forces[name] = section_forces(model.surface, model.thickness, stress, shear)
+        return forces
 
     @property
     def mass(self) -> float:
@@ -420,7 +432,7 @@ class Design:
         return self.solid.volume * self.preset.statics.density
 
 
-def described(design: Design) -> Iterator[str]:
+def summary_lines(design: Design) -> Iterator[str]:
     """Yield one line for the design and one for each result, for people."""
     preset = design.preset
     yield f"Design {preset.name}" + (f": {preset.description}" if preset.description else "")
@@ -428,7 +440,7 @@ def described(design: Design) -> Iterator[str]:
         surface = design.surface
         yield f"  surface  {surface.area:.4g} m2, {surface.n:,} vertices, {surface.m:,} triangles"
     if design.has("pattern"):
-        yield f"  pattern  {design.settled.pattern.method}: {' and '.join(design.pattern.names)}"
+        yield f"  pattern  {design.resolved_preset.pattern.method}: {' and '.join(design.pattern.names)}"
     if design.has("slicing"):
         sheet = design.sheet.surface
         yield f"  sheet    {sheet.area / design.surface.area:.0%} of it, {length(preset.statics.thickness)} thick"

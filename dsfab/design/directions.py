@@ -9,7 +9,7 @@ from dsfab.core.errors import PatternError
 from dsfab.design.log import Log
 from dsfab.design.regions_and_loads import IMAGE_DIFFERENCE
 from dsfab.diffusion import (
-    CLEAR,
+    CLEAR_MOMENT,
     DiffusionTensors,
     Labelling,
     Modes,
@@ -23,17 +23,17 @@ from dsfab.diffusion import (
 )
 from dsfab.pattern import Frames, Guidance, StressDirections
 from dsfab.preset.model import Pattern, Preset
-from dsfab.results import DiffusionResult, StaticsResult, Steered
+from dsfab.results import DiffusionResult, StaticsResult, StripeSteering
 from dsfab.surface import LoadCase, Surface, generated_group
 from dsfab.surface.orientation import one_sided_pieces
 
 
 def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
     """Return the stress (m, 3, 3), Pa, that the pattern follows: of one case, or combined from several."""
-    sigma = {name: statics.cases[name].followed for name in preset.followed}
+    sigma = {name: statics.cases[name].followed_stress for name in preset.followed_weights}
     if not preset.combines:
         return next(iter(sigma.values()))
-    return combined_stress(surface, list(sigma.values()), list(preset.followed.values()))
+    return combined_stress(surface, list(sigma.values()), list(preset.followed_weights.values()))
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
@@ -43,48 +43,49 @@ def load_axes(surface: Surface, load: LoadCase) -> Floats:
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
-    clear = np.linalg.norm(resultant) > CLEAR * sizes.sum()
-    return reference_axes(surface, (density, load.held.astype(float)), (resultant,) if clear else ())
+    clear = np.linalg.norm(resultant) > CLEAR_MOMENT * sizes.sum()
+    return reference_axes(surface, (density, load.supported.astype(float)), (resultant,) if clear else ())
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
     """Stage 3: return tensors and modes of both families."""
-    ask = preset.diffusion
+    options = preset.diffusion
     if log.progress:
-        log.progress("diffusion", f"computing {ask.modes} modes of both families")
+        log.progress("diffusion", f"computing {options.modes} modes of both families")
     with log.row("diffusion"):
         symmetry, tensors = _tensors(preset, surface, statics)
         operators = [diffusion_operator(surface, D) for D in (tensors.major, tensors.minor)]
     with log.row("modes"):
         axes = load_axes(surface, statics.load)
-        major, minor = family_modes(surface, operators, ask.modes, axes, symmetry)
+        major, minor = family_modes(surface, operators, options.modes, axes, symmetry)
     if symmetry:
-        off = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
+        asymmetry = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
         log.note(
             "diffusion",
-            f"modes are the same at {symmetry.order} images ({', '.join(ask.symmetry)}), to {off:.1g} of their size "
+            f"modes are the same at {symmetry.order} images ({', '.join(options.symmetry)}), to {asymmetry:.1g} "
+            "of their size "
             "on this mesh",
         )
     # measured: 3.2 sqrt(r) cells across a surface keep the first eigenvalues within 10 % at anisotropy r
-    edge = np.sqrt(surface.area) / (3.2 * np.sqrt(ask.r))
+    edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
     if surface.mean_edge > edge:
         log.note(
             "diffusion",
-            f"the mesh is coarse for r = {ask.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m "
+            f"the mesh is coarse for r = {options.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m "
             "(surface.refine)",
         )
     if (share := float(tensors.isotropic @ surface.areas) / surface.area) > 0.5:
-        log.note("diffusion", _unclear(share, ask.labelling))
+        log.note("diffusion", _unclear_direction_message(share, options.labelling))
     return DiffusionResult(tensors, major, minor)
 
 
 def _tensors(preset: Preset, surface: Surface, statics: StaticsResult) -> tuple[Symmetry | None, DiffusionTensors]:
-    ask = preset.diffusion
-    loads = statics.loads(preset.followed).values()
-    symmetry = symmetry_of(surface, ask.symmetry, *loads) if ask.symmetry else None
+    options = preset.diffusion
+    loads = statics.loads(preset.followed_weights).values()
+    symmetry = symmetry_of(surface, options.symmetry, *loads) if options.symmetry else None
     sigma = followed_stress(preset, surface, statics)
-    sigma = symmetry.stress(sigma) if symmetry else sigma
-    return symmetry, diffusion_tensors(surface, sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
+    sigma = symmetry.mean_stress(sigma) if symmetry else sigma
+    return symmetry, diffusion_tensors(surface, sigma, options.r, options.gamma, options.labelling, options.isotropy)
 
 
 def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> DiffusionResult:
@@ -93,13 +94,13 @@ def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> D
     return DiffusionResult(_tensors(preset, surface, statics)[1], none, none)
 
 
-def _unclear(share: float, labelling: Labelling) -> str:
+def _unclear_direction_message(share: float, labelling: Labelling) -> str:
     """Return a note for a surface that has mostly no direction. Larger loads change nothing: all stress grows alike."""
     alike = "as large" if labelling == "magnitude" else "nearly the same"
-    more = ', or labelling = "signed" where tension and compression are' if labelling == "magnitude" else ""
+    hint = ', or labelling = "signed" where tension and compression are' if labelling == "magnitude" else ""
     return (
         f"{share:.0%} of the surface has no clear stress direction, both principal stresses are {alike} there: stripes "
-        f"run as they do around it; diffusion.isotropy = 0 follows the smallest difference{more}"
+        f"run as they do around it; diffusion.isotropy = 0 follows the smallest difference{hint}"
     )
 
 
@@ -116,83 +117,90 @@ class Steering:
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
         """Return how clear directions are (m,), 0 to 1, from the clarity of the stress (m,) and the guides."""
-        return np.minimum(stress + self.guided(surface), 1.0) if self.guidance else stress
+        return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
-    def guided(self, surface: Surface) -> Floats:
+    def guide_weights(self, surface: Surface) -> Floats:
         """Return the weight of the guides on each face (m,)."""
         return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
 
-    def steered(self, surface: Surface, along: Floats, given: StressDirections, over: Bools) -> Steered:
+    def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
         """Return the outcome: along (n, 3) are directions of the major stripes; over (n,) see `family_crossings`."""
-        one, two = ((np.einsum("mcx,mx->mc", along[surface.F], given.direction[:, k]) ** 2).sum(axis=1) for k in (0, 1))
+        first_share, second_share = (
+            (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) ** 2).sum(axis=1) for k in (0, 1)
+        )
         crossed = over[surface.F].mean(axis=1) > 0.5
-        told = [self.told] * bool(self.told)
+        messages = [self.told] * bool(self.told)
         if share := float(surface.areas @ crossed) / surface.area:
-            told.append(
+            messages.append(
                 f"the two stresses cross: on {share:.0%} of the surface members go on as the other family, so that "
                 "none ends where they do"
             )
-        along_one = one / np.maximum(one + two, np.finfo(float).tiny)
-        return Steered(along_one, self.guided(surface), crossed, "; ".join(told))
+        along_one = first_share / np.maximum(first_share + second_share, np.finfo(float).tiny)
+        return StripeSteering(along_one, self.guide_weights(surface), crossed, "; ".join(messages))
 
 
-def steering(ask: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
+def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
     """Return the steering of a pattern.
 
     symmetry : of surface, supports and loads.    spacing : metres, for guides without a reach.
 
     Raises PatternError for an angle on a one-sided surface, and for a guide that acts nowhere.
     """
-    oblique = ask.rotate % 90 != 0
+    oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
         raise PatternError(
-            f"pattern.rotate = {ask.rotate:g}: nothing says which way to turn on a surface with one side only, like a "
+            f"pattern.rotate = {options.rotate:g}: nothing says which way to turn on a surface with one side "
+            "only, like a "
             "Moebius strip; use 0 or 90"
         )
-    guidance = Guidance.of(frames, ask.guide, spacing)
-    kept, told = symmetry, ""
+    guidance = Guidance.from_guides(frames, options.guide, spacing)
+    group, message = symmetry, ""
     if symmetry is not None and (oblique or guidance):
-        every = np.ones(symmetry.order, dtype=bool)
-        turned = _same_sense(frames.surface, symmetry) if oblique else every
-        guided = _same_guides(frames, symmetry, guidance) if guidance else every
-        kept, left = _subgroup(symmetry, turned & guided)
-        who = [f"rotate = {ask.rotate:g}"] * (not turned.all()) + ["guides"] * (not guided.all())
-        if who:
-            told = (
-                f"surface, supports and loads are the same at {symmetry.order} images, the pattern at {left} of them: "
-                f"{' and '.join(who)} {'break' if who[-1] == 'guides' else 'breaks'} the rest"
+        all_images = np.ones(symmetry.order, dtype=bool)
+        turned = _keeps_orientation(frames.surface, symmetry) if oblique else all_images
+        guided = _keeps_guides(frames, symmetry, guidance) if guidance else all_images
+        group, remaining_order = _subgroup(symmetry, turned & guided)
+        causes = [f"rotate = {options.rotate:g}"] * (not turned.all()) + ["guides"] * (not guided.all())
+        if causes:
+            message = (
+                f"surface, supports and loads are the same at {symmetry.order} images, the pattern at "
+                f"{remaining_order} of them: "
+                f"{' and '.join(causes)} {'break' if causes[-1] == 'guides' else 'breaks'} the rest"
             )
-    return Steering(float(np.radians(ask.rotate)), guidance, kept, told)
+    return Steering(float(np.radians(options.rotate)), guidance, group, message)
 
 
-def _same_sense(surface: Surface, symmetry: Symmetry) -> Bools:
+def _keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
     """Return whether each image (g,) keeps the sense of rotation on the surface, on 90 % of its area because of the
     mesh.
     """
     normal = surface.normals
-    same = [
+    agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
         for R, face in zip(symmetry.R, symmetry.faces, strict=True)
     ]
-    return np.array([surface.areas @ one > 0.9 * surface.area for one in same])
+    return np.array([surface.areas @ faces > 0.9 * surface.area for faces in agree])
 
 
-def _same_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
+def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
     area, n = frames.surface.vertex_areas, frames.surface.n
-    each = [guide.tensors(frames) for guide in guidance]
-    every = np.asarray(sum(each))
-    sizes = [np.linalg.norm(one, axis=(1, 2)) for one in each]
-    same = np.ones(symmetry.order, dtype=bool)
+    tensors = [guide.tensors(frames) for guide in guidance]
+    total = np.asarray(sum(tensors))
+    sizes = [np.linalg.norm(tensor, axis=(1, 2)) for tensor in tensors]
+    agree = np.ones(symmetry.order, dtype=bool)
     for k, (R, T) in enumerate(zip(symmetry.R, symmetry.maps, strict=True)):
-        image = (T @ every.reshape(n, 9)).reshape(n, 3, 3)
-        off = np.linalg.norm(image - R @ every @ R.T, axis=(1, 2))
-        same[k] = all((area * (size > 0)) @ off < IMAGE_DIFFERENCE * (area @ size) for size in sizes)
-    return same
+        image = (T @ total.reshape(n, 9)).reshape(n, 3, 3)
+        differences = np.linalg.norm(image - R @ total @ R.T, axis=(1, 2))
+        agree[k] = all((area * (size > 0)) @ differences < IMAGE_DIFFERENCE * (area @ size) for size in sizes)
+    return agree
 
 
-def _subgroup(symmetry: Symmetry, keep: Bools) -> tuple[Symmetry | None, int]:
+def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
     """Return the selected elements and their number, or None and 1 if they are no group beyond the identity."""
-    R, maps = symmetry.R[keep], tuple(T for T, kept in zip(symmetry.maps, keep, strict=True) if kept)
+    R, maps = (
+        symmetry.R[selected],
+        tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected),
+    )
     if len(R) < 2 or len(generated_group(list(R))) != len(R):
         return None, 1
-    return Symmetry(R, maps, symmetry.faces[keep]), len(R)
+    return Symmetry(R, maps, symmetry.faces[selected]), len(R)

@@ -11,7 +11,7 @@ from dsfab.core.arrays import Bools, Floats, cross
 from dsfab.core.errors import PatternError
 from dsfab.design.directions import Steering, followed_stress, load_axes, steering
 from dsfab.design.surface_and_statics import is_slab
-from dsfab.diffusion import Symmetry, found_symmetry, principal_stresses
+from dsfab.diffusion import Symmetry, largest_symmetry, principal_stresses
 from dsfab.pattern import (
     CornerPhase,
     Flow,
@@ -20,12 +20,12 @@ from dsfab.pattern import (
     Halving,
     Images,
     StressDirections,
-    aimed,
     boundary_lines,
     corner_phase,
     cross_field,
-    crossed_over,
     density,
+    family_crossings,
+    guide_phases,
     halving,
     log_density,
     signs_with_short_seams,
@@ -33,17 +33,17 @@ from dsfab.pattern import (
     vertex_means,
 )
 from dsfab.preset.model import FAMILIES, Family, Pattern, Preset, Width
-from dsfab.results import EvenStripes, StaticsResult, Steered
-from dsfab.slicing import Halved, chart_of, halved
+from dsfab.results import EvenStripes, StaticsResult, StripeSteering
+from dsfab.slicing import LineHalving, chart_of, halve_lines
 from dsfab.statics import varying_thickness
-from dsfab.surface import Surface, connected
+from dsfab.surface import Surface, link_components
 
 SLOPES = (0.6, 1.6)
 """Bounds of the growth of a phase over the wanted growth; values beyond come from singular faces."""
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class FamilyLines:
     """The lines of one family.
 
     most, wish : largest number of halvings, and (m,) the number wanted on each face.    slope : (n,) periods per metre.
@@ -60,7 +60,7 @@ class Lines:
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class StripeDirections:
     """Directions and constraints that both families follow.
 
     along   : (n, 3) directions of the major stripes.    confidence : (m,) their clarity, 0 to 1.
@@ -75,52 +75,54 @@ class Followed:
     moved: Floats
     images: Images
     symmetry: Symmetry | None
-    steered: Steered | None
+    steered: StripeSteering | None
     members: tuple[GuideLine, ...] = ()
 
     @classmethod
-    def of(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
+    def from_statics(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
         """Return the directions of a preset, for spacings of the drawn families, metres."""
         symmetry = _symmetry(preset, surface, statics)
         sigma = followed_stress(preset, surface, statics)
-        given = StressDirections(*principal_stresses(surface, symmetry.stress(sigma) if symmetry else sigma))
-        frames = Frames.of(surface)
+        stress = StressDirections(*principal_stresses(surface, symmetry.mean_stress(sigma) if symmetry else sigma))
+        frames = Frames.for_surface(surface)
         steer = steering(preset.pattern, frames, symmetry, min(spacings))
         symmetry = steer.symmetry
-        images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
+        images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
         length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow shorter changes
-        along, over = _directions(preset.pattern, frames, given, steer, images, length)
-        confidence = steer.confidence(surface, given.confidence(surface.areas))
+        along, over = _directions(preset.pattern, frames, stress, steer, images, length)
+        confidence = steer.confidence(surface, stress.confidence(surface.areas))
         along = signs_with_short_seams(frames, along)[:, None] * along
-        own = bool(steer.turn or steer.guidance or over.any())
-        steered = steer.steered(surface, along, given, over) if own else None
-        moved = images.mean(_moved(preset, surface, statics))
-        members = tuple(GuideLine.of(surface, preset.pattern.guide))
-        return cls(frames, given, along, confidence, moved, images, symmetry, steered, members)
+        is_steered = bool(steer.turn or steer.guidance or over.any())
+        steered = steer.outcome(surface, along, stress, over) if is_steered else None
+        moved = images.mean(_movement(preset, surface, statics))
+        members = tuple(GuideLine.from_guides(surface, preset.pattern.guide))
+        return cls(frames, stress, along, confidence, moved, images, symmetry, steered, members)
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
         """Directions (n, 3) of the gradients of both phases, square to the stripes."""
         return cross(self.frames.normal, self.along), self.along
 
-    def with_members(self, both: Sequence[Lines]) -> Steered | None:
+    def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
         """Return the steering of the families, with messages on the curves of guides that become members."""
         if self.steered is None or not self.members:
             return self.steered
-        surface, told = self.frames.surface, [self.steered.told] * bool(self.steered.told)
+        surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
         for line in self.members:
-            lines = both[FAMILIES.index(line.family)]
-            share = line.followed(surface, lines.phase, 2**lines.most)
-            stress = self.given.direction[:, FAMILIES.index(line.family)]
-            told.append(_member_words(line, share, line.across(stress)))
-        return replace(self.steered, told="; ".join(told))
+            lines = families[FAMILIES.index(line.family)]
+            share = line.followed_share(surface, lines.phase, 2**lines.most)
+            stress_direction = self.given.direction[:, FAMILIES.index(line.family)]
+            messages.append(_member_message(line, share, line.runs_across(stress_direction)))
+        return replace(self.steered, told="; ".join(messages))
 
 
-def _member_words(line: GuideLine, share: float, across: bool) -> str:
+def _member_message(line: GuideLine, share: float, across: bool) -> str:
     """Return a message on the share of a guide's curve that is a member, and on its direction across the stress."""
     key = f"pattern.guide.{line.number}"
-    other = FAMILIES[1 - FAMILIES.index(line.family)]
-    hint = f"; the {other} family runs along it by itself: family = '{other}' bends less" if across else ""
+    other_family = FAMILIES[1 - FAMILIES.index(line.family)]
+    hint = (
+        f"; the {other_family} family runs along it by itself: family = '{other_family}' bends less" if across else ""
+    )
     if share >= 0.995:  # a few sample points may lie beside the member
         return f"a {line.family} member runs on the curve of {key}{hint}"
     return (
@@ -130,7 +132,7 @@ def _member_words(line: GuideLine, share: float, across: bool) -> str:
 
 
 def _directions(
-    ask: Pattern, frames: Frames, given: StressDirections, steer: Steering, images: Images, length: float
+    options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
     """Return directions (n, 3) of the major stripes, smoothed over `length` metres, and vertices (n,) where they
     continue as minor ones.
@@ -139,45 +141,45 @@ def _directions(
     turns by a right angle; any direction between would be equally smooth and make singular points along the curve.
     """
 
-    def smoothed(given: StressDirections, length: float) -> Floats:
-        return images.directions(frames, cross_field(frames, given, length, steer.turn, steer.guidance))
+    def smooth(stress: StressDirections, length: float) -> Floats:
+        return images.directions(frames, cross_field(frames, stress, length, steer.turn, steer.guidance))
 
-    over = np.zeros(frames.surface.n, dtype=bool)
-    if not ask.steered:
+    crossed = np.zeros(frames.surface.n, dtype=bool)
+    if not options.is_steered:
         # measured on eight plates: over 1 edge a face between both sides joins them, over .25 edges noise does
-        over = _crossed_over(ask, frames, smoothed(given, 0.6 * frames.surface.mean_edge), images)
+        crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
         # a smaller region has no room for two members: with 1.6 lengths, four members of a floor had loose ends
-        over = over & (_region_areas(frames, over) > (2.0 * length) ** 2)
-        given = _renamed(given, over[frames.surface.F].mean(axis=1) > 0.5)
-    along = smoothed(given, length)
-    more = _crossed_over(ask, frames, along, images)
-    return np.where(more[:, None], cross(frames.normal, along), along), over ^ more
+        crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
+        stress = _exchanged_on(stress, crossed[frames.surface.F].mean(axis=1) > 0.5)
+    along = smooth(stress, length)
+    crossed_after = _crossed_over(options, frames, along, images)
+    return np.where(crossed_after[:, None], cross(frames.normal, along), along), crossed ^ crossed_after
 
 
-def _region_areas(frames: Frames, over: Bools) -> Floats:
+def _region_areas(frames: Frames, crossed: Bools) -> Floats:
     """Return the area (n,), m2, of the region around each vertex in which families keep their names."""
     surface, (i, j) = frames.surface, frames.ends.T
-    same = over[i] == over[j]
-    count, region = connected(surface.n, i[same], j[same])
+    inside = crossed[i] == crossed[j]
+    count, region = link_components(surface.n, i[inside], j[inside])
     return np.asarray(np.bincount(region, surface.vertex_areas, count)[region])
 
 
-def _renamed(given: StressDirections, over: Bools) -> StressDirections:
+def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirections:
     """Return the directions with the first and the second stress exchanged on marked faces (m,)."""
-    order = np.where(over[:, None], [1, 0], [0, 1])
-    stress = np.take_along_axis(given.stress, order, axis=1)
-    return StressDirections(stress, np.take_along_axis(given.direction, order[:, :, None], axis=1))
+    order = np.where(faces[:, None], [1, 0], [0, 1])
+    stress = np.take_along_axis(directions.stress, order, axis=1)
+    return StressDirections(stress, np.take_along_axis(directions.direction, order[:, :, None], axis=1))
 
 
-def _crossed_over(ask: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
+def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
     """Return vertices (n,) where the families exchange names: none if guides use the names, or if images disagree."""
-    over = crossed_over(frames, along)
-    same = np.abs(images.mean(over.astype(float)) - over).max() < 0.5
-    return over if same and not ask.steered else np.zeros_like(over)
+    crossed = family_crossings(frames, along)
+    symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
+    return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class FamilyCourse:
     """The course of a family for any spacing.
 
     g : (n, 3) direction of the phase's gradient.    u : (n,) logarithm of the density.    halved : where lines are
@@ -185,7 +187,7 @@ class Course:
     start : (n,) where the phase begins.             members : curves that become members of the family.
     """
 
-    follow: Followed
+    follow: StripeDirections
     g: Floats
     u: Floats
     halved: Halving
@@ -193,82 +195,82 @@ class Course:
     members: tuple[GuideLine, ...]
 
     @classmethod
-    def of(cls, follow: Followed, name: str, halve: bool) -> Self:
+    def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
         """Return the course of a family by its name.
 
         Lines run through the most stressed places: the start is the stress to the fourth power.
         """
-        g = follow.gradients[FAMILIES.index(name)]
-        surface = follow.frames.surface
-        size = vertex_means(surface, np.abs(follow.given.stress).max(axis=1))
-        u = follow.images.mean(log_density(follow.frames, g, follow.confidence))
-        members = tuple(line for line in follow.members if line.family == name)
-        return cls(follow, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** 4, members)
+        g = directions.gradients[FAMILIES.index(name)]
+        surface = directions.frames.surface
+        size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
+        u = directions.images.mean(log_density(directions.frames, g, directions.confidence))
+        members = tuple(line for line in directions.members if line.family == name)
+        return cls(directions, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** 4, members)
 
     @property
-    def unhalved(self) -> Self:
+    def without_halving(self) -> Self:
         """The same course with every line drawn everywhere."""
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
-    def lines(self, spacing: float) -> Lines:
+    def lines(self, spacing: float) -> FamilyLines:
         """Return the lines of the family, `spacing` metres apart on average.
 
         Of two phases half a period apart, lines run where stressed places move: held places are stiff anyway.
         """
-        frames, images, most = self.follow.frames, self.follow.images, self.halved.most
+        frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**most)  # whole periods around loops stay whole after halving
-        beside, aim = aimed(self.members, frames, self.g, coarse.density)
-        lock = beside | boundary_lines(surface, self.g, spacing)
-        given = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
-        solved = coarse.solve(*given)
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # whole periods around loops stay whole after halving
+        locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
+        lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
+        conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
+        solved = coarse.solve(*conditions)
         if not lock.any():
             solved = through_peaks(solved, surface.vertex_areas * self.start * self.follow.moved)
-        phase = corner_phase(coarse, solved, partial(coarse.solve, *given, free=True) if lock.any() else None)
-        phase = phase.times(2**most)
-        phase = replace(phase, singular=images.of_any(phase.singular))
-        whole = surface.areas * ~phase.singular
+        phase = corner_phase(coarse, solved, partial(coarse.solve, *conditions, free=True) if lock.any() else None)
+        phase = phase.times(2**halvings)
+        phase = replace(phase, singular=images.marked_in_any(phase.singular))
+        regular_areas = surface.areas * ~phase.singular
         size = np.linalg.norm(phase.gradients(surface), axis=1)
-        grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
+        grown = float(regular_areas @ size / (regular_areas @ finest[surface.F].mean(axis=1)))
         slope = images.mean(_slope(surface, size, phase.singular, finest))
         wish, free = (x[surface.F].mean(axis=1) for x in (self.halved.wish, self.halved.free))
-        return Lines(phase, most, wish, free, slope, grown)
+        return FamilyLines(phase, halvings, wish, free, slope, grown)
 
 
-def _moved(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
+def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
     """Return the size of displacements (n,), summed over the followed loads; 1 everywhere if all are zero."""
-    followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed.items()]
-    moved = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
-    return np.asarray(moved if np.any(moved) else np.ones(surface.n))
+    followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed_weights.items()]
+    movement = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
+    return np.asarray(movement if np.any(movement) else np.ones(surface.n))
 
 
-def no_lines(surface: Surface, spacing: float) -> Lines:
+def no_lines(surface: Surface, spacing: float) -> FamilyLines:
     """Return a family that is not drawn: it has no phase on any face."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
-    return Lines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
+    return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
 
 
 def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symmetry | None:
     """Return the symmetry of surface, supports and followed loads, unless the preset excludes it."""
     if preset.pattern.symmetry == "none":
         return None
-    loads = list(statics.loads(preset.followed).values())
-    return found_symmetry(surface, load_axes(surface, statics.load), loads)
+    loads = list(statics.loads(preset.followed_weights).values())
+    return largest_symmetry(surface, load_axes(surface, statics.load), loads)
 
 
-def _slope(surface: Surface, size: Floats, singular: Bools, asked: Floats) -> Floats:
+def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
     """Return periods per metre (n,) around each vertex, from `size` (m,) on faces with a phase."""
-    whole = (~singular).astype(float)
-    mean, known = vertex_means(surface, np.stack([size * whole, whole], axis=1)).T
-    slope = np.divide(mean, known, out=asked.copy(), where=known > 0)
-    return np.asarray(np.clip(slope, SLOPES[0] * asked, SLOPES[1] * asked))
+    regular = (~singular).astype(float)
+    mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
+    slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
+    return np.asarray(np.clip(slope, SLOPES[0] * wanted_density, SLOPES[1] * wanted_density))
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
     """Return whether the pattern follows the stress of the middle surface; optimal forces exist for that only."""
-    cases = [statics.cases[name] for name in preset.followed]
+    cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
 
@@ -282,11 +284,11 @@ def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) ->
             'pattern.forces = "optimal" seeks forces in the surface, and the pattern follows bending here: set '
             'pattern.forces = "uncut", or statics.stress = "membrane" where the surface is curved'
         )
-    names, weights = list(preset.followed), np.array(list(preset.followed.values()))
-    sheet, loads = preset.statics.sheet().on(surface), statics.loads(names)
-    sought = varying_thickness(sheet, list(loads.values()), weights, preset.pattern.width.solid_fraction)
-    found = zip(names, sought.forces, strict=True)
-    cases = {name: replace(statics.cases[name], sigma=N / preset.statics.thickness) for name, N in found}
+    names, weights = list(preset.followed_weights), np.array(list(preset.followed_weights.values()))
+    sheet, loads = preset.statics.sheet().model_for(surface), statics.loads(names)
+    optimum = varying_thickness(sheet, list(loads.values()), weights, preset.pattern.width.solid_fraction)
+    named_forces = zip(names, optimum.forces, strict=True)
+    cases = {name: replace(statics.cases[name], sigma=N / preset.statics.thickness) for name, N in named_forces}
     return replace(statics, cases={**statics.cases, **cases})
 
 
@@ -294,25 +296,27 @@ FINEST = 0.5
 """Least spacing of stripes in mean edges: members much thinner than triangles are ragged."""
 
 
-def same_stripes(old: Pattern, new: Pattern) -> bool:
+def same_stripes(earlier: Pattern, current: Pattern) -> bool:
     """Return whether two [pattern] sections give the same centre lines: all keys are equal except widths and kept
     regions.
 
     Keys that only stripes on modes use make no difference either. A new key does until this function names it. With
     rounds of weight, every key counts.
     """
-    if new.rounds:
-        return old == new
+    if current.rounds:
+        return earlier == current
 
-    def middles(ask: Pattern) -> Pattern:
-        both = {
-            name: getattr(ask, name).model_copy(update={"threshold": 0.0, "frequency": 0.0, "mode": 1, "phase": 0.0})
+    def centre_line_options(options: Pattern) -> Pattern:
+        families = {
+            name: getattr(options, name).model_copy(
+                update={"threshold": 0.0, "frequency": 0.0, "mode": 1, "phase": 0.0}
+            )
             for name in FAMILIES
         }
-        width = Width(solid_fraction=ask.width.solid_fraction) if ask.forces == "optimal" else Width()
-        return ask.model_copy(update={"width": width, "keep": 0.0, "rim": 0.0, "tidy": None, **both})
+        width = Width(solid_fraction=options.width.solid_fraction) if options.forces == "optimal" else Width()
+        return options.model_copy(update={"width": width, "keep": 0.0, "rim": 0.0, "tidy": None, **families})
 
-    return middles(old) == middles(new)
+    return centre_line_options(earlier) == centre_line_options(current)
 
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
@@ -320,50 +324,50 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 
     Raises PatternError if the stress is zero, and for spacings too fine for the mesh or too wide for the surface.
     """
-    ask = preset.pattern
-    if ask.forces == "optimal":
+    options = preset.pattern
+    if options.forces == "optimal":
         statics = optimal_statics(preset, surface, statics)
-    spacings = [family.distance(surface.area, surface.mean_edge) for family in (ask.major, ask.minor)]
-    shown = [FAMILIES.index(name) for name in ask.family_names]
-    for k in shown:
+    spacings = [family.distance(surface.area, surface.mean_edge) for family in (options.major, options.minor)]
+    drawn_families = [FAMILIES.index(name) for name in options.family_names]
+    for k in drawn_families:
         _refuse_impossible(FAMILIES[k], spacings[k], surface)
-    followed = Followed.of(preset, surface, statics, [spacings[k] for k in shown])
-    courses = {k: Course.of(followed, FAMILIES[k], ask.halved) for k in shown}
-    both = [courses[k].lines(h) if k in courses else no_lines(surface, h) for k, h in enumerate(spacings)]
-    for name, lines, spacing in zip(FAMILIES, both, spacings, strict=True):
+    directions = StripeDirections.from_statics(preset, surface, statics, [spacings[k] for k in drawn_families])
+    courses = {k: FamilyCourse.for_family(directions, FAMILIES[k], options.may_halve) for k in drawn_families}
+    families = [courses[k].lines(h) if k in courses else no_lines(surface, h) for k, h in enumerate(spacings)]
+    for name, lines, spacing in zip(FAMILIES, families, spacings, strict=True):
         if lines.grown < 0.5:  # the surface is too small for two stripes around it
-            raise _too_far(name, spacing, surface)
-    found = _drawn_again(followed, courses, both, spacings)
-    made = found.stripes(followed)
-    own = ask.forces == "optimal" or ask.rounds > 0
-    return replace(made, forces=followed.given.stress) if own else made
+            raise _too_far_error(name, spacing, surface)
+    divided = _redrawn_lines(directions, courses, families, spacings)
+    stripes = divided.stripes(directions)
+    has_own_forces = options.forces == "optimal" or options.rounds > 0
+    return replace(stripes, forces=directions.given.stress) if has_own_forces else stripes
 
 
-def _drawn_again(
-    followed: Followed, courses: dict[int, Course], both: list[Lines], spacings: list[float]
-) -> "_Divided":
+def _redrawn_lines(
+    directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
+) -> "_DividedFamilies":
     """Return both families of lines, redrawn if the spacing, metres, of the remaining lines is off by over 5 %.
 
     Lines halved everywhere or nowhere may be half off at any spacing: a family still off by 30 % is not halved.
     """
-    surface, found = followed.frames.surface, _Divided.of(followed, *both)
-    tries = [found]
-    for most, halve in ((0.05, True), (0.3, False)):
-        off = _off(surface, found, spacings)
-        again = [k for k, lines in enumerate(both) if lines.most > 0 and abs(off[k]) > most]
-        if not again:
+    surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
+    tries = [result]
+    for limit, halve in ((0.05, True), (0.3, False)):
+        deviations = _spacing_errors(surface, result, spacings)
+        redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
+        if not redo:
             break
-        for k in again:  # levels end at whole openings, so that the spacing follows from the drawn lines
-            wider = spacings[k] * float(np.exp(off[k]))
-            both[k] = courses[k].lines(wider) if halve else courses[k].unhalved.lines(spacings[k])
-        tries.append(_Divided.of(followed, *both))
-        found = min(tries, key=lambda one: float(np.abs(_off(surface, one, spacings)).max()))
-    return found
+        for k in redo:  # levels end at whole openings, so that the spacing follows from the drawn lines
+            wider = spacings[k] * float(np.exp(deviations[k]))
+            families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
+        tries.append(_DividedFamilies.from_lines(directions, *families))
+        result = min(tries, key=lambda one: float(np.abs(_spacing_errors(surface, one, spacings)).max()))
+    return result
 
 
-def _off(surface: Surface, found: "_Divided", spacings: list[float]) -> Floats:
+def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: list[float]) -> Floats:
     """Return the logarithm (2,) of drawn over requested stripes per metre, on average."""
-    mean = surface.vertex_areas @ found.density / surface.area
+    mean = surface.vertex_areas @ divided.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 
 
@@ -376,10 +380,10 @@ def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
             "make the mesh finer (surface.edge or surface.refine)"
         )
     if spacing > surface.size:
-        raise _too_far(name, spacing, surface)
+        raise _too_far_error(name, spacing, surface)
 
 
-def _too_far(name: str, spacing: float, surface: Surface) -> PatternError:
+def _too_far_error(name: str, spacing: float, surface: Surface) -> PatternError:
     default = Family().distance(surface.area, surface.mean_edge)
     return PatternError(
         f"pattern.{name}.spacing = {spacing:.4g} m is too far for this surface, which is {surface.size:.3g} m from "
@@ -400,36 +404,36 @@ def _digits(length: float) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Divided:
+class _DividedFamilies:
     """Both families without the lines dropped where they crowd; density : (n, 2) remaining lines per metre.
 
     The density is the mean over all images of a point, because widths follow it and faces are less symmetric than
     vertices.
     """
 
-    both: tuple[Lines, Lines]
-    halved: Halved
+    both: tuple[FamilyLines, FamilyLines]
+    halved: LineHalving
     density: Floats
 
     @classmethod
-    def of(cls, followed: Followed, major: Lines, minor: Lines) -> Self:
-        both, surface = (major, minor), followed.frames.surface
+    def from_lines(cls, directions: StripeDirections, major: FamilyLines, minor: FamilyLines) -> Self:
+        families, surface = (major, minor), directions.frames.surface
         fields = major.phase.field, minor.phase.field
         wish, free = (major.wish, minor.wish), (major.free, minor.free)
-        divided = halved(surface, fields, wish, (major.most, minor.most), free)
-        scales = np.stack([divided.scale(surface, k) for k in (0, 1)], axis=1)
-        left = followed.images.mean(vertex_means(surface, scales))
-        return cls(both, divided, np.stack([lines.slope for lines in both], axis=1) * left)
+        divided = halve_lines(surface, fields, wish, (major.most, minor.most), free)
+        scales = np.stack([divided.mean_scale(surface, k) for k in (0, 1)], axis=1)
+        remaining = directions.images.mean(vertex_means(surface, scales))
+        return cls(families, divided, np.stack([lines.slope for lines in families], axis=1) * remaining)
 
-    def stripes(self, followed: Followed) -> EvenStripes:
+    def stripes(self, directions: StripeDirections) -> EvenStripes:
         """Return the evenly spaced stripes."""
-        surface, (major, minor) = followed.frames.surface, self.both
+        surface, (major, minor) = directions.frames.surface, self.both
         slope = np.stack([major.slope, minor.slope], axis=1)
         phases = major.phase, minor.phase
         chart = chart_of(self.halved, (major.phase.field, minor.phase.field))
-        wanted = self._wanted(surface, 0), self._wanted(surface, 1)
-        same = followed.symmetry, followed.with_members(self.both)
-        return EvenStripes(phases, wanted, slope, self.density, self.halved.first, chart, *same)
+        line_shares = self._line_shares(surface, 0), self._line_shares(surface, 1)
+        symmetry_and_steering = directions.symmetry, directions.steered_with_members(self.both)
+        return EvenStripes(phases, line_shares, slope, self.density, self.halved.first, chart, *symmetry_and_steering)
 
-    def _wanted(self, surface: Surface, k: int) -> tuple[Floats, ...]:
-        return tuple(self.halved.wanted(surface, k, level) for level in range(self.both[k].most))
+    def _line_shares(self, surface: Surface, k: int) -> tuple[Floats, ...]:
+        return tuple(self.halved.drawn_share(surface, k, level) for level in range(self.both[k].most))

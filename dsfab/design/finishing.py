@@ -24,7 +24,7 @@ from dsfab.slicing import (
     filled_crumbs,
     filled_openings,
     filled_slits,
-    improved,
+    improve_cells,
     resolve_pinches,
     sheet_of,
     widened_members,
@@ -37,11 +37,11 @@ from dsfab.surface import Surface
 SPECK = 0.15
 """Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: the rest of an
 opening at the edge of the surface."""
-LEFT, AGAIN = 0.95, 5
+BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
 """Gaps between rounded members narrower than this share of a neck are bridged too, in up to this number of rounds."""
 
 
-class Finished(NamedTuple):
+class FinishedCells(NamedTuple):
     """Finished cells with round corners; numbers of details changed, radii, and places of widened members."""
 
     cells: Sheet
@@ -73,32 +73,36 @@ class FirstRounding(NamedTuple):
     merged: int
 
 
-class Smallest(NamedTuple):
+class SmallestWidths(NamedTuple):
     """Metres: smaller openings are filled, and openings with a narrower neck are bridged; 0 for neither."""
 
     opening: float
     neck: float
 
 
-class Terms(NamedTuple):
+class FinishingOptions(NamedTuple):
     """Options that decide the finishing, up to the first rounding of corners; metres."""
 
     snap: float
     pinch: str
     min_opening: float | None
-    smallest: Smallest
+    smallest: SmallestWidths
     merge: Merging
     thickness: float
     fillet: float
 
 
-def _terms(preset: Preset, ask: Slicing, smallest: Smallest, pattern: PatternResult) -> Terms:
-    own = preset.statics.thickness, preset.pattern.fillet
-    return Terms(ask.snap, ask.pinch, ask.min_opening, smallest, merges_slits(preset, pattern), *own)
+def _finishing_options(
+    preset: Preset, slicing: Slicing, smallest: SmallestWidths, pattern: PatternResult
+) -> FinishingOptions:
+    thickness_and_fillet = preset.statics.thickness, preset.pattern.fillet
+    return FinishingOptions(
+        slicing.snap, slicing.pinch, slicing.min_opening, smallest, merges_slits(preset, pattern), *thickness_and_fillet
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class Rehearsal:
+class TrialCut:
     """The trial cut of a pattern from the search for its widths: slicing with the same options continues from it.
 
     drawn   : weak references to the fields, levels and tidy of the pattern: fields may keep the surface alive.
@@ -108,21 +112,23 @@ class Rehearsal:
     """
 
     drawn: tuple[ref[Any], ...]
-    terms: Terms
+    terms: FinishingOptions
     cells: Sheet
     unrounded: Unrounded
     rounded: FirstRounding | None
-    bridged: "Rounded | None" = None
+    bridged: "RoundedCells | None" = None
     cured: tuple[tuple[float, float], LeastWidths] | None = None
 
-    def serves(self, pattern: PatternResult, terms: Terms) -> bool:
+    def matches(self, pattern: PatternResult, options: FinishingOptions) -> bool:
         """Return whether a pattern with these options would be cut and finished in the same way."""
-        drawn = _drawn(pattern)
-        same = len(drawn) == len(self.drawn) and all(a() is b() for a, b in zip(drawn, self.drawn, strict=True))
-        return same and terms == self.terms
+        pattern_refs = _pattern_refs(pattern)
+        unchanged = len(pattern_refs) == len(self.drawn) and all(
+            a() is b() for a, b in zip(pattern_refs, self.drawn, strict=True)
+        )
+        return unchanged and options == self.terms
 
     @property
-    def finished(self) -> Sheet:
+    def latest_cells(self) -> Sheet:
         """The cells after the latest step of finishing."""
         return (self.bridged or self.rounded or self.unrounded).cells
 
@@ -131,91 +137,108 @@ class Rehearsal:
         if self.cured and self.cured[0] == (gap, member):
             return self.cured[1]
         neck = least_neck(self.terms.smallest, self.terms.merge, self.terms.fillet)
-        return with_least_widths(self.finished, gap, member, self.terms.merge, neck)
+        return with_least_widths(self.latest_cells, gap, member, self.terms.merge, neck)
 
 
-def _drawn(pattern: PatternResult) -> tuple[ref[Any], ...]:
-    return tuple(ref(one) for one in (*pattern.fields, *pattern.levels, pattern.tidy) if one is not None)
+def _pattern_refs(pattern: PatternResult) -> tuple[ref[Any], ...]:
+    return tuple(ref(part) for part in (*pattern.fields, *pattern.levels, pattern.tidy) if part is not None)
 
 
-_REHEARSALS: WeakKeyDictionary[Surface, Rehearsal] = WeakKeyDictionary()
+_TRIAL_CUTS: WeakKeyDictionary[Surface, TrialCut] = WeakKeyDictionary()
 """The latest trial cut of each surface, until slicing takes it."""
 
 
-def taken_rehearsal(preset: Preset, surface: Surface, pattern: PatternResult, smallest: Smallest) -> Rehearsal | None:
+def take_trial_cut(
+    preset: Preset, surface: Surface, pattern: PatternResult, smallest: SmallestWidths
+) -> TrialCut | None:
     """Remove and return the trial cut of a surface if slicing can continue from it; its memory is needed later."""
-    rehearsal = _REHEARSALS.pop(surface, None)
-    if rehearsal is None or not rehearsal.serves(pattern, _terms(preset, preset.slicing, smallest, pattern)):
+    trial_cut = _TRIAL_CUTS.pop(surface, None)
+    if trial_cut is None or not trial_cut.matches(
+        pattern, _finishing_options(preset, preset.slicing, smallest, pattern)
+    ):
         return None
-    return rehearsal
+    return trial_cut
 
 
 def finished_cells(
     preset: Preset,
     cells: Sheet,
-    ask: Slicing,
-    smallest: Smallest,
-    merge: Merging,
-    again: int = AGAIN,
-    rehearsal: Rehearsal | None = None,
-) -> Finished:
+    slicing: Slicing,
+    smallest: SmallestWidths,
+    merging_rule: Merging,
+    rounds: int = ROUNDING_ROUNDS,
+    trial_cut: TrialCut | None = None,
+) -> FinishedCells:
     """Finish cells after the cut; fill slits and bridge necks by `merging_rule`, and gaps of rounded members in
     `rounds`.
 
     trial_cut : of these cells, if it exists: its steps are not repeated.
     """
-    plain = rehearsal.unrounded if rehearsal else unrounded_cells(preset, cells, ask, smallest, merge)
+    unrounded = trial_cut.unrounded if trial_cut else unrounded_cells(preset, cells, slicing, smallest, merging_rule)
     if not preset.pattern.fillet:
-        return Finished(*plain, np.empty(0))
-    least = _least(smallest, ask, merge)
-    first, done = (rehearsal.rounded, rehearsal.bridged) if rehearsal else (None, None)
-    if done is None or again != AGAIN or least != _least(smallest, Slicing(), merge):
-        done = _rounded_cells(plain.cells, preset.pattern.fillet, merge, least, again, first)
-    merged, bridged = plain.merged + done.merged, plain.bridged + done.bridged
-    return Finished(done.cells, plain.pinches, plain.filled, merged, bridged, plain.spikes, done.radii, done.widened)
+        return FinishedCells(*unrounded, np.empty(0))
+    least = _least_rounded(smallest, slicing, merging_rule)
+    first_rounding, rounded = (trial_cut.rounded, trial_cut.bridged) if trial_cut else (None, None)
+    if rounded is None or rounds != ROUNDING_ROUNDS or least != _least_rounded(smallest, Slicing(), merging_rule):
+        rounded = _rounded_cells(unrounded.cells, preset.pattern.fillet, merging_rule, least, rounds, first_rounding)
+    merged, bridged = unrounded.merged + rounded.merged, unrounded.bridged + rounded.bridged
+    return FinishedCells(
+        rounded.cells,
+        unrounded.pinches,
+        unrounded.filled,
+        merged,
+        bridged,
+        unrounded.spikes,
+        rounded.radii,
+        rounded.widened,
+    )
 
 
-def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: Merging) -> Unrounded:
+def unrounded_cells(
+    preset: Preset, cells: Sheet, slicing: Slicing, smallest: SmallestWidths, merge: Merging
+) -> Unrounded:
     """Finish cells after the cut, without rounding corners."""
-    pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
+    pinched = resolve_pinches(cells, preset.statics.thickness / 2, slicing.pinch)
     cells, filled, merged, bridged, spikes = pinched.sheet, 0, 0, 0, 0
-    late = merge != "none" and ask.min_opening is None  # most of these are slits
-    if smallest.opening and not late:
+    fills_after_slits = merge != "none" and slicing.min_opening is None  # most of these are slits
+    if smallest.opening and not fills_after_slits:
         cells, filled = filled_openings(cells, smallest.opening)
     if merge != "none":
         cells, merged = filled_slits(cells, merge)
-    if smallest.opening and late:
+    if smallest.opening and fills_after_slits:
         cells, filled = filled_openings(cells, smallest.opening, alike=True)
-    if smallest.opening and ask.min_opening is None:
+    if smallest.opening and slicing.min_opening is None:
         cells, crumbs = filled_crumbs(cells)
         filled += crumbs
     if smallest.neck and merge != "none":
         cells, bridged = bridged_necks(cells, smallest.neck)
     if merge != "none":
-        cells, more = filled_slits(divided_walls(faired_walls(cells)), merge)  # fairing opens or closes thin slits
-        merged += more
+        cells, later_merged = filled_slits(
+            divided_walls(faired_walls(cells)), merge
+        )  # fairing opens or closes thin slits
+        merged += later_merged
         cells, spikes = without_spikes(cells)
     return Unrounded(cells, pinched.count, filled, merged, bridged, spikes)
 
 
-class Least(NamedTuple):
+class LeastRounded(NamedTuple):
     """Metres: narrower rounded openings and members are bridged and widened; 0 for neither."""
 
     neck: float
     member: float
 
 
-def _least(smallest: Smallest, ask: Slicing, merge: Merging) -> Least:
+def _least_rounded(smallest: SmallestWidths, slicing: Slicing, merge: Merging) -> LeastRounded:
     """Return the widths below which openings are bridged and members widened; none if slits stay."""
-    return Least(smallest.neck, ask.min_member or 0.0) if merge != "none" else Least(0.0, 0.0)
+    return LeastRounded(smallest.neck, slicing.min_member or 0.0) if merge != "none" else LeastRounded(0.0, 0.0)
 
 
-def least_neck(smallest: Smallest, merge: Merging, fillet: float) -> float:
+def least_neck(smallest: SmallestWidths, merge: Merging, fillet: float) -> float:
     """Return metres below which openings with round corners are bridged, except tips; 0 for none."""
-    return LEFT * smallest.neck if fillet and merge != "none" else 0.0
+    return BRIDGED_SHARE * smallest.neck if fillet and merge != "none" else 0.0
 
 
-class Rounded(NamedTuple):
+class RoundedCells(NamedTuple):
     """Cells with round corners, their radii, slits filled, bridges built, and places of widened members."""
 
     cells: Sheet
@@ -226,40 +249,45 @@ class Rounded(NamedTuple):
 
 
 def _rounded_cells(
-    cells: Sheet, radius: float, merge: Merging, least: Least, again: int, first: FirstRounding | None = None
-) -> Rounded:
+    cells: Sheet,
+    radius: float,
+    merge: Merging,
+    least: LeastRounded,
+    rounds: int,
+    first_rounding: FirstRounding | None = None,
+) -> RoundedCells:
     """Round corners, and repeat in up to `rounds` where the result is too narrow; fill slits by `merge`.
 
     first_rounding : the first result, if it exists.
     """
-    bridged, widened, last = 0, 0, cells.surface.m
-    for attempt in range(again + 1):
-        done, radii, merged = first or _rounded_once(cells, radius, merge)
-        first = None
-        if attempt == again:
+    bridged, widened, previous_count = 0, 0, cells.surface.m
+    for attempt in range(rounds + 1):
+        rounded, radii, merged = first_rounding or _rounded_once(cells, radius, merge)
+        first_rounding = None
+        if attempt == rounds:
             break
-        better, bridges, places = _broadened(cells, done, least)
-        if not (bridges or places) or places > last:  # done, or the rounds do not converge
+        better, bridges, places = _bridged_or_widened(cells, rounded, least)
+        if not (bridges or places) or places > previous_count:  # done, or the rounds do not converge
             break
-        cells, bridged, widened, last = better, bridged + bridges, widened + places, places or last
-    return Rounded(done, radii, merged, bridged, widened)
+        cells, bridged, widened, previous_count = better, bridged + bridges, widened + places, places or previous_count
+    return RoundedCells(rounded, radii, merged, bridged, widened)
 
 
 def _rounded_once(cells: Sheet, radius: float, merge: Merging) -> FirstRounding:
-    done, radii = rounded_corners(cells, radius)
-    done, merged = (
-        filled_slits(done, merge) if merge != "none" and len(radii) else (done, 0)
+    rounded, radii = rounded_corners(cells, radius)
+    rounded, merged = (
+        filled_slits(rounded, merge) if merge != "none" and len(radii) else (rounded, 0)
     )  # round corners narrow the openings
-    return FirstRounding(done, radii, merged)
+    return FirstRounding(rounded, radii, merged)
 
 
-def _broadened(cells: Sheet, rounded: Sheet, least: Least) -> tuple[Sheet, int, int]:
+def _bridged_or_widened(cells: Sheet, rounded: Sheet, least: LeastRounded) -> tuple[Sheet, int, int]:
     """Bridge gaps of the rounded sheet, or else widen its members; return cells, bridges and widened places."""
     if least.neck:
-        better, bridges = bridged_gaps(cells, rounded, LEFT * least.neck, least.neck)
+        better, bridges = bridged_gaps(cells, rounded, BRIDGED_SHARE * least.neck, least.neck)
         if bridges:
-            better, others = bridged_necks(better, least.neck)
-            return better, bridges + others, 0
+            better, neck_bridges = bridged_necks(better, least.neck)
+            return better, bridges + neck_bridges, 0
     better, places = widened_members(cells, rounded, least.member) if least.member else (cells, 0)
     return better, 0, places
 
@@ -269,11 +297,11 @@ def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
 
     Patterns without stripes keep their slits: a topology optimisation, cut by the same preset, meets its mass as it is.
     """
-    own = pattern.even is not None or pattern.settled(preset).pattern.method == "modes"
-    return merging(preset) if pattern.tidy is not None and own else "none"
+    has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
+    return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
 
-def merging(preset: Preset) -> Merging:
+def merging_rule(preset: Preset) -> Merging:
     """Return whether all slits are filled, or only those of crowded members.
 
     With more than half of the surface solid, members are hardly narrower than openings anyway.
@@ -288,19 +316,19 @@ def added_share(preset: Preset, surface: Surface, pattern: PatternResult, polygo
     it can.
     polygons : the surface cut along the pattern, if it exists.
     """
-    ask, fields = Slicing(), (pattern.fields, pattern.levels)
-    cells = sheet_of(polygons or cut_polygons(surface, *fields, ask.snap, pattern.tidy))
+    slicing, fields = Slicing(), (pattern.fields, pattern.levels)
+    cells = sheet_of(polygons or cut_polygons(surface, *fields, slicing.snap, pattern.tidy))
     if not cells.material.any():
         return 0.0
-    smallest = smallest_widths(pattern.settled(preset.model_copy(update={"slicing": ask})), surface)
+    smallest = smallest_widths(pattern.preset_with_choices(preset.model_copy(update={"slicing": slicing})), surface)
     merge = merges_slits(preset, pattern)
-    unrounded = unrounded_cells(preset, cells, ask, smallest, merge)
+    unrounded = unrounded_cells(preset, cells, slicing, smallest, merge)
     radius = preset.pattern.fillet
     rounded = _rounded_once(unrounded.cells, radius, merge) if radius else None
-    done = rounded.cells if rounded else unrounded.cells
-    terms = _terms(preset, ask, smallest, pattern)
-    _REHEARSALS[surface] = Rehearsal(_drawn(pattern), terms, cells, unrounded, rounded)
-    return (_material(done) - _material(cells)) / surface.area
+    finished = rounded.cells if rounded else unrounded.cells
+    options = _finishing_options(preset, slicing, smallest, pattern)
+    _TRIAL_CUTS[surface] = TrialCut(_pattern_refs(pattern), options, cells, unrounded, rounded)
+    return (_material_area(finished) - _material_area(cells)) / surface.area
 
 
 def bridged_share(surface: Surface) -> float:
@@ -308,45 +336,45 @@ def bridged_share(surface: Surface) -> float:
 
     Bridges fill gaps that are too narrow between rounded members.
     """
-    rehearsal = _REHEARSALS.get(surface)
-    if rehearsal is None or rehearsal.rounded is None:
+    trial_cut = _TRIAL_CUTS.get(surface)
+    if trial_cut is None or trial_cut.rounded is None:
         return 0.0
-    terms = rehearsal.terms
-    least = _least(terms.smallest, Slicing(), terms.merge)
-    plain = rehearsal.unrounded.cells
-    done = _rounded_cells(plain, terms.fillet, terms.merge, least, AGAIN, rehearsal.rounded)
-    _REHEARSALS[surface] = replace(rehearsal, bridged=done)
-    return (_material(done.cells) - _material(rehearsal.rounded.cells)) / surface.area
+    options = trial_cut.terms
+    least = _least_rounded(options.smallest, Slicing(), options.merge)
+    unrounded_sheet = trial_cut.unrounded.cells
+    rounded = _rounded_cells(unrounded_sheet, options.fillet, options.merge, least, ROUNDING_ROUNDS, trial_cut.rounded)
+    _TRIAL_CUTS[surface] = replace(trial_cut, bridged=rounded)
+    return (_material_area(rounded.cells) - _material_area(trial_cut.rounded.cells)) / surface.area
 
 
-def cured_share(surface: Surface, gap: float, member: float) -> float:
+def widened_share(surface: Surface, gap: float, member: float) -> float:
     """Return the share of the surface that least widths, metres, add to the latest trial cut; 0 without one."""
-    rehearsal = _REHEARSALS.get(surface)
-    if rehearsal is None:
+    trial_cut = _TRIAL_CUTS.get(surface)
+    if trial_cut is None:
         return 0.0
-    cured = rehearsal.with_least_widths(gap, member)
-    _REHEARSALS[surface] = replace(rehearsal, cured=((gap, member), cured))
-    return (_material(cured.cells) - _material(rehearsal.finished)) / surface.area
+    widened = trial_cut.with_least_widths(gap, member)
+    _TRIAL_CUTS[surface] = replace(trial_cut, cured=((gap, member), widened))
+    return (_material_area(widened.cells) - _material_area(trial_cut.latest_cells)) / surface.area
 
 
-def _material(cells: Sheet) -> float:
+def _material_area(cells: Sheet) -> float:
     return float(cells.surface.areas[cells.material].sum())
 
 
-def smallest_widths(preset: Preset, surface: Surface) -> Smallest:
+def smallest_widths(preset: Preset, surface: Surface) -> SmallestWidths:
     """Return the smallest openings and necks; evenly spaced openings have necks about as wide as the sheet is thick."""
-    ask, given = preset.pattern, preset.slicing.min_opening
-    if given is not None or ask.method != "stripes":
-        return Smallest(given or 0.0, given or 0.0)
-    spacing = min(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
+    options, min_opening = preset.pattern, preset.slicing.min_opening
+    if min_opening is not None or options.method != "stripes":
+        return SmallestWidths(min_opening or 0.0, min_opening or 0.0)
+    spacing = min(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     thickness = preset.statics.thickness
     # slits between tidied members are filled anyway
-    opening = min(SPECK * spacing, thickness) if ask.tidied else SPECK * spacing
+    opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
     # a neck exceeds the thickness by a tenth, because chords round the corners beside a bridge
-    return Smallest(opening, min(1.1 * thickness, 0.2 * spacing))
+    return SmallestWidths(opening, min(1.1 * thickness, 0.2 * spacing))
 
 
-LESS = 0.95
+REQUESTED_SHARE = 0.95
 """Members below the usual width are at least this share of the requested one: on flat triangles widths are right to a
 few percent."""
 
@@ -366,11 +394,13 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
-    ask, thickness = preset.slicing, preset.statics.thickness
-    gap = usual_gap(thickness, surface.size) if ask.min_gap is None else ask.min_gap
+    slicing, thickness = preset.slicing, preset.statics.thickness
+    gap = usual_gap(thickness, surface.size) if slicing.min_gap is None else slicing.min_gap
     unlimited = preset.pattern.width.min_width == 0
-    usual = 0.0 if unlimited else min(0.5 * thickness, LESS * _asked(preset.pattern, surface))
-    return WorkshopWidths(gap, usual if ask.min_member is None else min(ask.min_member, usual))
+    usual = (
+        0.0 if unlimited else min(0.5 * thickness, REQUESTED_SHARE * _least_requested_member(preset.pattern, surface))
+    )
+    return WorkshopWidths(gap, usual if slicing.min_member is None else min(slicing.min_member, usual))
 
 
 def usual_gap(thickness: float, size: float) -> float:
@@ -381,22 +411,22 @@ def usual_gap(thickness: float, size: float) -> float:
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
-def _asked(ask: Pattern, surface: Surface) -> float:
+def _least_requested_member(options: Pattern, surface: Surface) -> float:
     """Return the least member width, metres, that the preset requests or permits; infinite without any."""
-    width = ask.width
-    given = width.member if width.rule == "constant" else 0.0
-    differ = ask.method == "stripes" and width.rule in ("graded", "stressed") and not width.asked_least
-    slim = slimmest(ask, surface) if differ else 0.0
-    return min((x for x in (given, width.asked_least, width.max_width, slim) if x), default=float("inf"))
+    width = options.width
+    member = width.member if width.rule == "constant" else 0.0
+    widths_differ = options.method == "stripes" and width.rule in ("graded", "stressed") and not width.asked_least
+    slim = least_member(options, surface) if widths_differ else 0.0
+    return min((x for x in (member, width.asked_least, width.max_width, slim) if x), default=float("inf"))
 
 
-def slimmest(ask: Pattern, surface: Surface) -> float:
+def least_member(options: Pattern, surface: Surface) -> float:
     """Return the least width, metres, of evenly spaced members of varying width, for any thickness.
 
     It is half the width that equally wide members would have; without a solid fraction half the surface is material.
     """
-    density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
-    return 0.5 * (ask.width.solid_fraction or 0.5) / density
+    density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
+    return 0.5 * (options.width.solid_fraction or 0.5) / density
 
 
 def kept_to_least_widths(
@@ -406,7 +436,7 @@ def kept_to_least_widths(
     log: Log,
     merge: Merging = "none",
     neck: float = 0.0,
-    rehearsal: Rehearsal | None = None,
+    trial_cut: TrialCut | None = None,
 ) -> Sheet:
     """Return cells, cut from a surface, without narrow places, as far as added material can; note how many were
     changed.
@@ -419,13 +449,13 @@ def kept_to_least_widths(
     """
     if not any(least := least_widths(preset, surface)):
         return cells
-    if rehearsal and rehearsal.finished is cells:
-        done = rehearsal.with_least_widths(*least)
+    if trial_cut and trial_cut.latest_cells is cells:
+        widened = trial_cut.with_least_widths(*least)
     else:
-        done = with_least_widths(cells, *least, merge, neck)
-    if told := _told(least, done):
-        log.note("slicing", told)
-    return improved(done.cells, surface).sheet if done.bridged or done.widened else done.cells
+        widened = with_least_widths(cells, *least, merge, neck)
+    if message := _least_widths_message(least, widened):
+        log.note("slicing", message)
+    return improve_cells(widened.cells, surface).sheet if widened.bridged or widened.widened else widened.cells
 
 
 def closed_share(
@@ -435,25 +465,25 @@ def closed_share(
 
     polygons : the surface cut along the pattern, if it exists.
     """
-    usual = pattern.settled(preset.model_copy(update={"slicing": Slicing()}))
+    usual = pattern.preset_with_choices(preset.model_copy(update={"slicing": Slicing()}))
     merge, smallest = merges_slits(usual, pattern), smallest_widths(usual, surface)
     polygons = polygons or cut_polygons(surface, pattern.fields, pattern.levels, usual.slicing.snap, pattern.tidy)
     cells = unrounded_cells(usual, sheet_of(polygons), usual.slicing, smallest, merge).cells
-    done = with_least_widths(cells, *_usual_widths(preset, surface), merge).cells
-    before, after = (float(one.surface.areas[one.material].sum()) for one in (cells, done))
+    widened = with_least_widths(cells, *_usual_widths(preset, surface), merge).cells
+    before, after = (float(sheet.surface.areas[sheet.material].sum()) for sheet in (cells, widened))
     return (after - before) / surface.area
 
 
-def rehearsed_closed_share(preset: Preset, surface: Surface) -> float:
+def trial_closed_share(preset: Preset, surface: Surface) -> float:
     """Return the same share for the latest trial cut; 0 without `pattern.workshop`."""
-    return cured_share(surface, *_usual_widths(preset, surface)) if preset.pattern.for_workshop else 0.0
+    return widened_share(surface, *_usual_widths(preset, surface)) if preset.pattern.for_workshop else 0.0
 
 
-def drawn_member(preset: Preset, surface: Surface) -> float:
+def least_drawn_member(preset: Preset, surface: Surface) -> float:
     """Return the least width, metres, of members in the pattern, so that few must be widened; 0 without
     `pattern.workshop`.
     """
-    return _usual_widths(preset, surface).member / LESS
+    return _usual_widths(preset, surface).member / REQUESTED_SHARE
 
 
 def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
@@ -461,13 +491,15 @@ def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface)
 
 
-def _told(least: WorkshopWidths, done: LeastWidths) -> str:
-    closed, widened = done.filled + done.bridged, done.widened
-    told = [f"openings narrower than {length(least.gap)} were closed at {_places(closed)}"] * bool(closed)
-    told += [f"members narrower than {length(least.member)} were widened at {_places(widened)}"] * bool(widened)
-    told += [f"{done.merged} openings that this left narrower than the members beside were filled"] * bool(done.merged)
-    told += [f"bridges were built at {_places(done.necks)} that this left narrow"] * bool(done.necks)
-    return ", ".join(told) and ", ".join(told) + " (slicing.min_gap, min_member)"
+def _least_widths_message(least: WorkshopWidths, result: LeastWidths) -> str:
+    closed, widened = result.filled + result.bridged, result.widened
+    messages = [f"openings narrower than {length(least.gap)} were closed at {_places(closed)}"] * bool(closed)
+    messages += [f"members narrower than {length(least.member)} were widened at {_places(widened)}"] * bool(widened)
+    messages += [f"{result.merged} openings that this left narrower than the members beside were filled"] * bool(
+        result.merged
+    )
+    messages += [f"bridges were built at {_places(result.necks)} that this left narrow"] * bool(result.necks)
+    return ", ".join(messages) and ", ".join(messages) + " (slicing.min_gap, min_member)"
 
 
 def _places(count: int) -> str:

@@ -29,42 +29,42 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
     With symmetric stripes, ragged patches (vertices picked to one edge) are united with their images. Regions of the
     user stay where the user put them.
     """
-    layers, ask = _kept_as_asked(preset, surface, load), preset.pattern
+    layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
         return layers
-    return layers[: ask.drawn_regions] + [
-        layer._replace(field=symmetry.most(layer.field)) if isinstance(layer.field, np.ndarray) else layer
-        for layer in layers[ask.drawn_regions :]
+    return layers[: options.drawn_regions] + [
+        layer._replace(field=symmetry.maximum(layer.field)) if isinstance(layer.field, np.ndarray) else layer
+        for layer in layers[options.drawn_regions :]
     ]
 
 
-def _kept_as_asked(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
+def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
     options = preset.pattern.keep, preset.pattern.rim, preset.pattern.region
     # all trials of `auto` share the latest layers of a load, which saves a tenth of their time
     latest: _LatestLayers | None = derived_results(load).get(_LatestLayers)
     if latest and latest.options == options and latest.surface() is surface:
         return latest.layers
-    layers = kept_layers(surface, load.held | load.loaded, *options)
+    layers = kept_layers(surface, load.supported | load.loaded, *options)
     derived_results(load)[_LatestLayers] = _LatestLayers(options, ref(surface), layers)
     return layers
 
 
-def tidy_of(preset: Preset, given: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
+def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
     """Return the ends to remove from layers that are cut together, or None if the preset does not request it."""
-    if not preset.pattern.tidied:
+    if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
-    astray = tuple(_astray(given.surface, given.diffusion, layer) for layer in layers)
+    astray = tuple(_astray_faces(analysis.surface, analysis.diffusion, layer) for layer in layers)
     return Tidy(
         tuple(name in FAMILIES for name in names),
         astray,
-        given.load.held | given.load.loaded,
+        analysis.load.supported | analysis.load.loaded,
         tuple(layer.closed for layer in layers),
     )
 
 
-def _astray(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
+def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
     """Return faces (m,) where stripes on a mode run nearer to the other direction of the stress; None if they
     cannot.
     """
@@ -75,18 +75,18 @@ def _astray(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools
     tensors = diffusion.tensors
     D = tensors.major if layer.name == "major" else tensors.minor
     along = np.cross(surface.normals, gradient)
-    own, other = (np.einsum("mi,mij,mj->m", v, D, v) for v in (along, gradient))
-    return np.asarray((own < other) & ~tensors.isotropic)
+    along_own, along_other = (np.einsum("mi,mij,mj->m", v, D, v) for v in (along, gradient))
+    return np.asarray((along_own < along_other) & ~tensors.isotropic)
 
 
 SHARE_TOLERANCE = 4e-4
 """Accuracy of pattern.width.solid_fraction, as a share of the surface."""
 
-UNSAID = 2 * SHARE_TOLERANCE
+UNREPORTED = 2 * SHARE_TOLERANCE
 """A smaller miss of the solid fraction is not reported."""
 
 
-class _Try(NamedTuple):
+class _ShareTrial(NamedTuple):
     """A trial: the share that stripes should keep, the share added to it, the sum that both reach, and the stripes."""
 
     aim: float
@@ -95,12 +95,12 @@ class _Try(NamedTuple):
     result: PatternResult
 
 
-def corrected(
+def corrected_pattern(
     width: Width,
-    made: Callable[[float, float], PatternResult],
-    nearest: Callable[[float], float],
-    added: Callable[[PatternResult], float],
-    bridged: Callable[[], float],
+    draw_pattern: Callable[[float, float], PatternResult],
+    nearest_share: Callable[[float], float],
+    added_share: Callable[[PatternResult], float],
+    bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
     """Return stripes that keep the requested share together with round corners and filled openings, and the share
     reached.
@@ -113,42 +113,44 @@ def corrected(
     The added share changes little with the widths, so it is subtracted from the share of the stripes. It jumps if
     openings close; then the search bisects between a trial that keeps less and one that keeps more.
     """
-    wanted, allowed = width.solid_fraction, width.solid_fraction_tolerance
-    tries = list[_Try]()
+    requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
+    trials = list[_ShareTrial]()
     bridges = 0.0
 
-    def attempt(taken: float, guess: float = 0.0) -> _Try:
-        result = made(taken, guess)
-        more = added(result) + (bridged() if bridges else 0.0)
-        tries.append(_Try(wanted - taken, more, nearest(wanted - taken) + more, result))
-        return tries[-1]
+    def attempt(taken: float, guess: float = 0.0) -> _ShareTrial:
+        result = draw_pattern(taken, guess)
+        extra = added_share(result) + (bridged_share() if bridges else 0.0)
+        trials.append(_ShareTrial(requested - taken, extra, nearest_share(requested - taken) + extra, result))
+        return trials[-1]
 
-    def settled(last: _Try) -> _Try:
+    def converge(trial: _ShareTrial) -> _ShareTrial:
         for _ in range(3):
-            if any(abs(one.aim + last.added - wanted) < SHARE_TOLERANCE for one in tries):
+            if any(abs(earlier.aim + trial.added - requested) < SHARE_TOLERANCE for earlier in trials):
                 break  # the next trial would repeat an earlier one, for example if a bridge comes and goes
-            last = attempt(last.added, last.result.factor)
-        return last
+            trial = attempt(trial.added, trial.result.factor)
+        return trial
 
-    last = settled(attempt(0.0))
-    if (bridges := bridged()) > SHARE_TOLERANCE:
-        last = tries[-1] = last._replace(added=last.added + bridges, total=last.total + bridges)
-        tries[:-1] = []  # their bridges were not measured
-        last = settled(last)
+    latest = converge(attempt(0.0))
+    if (bridges := bridged_share()) > SHARE_TOLERANCE:
+        latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
+        trials[:-1] = []  # their bridges were not measured
+        latest = converge(latest)
     for k in range(8):  # the last five rounds accept the tolerance of the preset
-        near = max(allowed, UNSAID) if k >= 3 else UNSAID
-        if min(abs(one.total - wanted) for one in tries) <= near or not (between := _between(tries, wanted)):
+        accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
+        if min(abs(trial.total - requested) for trial in trials) <= accepted or not (
+            middle := _middle_target(trials, requested)
+        ):
             break
-        last = attempt(wanted - between, last.result.factor)
-    if abs(last.total - wanted) > UNSAID:
-        last = min(tries, key=lambda one: abs(one.total - wanted))
-    return last.result, last.total if abs(last.total - wanted) > UNSAID else wanted
+        latest = attempt(requested - middle, latest.result.factor)
+    if abs(latest.total - requested) > UNREPORTED:
+        latest = min(trials, key=lambda trial: abs(trial.total - requested))
+    return latest.result, latest.total if abs(latest.total - requested) > UNREPORTED else requested
 
 
-def _between(tries: Sequence[_Try], wanted: float) -> float:
+def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
     """Return the next share to aim at: the middle of the nearest two trials around the requested share; 0 without
     any.
     """
-    pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in tries for b in tries if a.total < wanted < b.total]
+    pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0

@@ -12,7 +12,7 @@ from dsfab.design.regions_and_loads import acting_on
 from dsfab.preset.model import Preset
 from dsfab.results import StaticsResult
 from dsfab.statics import Equilibrium, SheetModel, sheet_stress, solve_cases, solve_for
-from dsfab.surface import OF_LOADS, Load, LoadCase, Surface
+from dsfab.surface import ACTION_OF_LOAD, Load, LoadCase, Surface
 
 if TYPE_CHECKING:
     from dsfab.members import MemberGraph
@@ -20,7 +20,12 @@ if TYPE_CHECKING:
     from dsfab.members.frame import Frame, FrameAgreement, MemberForces
 
 
-LASTS: dict[str, "Duration"] = {"permanent": "permanent", "imposed E": "long", "imposed H": "short", "wind": "short"}
+LOAD_DURATIONS: dict[str, "Duration"] = {
+    "permanent": "permanent",
+    "imposed E": "long",
+    "imposed H": "short",
+    "wind": "short",
+}
 """Duration of loads by their action [EN 1995-1-1, table 2.2]; any other action, snow too, has a medium duration."""
 
 
@@ -31,30 +36,32 @@ def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str
     """
     from dsfab.members.eurocode import MemberBays, utilisation
 
-    bays = MemberBays.of(graph, forces, preset.statics.thickness)
-    return utilisation(bays.some(preset.judged_in("ULS", bays.forces)), rules_of(preset, tuple(bays.forces)))
+    bays = MemberBays.from_forces(graph, forces, preset.statics.thickness)
+    return utilisation(
+        bays.with_cases(preset.judged_in("ULS", bays.forces)), eurocode_rules(preset, tuple(bays.forces))
+    )
 
 
-def rules_of(preset: Preset, cases: tuple[str, ...]) -> "Rules":
+def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":
     """Return the Eurocode rules of a preset for cases and combinations, by their names."""
     from dsfab.members.eurocode import Rules, SteelFactors, TimberFactors
 
-    given, ask = preset.statics, preset.eurocode
-    layer = (preset.workshop.thickness or given.thickness / preset.workshop.layers) if ask.bent_in else 0.0
+    section, options = preset.statics, preset.eurocode
+    layer = (preset.workshop.thickness or section.thickness / preset.workshop.layers) if options.bent_in else 0.0
     return Rules(
-        given.material or "",
-        given.young,
-        given.young / (2 * (1 + given.poisson)),
-        given.strength,
+        section.material or "",
+        section.young,
+        section.young / (2 * (1 + section.poisson)),
+        section.strength,
         {case: _duration(preset, case) for case in cases},
-        SteelFactors(ask.curve, ask.gamma_m0, ask.gamma_m1, ask.buckling_length),
-        TimberFactors(ask.service_class, ask.gamma_m, ask.buckling_length, layer),
-        _loads(preset, cases),
+        SteelFactors(options.curve, options.gamma_m0, options.gamma_m1, options.buckling_length),
+        TimberFactors(options.service_class, options.gamma_m, options.buckling_length, layer),
+        _load_description(preset, cases),
         bool(preset.surface.sums),
     )
 
 
-def _loads(preset: Preset, cases: tuple[str, ...]) -> str:
+def _load_description(preset: Preset, cases: tuple[str, ...]) -> str:
     judged = preset.judged_in("ULS", cases)
     if preset.surface.sums:
         return f"Judged in {len(judged)} cases and combinations, with the factors that the preset gives them."
@@ -64,20 +71,20 @@ def _loads(preset: Preset, cases: tuple[str, ...]) -> str:
 def _duration(preset: Preset, name: str) -> "Duration":
     from dsfab.members.eurocode import shortest
 
-    sums = {one.name: one.factors for one in preset.surface.sums}
+    sums = {combination.name: combination.factors for combination in preset.surface.sums}
     cases = [case for case, factor in sums.get(name, {name: 1.0}).items() if factor]
-    return shortest(_of_case(preset, case) for case in cases) if cases else "medium"
+    return shortest(_case_duration(preset, case) for case in cases) if cases else "medium"
 
 
-def _of_case(preset: Preset, case: str) -> "Duration":
+def _case_duration(preset: Preset, case: str) -> "Duration":
     from dsfab.members.eurocode import shortest
 
     if case in preset.eurocode.duration:
         return preset.eurocode.duration[case]
     action = preset.surface.actions.get(case)
     kinds = {load.kind for load in preset.surface.load if load.case == case}
-    acts = {action} if action else {OF_LOADS.get(kind, "") for kind in kinds}
-    return shortest(LASTS.get(act, "medium") for act in acts or {""})
+    acts = {action} if action else {ACTION_OF_LOAD.get(kind, "") for kind in kinds}
+    return shortest(LOAD_DURATIONS.get(act, "medium") for act in acts or {""})
 
 
 PERMANENT = {"self_weight", "cladding"}
@@ -101,27 +108,29 @@ def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> di
     Frame programs combine cases by their kinds: weight in a case of snow would come and go with the snow. An entry of
     `surface.actions` holds for the whole case.
     """
-    given, found = preset.surface, dict[str, ActionCase]()
-    for case in (name for name, one in statics.cases.items() if one.factors is None):
+    section, action_by_name = preset.surface, dict[str, ActionCase]()
+    for case in (name for name, entry in statics.cases.items() if entry.factors is None):
         load, kinds = statics.cases[case].load, dict[str, list[Load]]()
-        for one in acting_on(preset, surface).load:
-            if one.case == case:
-                kinds.setdefault(_said(given.actions.get(case)) or _action(one), []).append(one)
+        for entry in acting_on(preset, surface).load:
+            if entry.case == case:
+                kinds.setdefault(_action_kind(section.actions.get(case)) or _load_action(entry), []).append(entry)
         if len(kinds) == 1:
-            found[case] = ActionCase(case, next(iter(kinds)), load)
+            action_by_name[case] = ActionCase(case, next(iter(kinds)), load)
             continue
         for action, loads in kinds.items():
-            found[f"{case} {action}"] = ActionCase(case, action, load.under(surface, loads, preset.statics.weight))
-    return found
+            action_by_name[f"{case} {action}"] = ActionCase(
+                case, action, load.with_loads(surface, loads, preset.statics.area_weight)
+            )
+    return action_by_name
 
 
-def _action(load: Load) -> str:
+def _load_action(load: Load) -> str:
     if load.kind in PERMANENT:
         return "permanent"
     return load.kind if load.kind in ("snow", "wind") else "variable"
 
 
-def _said(kind: str | None) -> str:
+def _action_kind(kind: str | None) -> str:
     """Return the action of a kind of EN 1990: snow at either altitude is snow; imposed loads and temperature are
     variable.
     """
@@ -144,16 +153,18 @@ def beam_model(
     """
     from dsfab.members.frame import BeamMaterial, frame_of
 
-    given = preset.statics
-    material = BeamMaterial(given.young, given.poisson, given.density, given.material or "")
-    sums = {one.case: {one.case: 1.0} for name, one in cases.items() if name != one.case}
+    section = preset.statics
+    material = BeamMaterial(section.young, section.poisson, section.density, section.material or "")
+    sums = {
+        action_case.case: {action_case.case: 1.0} for name, action_case in cases.items() if name != action_case.case
+    }
     sums |= {name: dict(case.factors) for name, case in statics.cases.items() if case.factors is not None}
-    apart = {
-        name: {part: factors[one.case] for part, one in cases.items() if one.case in factors}
+    combinations = {
+        name: {part: factors[action_case.case] for part, action_case in cases.items() if action_case.case in factors}
         for name, factors in sums.items()
     }
-    made = frame_of(graph, sheet, loads, apart, given.thickness, material)
-    return replace(made, actions={name: one.action for name, one in cases.items()})
+    frame = frame_of(graph, sheet, loads, combinations, section.thickness, material)
+    return replace(frame, actions={name: action_case.action for name, action_case in cases.items()})
 
 
 def beam_agreement(
@@ -165,18 +176,22 @@ def beam_agreement(
     """
     from dsfab.members.frame import agreement, solve_frame
 
-    answers, model, beside = solve_frame(frame), preset.statics.sheet().on(sheet), _spread(graph, sheet.m)
-    thin, barred = _thin_and_barred(model, loads)
+    answers, model, spread_faces = (
+        solve_frame(frame),
+        preset.statics.sheet().model_for(sheet),
+        _spread_faces(graph, sheet.m),
+    )
+    as_sheet, as_bars = _sheet_and_bar_answers(model, loads)
     shares, twist = {}, {}
-    for name, answer in thin.items():
+    for name, answer in as_sheet.items():
         stress = sheet_stress(model, answer.elements, answer)
         energy = sheet.areas * (stress.membrane_energy + stress.bending_energy)
-        shares[name] = float(energy[beside].sum() / energy.sum())
-        twist[name] = barred[name].largest_displacement / answer.largest_displacement
-    return agreement(frame, answers, barred, shares, twist)
+        shares[name] = float(energy[spread_faces].sum() / energy.sum())
+        twist[name] = as_bars[name].largest_displacement / answer.largest_displacement
+    return agreement(frame, answers, as_bars, shares, twist)
 
 
-def _thin_and_barred(
+def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
     """Return the answers of a sheet whose ribs twist as a thin sheet and as bars, by the same elements.
@@ -184,23 +199,23 @@ def _thin_and_barred(
     Both are equal if the sheet is solved in its plane, and if bars cannot be solved because they are too narrow.
     """
     try:
-        barred = solve_for(model, loads, "displacement", bars=True)
+        as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:
-        thin = solve_for(model, loads, "displacement")
-        return thin, thin
-    elements = next(iter(barred.values())).elements
-    return (solve_cases(model, loads, elements) if elements.bending else barred), barred
+        as_sheet = solve_for(model, loads, "displacement")
+        return as_sheet, as_sheet
+    elements = next(iter(as_bars.values())).elements
+    return (solve_cases(model, loads, elements) if elements.bending else as_bars), as_bars
 
 
-def _spread(graph: "MemberGraph", count: int) -> Bools:
+def _spread_faces(graph: "MemberGraph", count: int) -> Bools:
     """Return faces of the sheet (m,) that carry in all directions: those of discs, and those in no member with an
     axis.
     """
-    found, disc = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
+    outside_members, disc = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
     for member in graph.members:
         within = graph.source[member.cells]
         if member.kind == "disc":
             disc[within] = True
         elif member.axis is not None:
-            found[within] = False
-    return found | disc
+            outside_members[within] = False
+    return outside_members | disc

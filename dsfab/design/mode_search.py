@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError, PatternError
-from dsfab.design.finishing import merging
+from dsfab.design.finishing import merging_rule
 from dsfab.design.kept_material import kept_regions, tidy_of
 from dsfab.design.log import Log
 from dsfab.design.sheet_loads import held_vertices, loads_on, lost_load
-from dsfab.design.stripe_pattern import SHARE_SNAP, WidthSearch, pattern_of, solved_layers, striped_families
-from dsfab.pattern import Drawable, Layer, counted_share, evened
+from dsfab.design.stripe_pattern import SHARE_SNAP, WidthSearch, drawable_families, pattern_result, solved_layers
+from dsfab.pattern import DrawableFamily, Layer, counted_share, evened_grading
 from dsfab.preset.model import AUTO, FAMILIES, Preset
 from dsfab.results import Candidate, Choice, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import Sheet, Tidy, cut, filled_slits, resolve_pinches
@@ -38,7 +38,7 @@ class CarryingSheet(NamedTuple):
     tidy: Tidy | None
 
 
-class Tried(NamedTuple):
+class TrialResult(NamedTuple):
     """A sheet that carries its loads: its worth, the pattern that cut it, and all cells."""
 
     candidate: Candidate
@@ -50,12 +50,12 @@ class Tried(NamedTuple):
 class Trial:
     """Trials of modes and phases on one surface, which share all data that does not depend on them."""
 
-    def __init__(self, preset: Preset, given: StressedSurface, even: EvenStripes | None = None) -> None:
-        self.preset, self.given, self.surface, self.even = preset, given, given.surface, even
-        self.loads = given.statics.loads(preset.followed)
-        self.kept = kept_regions(preset, given.surface, given.load, even)
+    def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
+        self.preset, self.given, self.surface, self.even = preset, analysis, analysis.surface, even
+        self.loads = analysis.statics.loads(preset.followed_weights)
+        self.kept = kept_regions(preset, analysis.surface, analysis.load, even)
         self.factors: dict[tuple[int, int], float] = {}
-        self._share = counted_share(given.surface, self.kept)
+        self._share = counted_share(analysis.surface, self.kept)
 
     @cached_property
     def uncut(self) -> float:
@@ -65,24 +65,24 @@ class Trial:
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
         """Return the worth of modes and phases of the major and the minor stripes, or the reason of a refusal."""
         try:
-            return self.drawn(self.preset.settled(mode, phase)).candidate
+            return self.result(self.preset.with_modes(mode, phase)).candidate
         except DsfabError as error:
             return Candidate(mode, phase, refused=str(error))
 
-    def drawn(self, preset: Preset, grading: Floats | None = None) -> Tried:
+    def result(self, preset: Preset, grading: Floats | None = None) -> TrialResult:
         """Cut and solve the modes or stripes of a preset. Raises DsfabError if they do not carry the loads.
 
         grading : (n, f) as in `drawable_families`.
         """
-        ask = preset.pattern
+        options = preset.pattern
         families, layers = self._layers(preset, grading)
-        found = self.carrying(layers)
-        compliance = self.compliance(found.sheet.surface, self.loads_on(found.sheet))
-        numbers = (ask.major.number, ask.minor.number), (ask.major.shift, ask.minor.shift)
+        carrying = self.carrying(layers)
+        compliance = self.compliance(carrying.sheet.surface, self.loads_on(carrying.sheet))
+        numbers = (options.major.number, options.minor.number), (options.major.shift, options.minor.shift)
         over = compliance / self.uncut
-        candidate = Candidate(*numbers, compliance, over, found.kept, found.whole, found.pieces)
-        pattern = replace(pattern_of(preset, families, layers), even=self.even, tidy=found.tidy)
-        return Tried(candidate, pattern, found.sheet, found.cells)
+        candidate = Candidate(*numbers, compliance, over, carrying.kept, carrying.whole, carrying.pieces)
+        pattern = replace(pattern_result(preset, families, layers), even=self.even, tidy=carrying.tidy)
+        return TrialResult(candidate, pattern, carrying.sheet, carrying.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
         """Cut layers and return the sheet. Raises DsfabError if it does not carry the loads."""
@@ -90,18 +90,20 @@ class Trial:
         tidy = tidy_of(self.preset, self.given, layers)
         cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP, tidy)
         cells = resolve_pinches(cells, self.preset.statics.thickness / 2).sheet
-        cells = filled_slits(cells, merging(self.preset))[0] if tidy else cells
-        material = cells.kept()
+        cells = filled_slits(cells, merging_rule(self.preset))[0] if tidy else cells
+        material = cells.subset()
         F = material.surface.F
         count, label = pieces(F, material.surface.edges)
         area = np.bincount(label, material.surface.areas, count)
-        held = np.bincount(label, held_vertices(surface, material, self.given.load)[F].any(axis=1), count) > 0
-        if not held.any():
+        reaches_support = (
+            np.bincount(label, held_vertices(surface, material, self.given.load)[F].any(axis=1), count) > 0
+        )
+        if not reaches_support.any():
             raise PatternError("no piece of material reaches a support")
-        sheet = material if held.all() else material.kept(held[label])
+        sheet = material if reaches_support.all() else material.subset(reaches_support[label])
         if lost := lost_load(surface, material, sheet, self.loads.values()):
             raise PatternError(lost)
-        shares = float(area.sum() / surface.area), float(area[held].max() / area.sum())
+        shares = float(area.sum() / surface.area), float(area[reaches_support].max() / area.sum())
         return CarryingSheet(cells, sheet, *shares, count, tidy)
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
@@ -110,11 +112,11 @@ class Trial:
 
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
         """Return the stiffness of a sheet by faces."""
-        return FaceStiffness.of(self.preset.statics.sheet().on(surface), list(loads.values()))
+        return FaceStiffness.from_sheet(self.preset.statics.sheet().model_for(surface), list(loads.values()))
 
-    def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[Drawable], list[Layer]]:
+    def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[DrawableFamily], list[Layer]]:
         radius = preset.pattern.width.widths(np.sqrt(self.surface.area)).radius
-        families = striped_families(preset, self.given, radius, grading, self.even)
+        families = drawable_families(preset, self.given, radius, grading, self.even)
         modes = preset.pattern.major.number, preset.pattern.minor.number
         search = WidthSearch(self._share, SHARE_TOLERANCE, self.factors.get(modes, 0.0))
         layers, factor = solved_layers(preset, self.surface, self.kept, families, search)
@@ -123,15 +125,15 @@ class Trial:
 
     def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
         """Return joules, the weighted sum over the loads that the pattern follows."""
-        answers = solve_for(self.preset.statics.sheet().on(surface), loads, use)
-        return sum(weight * answers[name].compliance for name, weight in self.preset.followed.items())
+        answers = solve_for(self.preset.statics.sheet().model_for(surface), loads, use)
+        return sum(weight * answers[name].compliance for name, weight in self.preset.followed_weights.items())
 
 
-LEAST, MOST = 0.01, 0.55
+LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
 """Bounds of half-widths in the search, in periods: a vanished stripe may come back, and a closed opening may open."""
 
 
-class Step(NamedTuple):
+class WidthStep(NamedTuple):
     """Widths of a step: their worth, joules times share of the surface, and the widths of the next step."""
 
     worth: float
@@ -139,25 +141,27 @@ class Step(NamedTuple):
     after: Floats
 
 
-def stressed_step(preset: Preset, given: StressedSurface, log: Log, even: EvenStripes | None = None) -> Floats | None:
+def stressed_step(
+    preset: Preset, analysis: StressedSurface, log: Log, even: EvenStripes | None = None
+) -> Floats | None:
     """Return the best relative half-widths (n, 2) of both families from pattern.width.steps trials.
 
     Best is the least compliance per share of material, by constant strain and mid-edge bending on the cut mesh. None if
     the first sheet does not carry the loads: then the widths are those of the rule `graded`.
     """
-    tried = _steps(Stressed(preset, given, even), log)
-    if not tried:
+    steps = _steps(StressedTrial(preset, analysis, even), log)
+    if not steps:
         return None
-    best = min(tried, key=lambda step: step.worth)
+    stiffest = min(steps, key=lambda step: step.worth)
     log.note(
         "pattern",
-        f"widths that even out the stress: after {len(tried)} steps {1 - best.worth / tried[0].worth:.0%} less "
+        f"widths that even out the stress: after {len(steps)} steps {1 - stiffest.worth / steps[0].worth:.0%} less "
         "compliance than graded ones, each on its own cut mesh",
     )
-    return best.grading
+    return stiffest.grading
 
 
-def stressed_choice(preset: Preset, given: StressedSurface, log: Log, choice: Choice) -> Choice:
+def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
     """Return the choice, beginning with the modes and phases that are stiffest after their widths even out the stress.
 
     The best three pairs of modes are evened, and the lowest. Their order may change: on the cantilever at 30 % of the
@@ -175,66 +179,69 @@ def stressed_choice(preset: Preset, given: StressedSurface, log: Log, choice: Ch
         return choice
 
     def worth(candidate: Candidate) -> float:
-        settled = preset.settled(candidate.mode, candidate.phase)
-        steps = _steps(Stressed(settled, given), replace(log, notes=[]))
+        settled = preset.with_modes(candidate.mode, candidate.phase)
+        steps = _steps(StressedTrial(settled, analysis), replace(log, notes=[]))
         return min((step.worth for step in steps), default=float("inf"))
 
-    best = min(finalists, key=worth)
+    stiffest = min(finalists, key=worth)
     log.note(
         "pattern",
-        f"modes {best.mode[0]} and {best.mode[1]} with phases {best.phase[0]:g} and {best.phase[1]:g} are the stiffest "
+        f"modes {stiffest.mode[0]} and {stiffest.mode[1]} with phases {stiffest.phase[0]:g} and "
+        f"{stiffest.phase[1]:g} are the stiffest "
         f"of the {len(finalists)} whose widths were evened",
     )
-    return Choice((best, *(candidate for candidate in choice.candidates if candidate is not best)))
+    return Choice((stiffest, *(candidate for candidate in choice.candidates if candidate is not stiffest)))
 
 
-def _steps(trial: "Stressed", log: Log) -> list[Step]:
+def _steps(trial: "StressedTrial", log: Log) -> list[WidthStep]:
     """Return the steps of widths, as many as pattern.width.steps, or until one does not carry the loads."""
-    tried: list[Step] = []
+    steps: list[WidthStep] = []
     with log.row("widths"):
         grading = trial.start
         for number in range(trial.preset.pattern.width.steps):
             if log.progress:
                 log.progress("pattern", f"evening the stress, step {number + 1}: cutting and solving")
             try:
-                tried.append(trial.step(grading))
+                steps.append(trial.step(grading))
             except DsfabError as error:
                 log.note("pattern", f"step {number + 1} of the width rule stressed was given up: {error}")
                 break
-            grading = tried[-1].after
-    return tried
+            grading = steps[-1].after
+    return steps
 
 
-class Stressed(Trial):
+class StressedTrial(Trial):
     """Trials of widths for fixed modes and phases."""
 
-    def __init__(self, preset: Preset, given: StressedSurface, even: EvenStripes | None = None) -> None:
-        super().__init__(preset, given, even)
-        surface = given.surface
-        self.families = striped_families(preset, given, even=even)
+    def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
+        super().__init__(preset, analysis, even)
+        surface = analysis.surface
+        self.families = drawable_families(preset, analysis, even=even)
         slopes = np.stack([family.density for family in self.families])
         self.spacing = float(slopes.shape[0] * surface.area / (slopes @ surface.vertex_areas).sum())
         self.start = np.stack([family.stress for family in self.families], axis=1)
         self.factor = self.added = 0.0
 
-    def step(self, grading: Floats) -> Step:
+    def step(self, grading: Floats) -> WidthStep:
         """Cut and solve with half-widths `grading` (n, f). Raises DsfabError if the sheet does not carry the loads."""
-        families = [family.stressed(g) for family, g in zip(self.families, grading.T, strict=True)]
+        families = [family.with_stress(g) for family, g in zip(self.families, grading.T, strict=True)]
         search = WidthSearch(self._share, SHARE_TOLERANCE, self.factor, added=self.added)
         layers, self.factor = solved_layers(self.preset, self.surface, self.kept, families, search)
-        found = self.carrying(layers)
-        ask = self.preset.pattern
-        wanted = ask.width.solid_fraction
-        if ask.forces == "optimal":  # the count of points includes removed ends, which vary most here
-            self.added = float(np.clip(self.added + found.kept - wanted, -0.1, 0.1))
+        carrying = self.carrying(layers)
+        options = self.preset.pattern
+        requested = options.width.solid_fraction
+        if options.forces == "optimal":  # the count of points includes removed ends, which vary most here
+            self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
-        K = self.stiffness(found.sheet.surface, self.loads_on(found.sheet))
-        energy = K.energies(K.factor(np.ones(found.sheet.surface.m))(K.force)) @ list(self.preset.followed.values())
-        work, material = (self._by_family(found.sheet, names, x) for x in (energy, found.sheet.surface.areas))
-        after = evened(self.surface, grading, work, material, self.spacing)
+        K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
+        energy = K.energies(K.factor(np.ones(carrying.sheet.surface.m))(K.force)) @ list(
+            self.preset.followed_weights.values()
+        )
+        work, material = (self._by_family(carrying.sheet, names, x) for x in (energy, carrying.sheet.surface.areas))
+        next_grading = evened_grading(self.surface, grading, work, material, self.spacing)
         if self.even is not None and self.even.symmetry is not None:
-            after = self.even.symmetry.mean(after)
-        return Step(float(energy.sum()) * found.kept, grading, self._within(families, after))
+            next_grading = self.even.symmetry.mean(next_grading)
+        return WidthStep(float(energy.sum()) * carrying.kept, grading, self._clipped_grading(families, next_grading))
 
     def _by_family(self, sheet: Sheet, names: NDArray[np.str_], x: Floats) -> Floats:
         """Return sums (m, 2) of values x (m',) of cells over the part of each face that belongs to each family."""
@@ -244,11 +251,11 @@ class Stressed(Trial):
             sums.append(np.bincount(sheet.parent[cells], x[cells], self.surface.m))
         return np.stack(sums, axis=1).astype(np.float64)
 
-    def _within(self, families: Sequence[Drawable], grading: Floats) -> Floats:
+    def _clipped_grading(self, families: Sequence[DrawableFamily], grading: Floats) -> Floats:
         """Return the grading, clipped so that half-widths stay between LEAST and MOST."""
         full = np.array([self.factor * family.stripes.half_width for family in families])
         full = np.where(full > 0, full, 1.0)
-        return np.asarray(np.clip(grading * full, LEAST, MOST) / full)
+        return np.asarray(np.clip(grading * full, LEAST_HALF_WIDTH, MOST_HALF_WIDTH) / full)
 
 
 START = (0.25, 0.0, 0.5, 0.75)
@@ -269,14 +276,14 @@ AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
 """Later rounds: number of pairs of modes that continue, best first; step of phases, in periods; moves."""
 
-WHOLE = 0.98
+CONNECTED_SHARE = 0.98
 """A design whose largest supported piece has a smaller share of its material ranks after connected ones."""
 
-Numbers = tuple[tuple[int, int], tuple[float, float]]
+ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]
 """Modes and phases of both families."""
 
 
-def choice_step(preset: Preset, given: StressedSurface, log: Log) -> Choice:
+def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     """Return the candidates for modes and phases that are `auto`, best first.
 
     Best is the smallest compliance per share of material, if every concentrated load stands on a supported piece. The
@@ -285,78 +292,92 @@ def choice_step(preset: Preset, given: StressedSurface, log: Log) -> Choice:
 
     Raises PatternError if no candidate carries the loads.
     """
-    found: dict[Numbers, Candidate] = {}
+    candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
-        trial = Trial(preset, given)
-        for number, wanted in enumerate(_rounds(preset, len(given.diffusion.major.lam), found)):
-            new = [numbers for numbers in dict.fromkeys(wanted) if numbers not in found]
-            if log.progress and new:
-                told = f"choosing modes and phases, round {number + 1}: cutting and solving {len(new)}"
-                log.progress("pattern", told)
-            found.update({numbers: trial.candidate(*numbers) for numbers in new})
-    ranked = tuple(sorted(found.values(), key=_rank))
+        trial = Trial(preset, analysis)
+        for number, numbers_of_round in enumerate(
+            _search_rounds(preset, len(analysis.diffusion.major.lam), candidates)
+        ):
+            untried = [numbers for numbers in dict.fromkeys(numbers_of_round) if numbers not in candidates]
+            if log.progress and untried:
+                message = f"choosing modes and phases, round {number + 1}: cutting and solving {len(untried)}"
+                log.progress("pattern", message)
+            candidates.update({numbers: trial.candidate(*numbers) for numbers in untried})
+    ranked = tuple(sorted(candidates.values(), key=_rank))
     refused = sum(bool(candidate.refused) for candidate in ranked)
-    best = ranked[0]
-    if best.refused:
+    stiffest = ranked[0]
+    if stiffest.refused:
         raise PatternError(
-            f"none of {refused} modes and phases carries the loads; the first: {best.refused}; set pattern.rim, raise "
+            f"none of {refused} modes and phases carries the loads; the first: {stiffest.refused}; set "
+            "pattern.rim, raise "
             "pattern.keep or pattern.width.solid_fraction, or choose other frequencies"
         )
     log.note(
         "pattern",
-        f"modes {best.mode[0]} and {best.mode[1]} with phases {best.phase[0]:g} and {best.phase[1]:g} are the stiffest "
-        f"of {len(ranked)} tried: about {best.over_uncut:.3g} x the compliance of the uncut sheet",
+        f"modes {stiffest.mode[0]} and {stiffest.mode[1]} with phases {stiffest.phase[0]:g} and "
+        f"{stiffest.phase[1]:g} are the stiffest "
+        f"of {len(ranked)} tried: about {stiffest.over_uncut:.3g} x the compliance of the uncut sheet",
     )
     choice = Choice(ranked)
     if preset.pattern.width.rule == "stressed":
-        return stressed_choice(preset, given, log, choice)
+        return stressed_choice(preset, analysis, log, choice)
     return choice
 
 
-def _rank(candidate: Candidate) -> tuple[bool, bool, float, Numbers]:
+def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
     """Return the sort key. Values are equal to three digits for mirror images; then lower numbers come first, not
     rounding.
     """
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
-    return bool(candidate.refused), candidate.whole < WHOLE, soft, (candidate.mode, candidate.phase)
+    return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 
 
-def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> Iterator[Iterable[Numbers]]:
-    both = (preset.pattern.major, preset.pattern.minor)
-    shown = [name in preset.pattern.family_names for name in FAMILIES]
+def _search_rounds(
+    preset: Preset, computed: int, candidates: dict[ModesAndPhases, Candidate]
+) -> Iterator[Iterable[ModesAndPhases]]:
+    families = (preset.pattern.major, preset.pattern.minor)
+    is_drawn = [name in preset.pattern.family_names for name in FAMILIES]
     every = range(1, min(4, computed) + 1)  # the first four modes suffice, as in the paper
-    any_mode = [shown[k] and both[k].mode == AUTO for k in (0, 1)]
-    major, minor = (every if any_mode[k] else (both[k].number,) for k in (0, 1))
-    free = [shown[k] and both[k].phase == AUTO for k in (0, 1)]
-    given = (both[0].shift, both[1].shift)
-    unknown = sum(any_mode)
-    yield [(mode, p) for mode in product(major, minor) for p in _first_phases(mode, free, given, unknown)]
-    if not any(free):
+    open_mode = [is_drawn[k] and families[k].mode == AUTO for k in (0, 1)]
+    major, minor = (every if open_mode[k] else (families[k].number,) for k in (0, 1))
+    open_phase = [is_drawn[k] and families[k].phase == AUTO for k in (0, 1)]
+    fixed_phases = (families[0].shift, families[1].shift)
+    open_modes = sum(open_mode)
+    yield [
+        (mode, p) for mode in product(major, minor) for p in _first_phases(mode, open_phase, fixed_phases, open_modes)
+    ]
+    if not any(open_phase):
         return
     for count, step, moves in ROUNDS:
         leading: dict[tuple[int, int], Candidate] = {}
-        for candidate in sorted(found.values(), key=_rank):
+        for candidate in sorted(candidates.values(), key=_rank):
             leading.setdefault(candidate.mode, candidate)
         finalists = list(leading.values())[:count]
         if count > 1:  # the lowest pair varies most with its phases
             finalists = list(dict.fromkeys([*finalists[:-1], leading[min(leading)]]))
         yield [
-            (best.mode, _moved(best.phase, (a * free[0], b * free[1]), step)) for best in finalists for a, b in moves
+            (finalist.mode, _moved_phase(finalist.phase, (a * open_phase[0], b * open_phase[1]), step))
+            for finalist in finalists
+            for a, b in moves
         ]
 
 
 def _first_phases(
-    mode: tuple[int, int], free: list[bool], given: tuple[float, float], unknown: int
+    mode: tuple[int, int], open_phase: list[bool], fixed_phases: tuple[float, float], open_modes: int
 ) -> list[tuple[float, float]]:
     """Return the first phases of a pair of modes, if `open_modes` modes are to be chosen."""
-    if unknown == 2:
+    if open_modes == 2:
         grid = [(p, p) for p in (START if 1 in mode else START[:1])]
     else:
-        grid = [(p, q) for p in GRID[unknown] for q in GRID[unknown]]
-    return list(dict.fromkeys((p if free[0] else given[0], q if free[1] else given[1]) for p, q in grid))
+        grid = [(p, q) for p in GRID[open_modes] for q in GRID[open_modes]]
+    return list(
+        dict.fromkeys(
+            (p if open_phase[0] else fixed_phases[0], q if open_phase[1] else fixed_phases[1]) for p, q in grid
+        )
+    )
 
 
-def _moved(phase: tuple[float, float], move: tuple[int, int], step: float) -> tuple[float, float]:
+def _moved_phase(phase: tuple[float, float], move: tuple[int, int], step: float) -> tuple[float, float]:
     """Return phases after a move; a phase that does not move keeps its last bit."""
-    p, q = ((x + way * step) % 1 if way else x for x, way in zip(phase, move, strict=True))
+    p, q = ((x + direction * step) % 1 if direction else x for x, direction in zip(phase, move, strict=True))
     return p, q

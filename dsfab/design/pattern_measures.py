@@ -17,9 +17,9 @@ from dsfab.pattern import StressDirections
 from dsfab.preset.model import FAMILIES, Preset
 from dsfab.results import DiffusionResult, PatternResult, StaticsResult
 from dsfab.slicing import Chart, Openings, Sheet
-from dsfab.slicing.measures.chart import Drawn
+from dsfab.slicing.measures.chart import StripeChart
 from dsfab.slicing.measures.pattern_quality import Arms, DeadEnds, FamilyQuality, PatternQuality, arms, pattern_quality
-from dsfab.surface import Surface, centroid, connected, nearest, weights_at
+from dsfab.surface import Surface, centroid, link_components, nearest_places, weights_at
 from dsfab.surface.fields import CornerField, DividedField
 
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
@@ -28,7 +28,7 @@ R2 = np.array([0.7548776662466927, 0.5698402909980532])
 """
 
 
-class Patterned(Protocol):
+class PatternedDesign(Protocol):
     """A design, or the stages of one up to its pattern."""
 
     @property
@@ -43,7 +43,7 @@ class Patterned(Protocol):
     def pattern(self) -> PatternResult: ...
 
 
-class Drafted(NamedTuple):
+class DesignDraft(NamedTuple):
     """Stages 1 to 4 of a design."""
 
     preset: Preset
@@ -54,7 +54,7 @@ class Drafted(NamedTuple):
 
 
 def measured_pattern(
-    made: Patterned, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
+    design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
     """Measure the quality of a pattern. After the cut, symmetry is measured on the cells, and dead ends and slits of
     tidied patterns on the sheet.
@@ -63,39 +63,41 @@ def measured_pattern(
     cells    : all cells of the cut; None measures the stripes (see `Design.quality`).
     sheet    : the part of the cells that remains; all material by default.
     """
-    chart = pattern_chart(made)
-    drawn = drawn_pattern(made.surface, chart, made.pattern)
-    given = _followed(made)
+    chart = pattern_chart(design)
+    stripes = pattern_on_chart(design.surface, chart, design.pattern)
+    followed = _followed_directions(design)
     try:
-        confidence = given.confidence(made.surface.areas)
+        confidence = followed.confidence(design.surface.areas)
     except PatternError:  # nothing is stressed
-        confidence = np.zeros(made.surface.m)
+        confidence = np.zeros(design.surface.m)
     parent = chart.parent
-    steered = made.pattern.even.steered if made.pattern.even else None
+    steered = design.pattern.even.steered if design.pattern.even else None
     guided = steered.guided[parent] > 0.1 if steered else None  # beside clear stress of 1
-    columns = given.stress[parent], given.direction[parent], confidence[parent]
-    found = pattern_quality(drawn, *columns, guided=guided)
-    found = replace(found, turned=made.preset.pattern.rotate if steered else 0.0)
-    if cells is not None and made.pattern.tidy:
-        found = _of_sheet(made, cells, (sheet or cells.kept()).surface, drawn, found)
-    group = used_symmetry(made) if symmetry else None
+    columns = followed.stress[parent], followed.direction[parent], confidence[parent]
+    quality = pattern_quality(stripes, *columns, guided=guided)
+    quality = replace(quality, turned=design.preset.pattern.rotate if steered else 0.0)
+    if cells is not None and design.pattern.tidy:
+        quality = _sheet_quality(design, cells, (sheet or cells.subset()).surface, stripes, quality)
+    group = used_symmetry(design) if symmetry else None
     if group is None:
-        return found
-    error = symmetry_error(made.surface, drawn, group) if cells is None else cut_error(made.surface, cells, group)
-    return replace(found, symmetry_error=error)
+        return quality
+    error = symmetry_error(design.surface, stripes, group) if cells is None else cut_error(design.surface, cells, group)
+    return replace(quality, symmetry_error=error)
 
 
-def _of_sheet(made: Patterned, cells: Sheet, sheet: Surface, drawn: Drawn, found: PatternQuality) -> PatternQuality:
-    openings, name = Openings.of(cells), np.array([*made.pattern.names, ""])[cells.family]
-    both = []
-    for k, (own, family) in enumerate(found.families):
-        slits, share = openings.slits_between(name == own) if openings else (0, 0.0)
-        built = _built(sheet, 0.1 * made.surface.mean_edge, family, drawn.d[:, k])
-        both.append(replace(built, slits=slits, slit_share=share))
-    return replace(found, major=both[0], minor=both[1])
+def _sheet_quality(
+    design: PatternedDesign, cells: Sheet, sheet: Surface, stripes: StripeChart, quality: PatternQuality
+) -> PatternQuality:
+    openings, name = Openings.from_sheet(cells), np.array([*design.pattern.names, ""])[cells.family]
+    families = []
+    for k, (family_name, family) in enumerate(quality.families):
+        slits, share = openings.slits_between(name == family_name) if openings else (0, 0.0)
+        built = _ends_on_sheet(sheet, 0.1 * design.surface.mean_edge, family, stripes.d[:, k])
+        families.append(replace(built, slits=slits, slit_share=share))
+    return replace(quality, major=families[0], minor=families[1])
 
 
-def _built(sheet: Surface, near: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
+def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
     """Return the family without dead ends that the sheet does not have.
 
     An end counts no more if its material was removed, or if the member continues, for example as a member of the other
@@ -106,26 +108,28 @@ def _built(sheet: Surface, near: float, family: FamilyQuality, half_width: Float
     """
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
-    def left(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
+    def remaining(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
         if not len(places):
             return places
-        there = nearest(places, sheet.V, sheet.F).squared < near**2
-        there[there] = [dead(arms(sheet, place, 1.5 * width), width) for place in places[there]]
-        return np.asarray(places[there])
+        is_near = nearest_places(places, sheet.V, sheet.F).squared < reach**2
+        is_near[is_near] = [dead(arms(sheet, place, 1.5 * width), width) for place in places[is_near]]
+        return np.asarray(places[is_near])
 
     ends = family.dead_ends
-    return replace(family, dead_ends=DeadEnds(left(ends.loose, Arms.tip), left(ends.turns, Arms.hairpin)))
+    return replace(
+        family, dead_ends=DeadEnds(remaining(ends.loose, Arms.is_tip), remaining(ends.turns, Arms.is_hairpin))
+    )
 
 
-def pattern_chart(made: Patterned) -> Chart:
+def pattern_chart(design: PatternedDesign) -> Chart:
     """Return the chart of evenly spaced stripes or of stripes on modes."""
-    even = made.pattern.even
-    return even.chart if even is not None else modes_chart(made.surface, made.diffusion, made.pattern)
+    even = design.pattern.even
+    return even.chart if even is not None else modes_chart(design.surface, design.diffusion, design.pattern)
 
 
-def drawn_on_chart(made: Patterned) -> Drawn:
+def stripes_on_chart(design: PatternedDesign) -> StripeChart:
     """Return the stripes and kept regions of a design, on its chart."""
-    return drawn_pattern(made.surface, pattern_chart(made), made.pattern)
+    return pattern_on_chart(design.surface, pattern_chart(design), design.pattern)
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
@@ -136,47 +140,49 @@ def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternRe
     return Chart(surface, np.arange(surface.m), csr_array(eye_array(surface.n)), z, np.ones((surface.n, 2)))
 
 
-def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Drawn:
+def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> StripeChart:
     """Return the stripes and kept regions of a pattern, on a chart."""
     d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
-    kept = np.full(surface.n, -1.0)
+    kept_height = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
         if name not in FAMILIES and not isinstance(x, CornerField):
-            at = (x.at_vertices if isinstance(x, DividedField) else x) - levels[0]
-            kept = np.maximum(kept, at if at.ndim == 1 else np.minimum(at[:, 0], -at[:, 1]))
-    return Drawn.of(chart, d, np.maximum(kept, -surface.size))
+            height = (x.at_vertices if isinstance(x, DividedField) else x) - levels[0]
+            kept_height = np.maximum(
+                kept_height, height if height.ndim == 1 else np.minimum(height[:, 0], -height[:, 1])
+            )
+    return StripeChart.from_chart(chart, d, np.maximum(kept_height, -surface.size))
 
 
-def _followed(made: Patterned) -> StressDirections:
+def _followed_directions(design: PatternedDesign) -> StressDirections:
     """Return the directions that both families follow, without guides."""
-    ask = made.preset
-    stress, direction = principal_stresses(made.surface, followed_stress(ask, made.surface, made.statics))
-    if made.pattern.even is None and ask.diffusion.labelling == "magnitude":
+    preset = design.preset
+    stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
+    if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
         stress[swap], direction[swap] = stress[swap, ::-1], direction[swap, ::-1]
-    if made.pattern.even is not None and made.pattern.even.steered:
-        over = made.pattern.even.steered.over
+    if design.pattern.even is not None and design.pattern.even.steered:
+        over = design.pattern.even.steered.over
         stress[over], direction[over] = stress[over, ::-1], direction[over, ::-1]
-    if made.pattern.even is not None and ask.pattern.rotate:
-        a = np.radians(ask.pattern.rotate)
-        square = np.cross(made.surface.normals[:, None], direction)
+    if design.pattern.even is not None and preset.pattern.rotate:
+        a = np.radians(preset.pattern.rotate)
+        square = np.cross(design.surface.normals[:, None], direction)
         direction = np.cos(a) * direction + np.sin(a) * square
         stress = np.cos(a) ** 2 * np.abs(stress) + np.sin(a) ** 2 * np.abs(stress[:, ::-1])
     return StressDirections(stress, direction)
 
 
-def used_symmetry(made: Patterned) -> Symmetry | None:
+def used_symmetry(design: PatternedDesign) -> Symmetry | None:
     """Return the mirrors and rotations of a pattern; None without any."""
-    if made.pattern.even is not None:
-        return made.pattern.even.symmetry
-    words = made.preset.diffusion.symmetry
-    loads = made.statics.loads(made.preset.followed).values()
-    return symmetry_of(made.surface, words, *loads) if words else None
+    if design.pattern.even is not None:
+        return design.pattern.even.symmetry
+    words = design.preset.diffusion.symmetry
+    loads = design.statics.loads(design.preset.followed_weights).values()
+    return symmetry_of(design.surface, words, *loads) if words else None
 
 
-def symmetry_error(surface: Surface, drawn: Drawn, symmetry: Symmetry) -> float:
+def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -> float:
     """Return the share of the uncut surface where the stripes differ from their image, the largest over the group."""
-    return _differing(surface, drawn.surface, symmetry, partial(_material, drawn))
+    return _asymmetric_share(surface, stripes.surface, symmetry, partial(_is_material, stripes))
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
@@ -185,10 +191,12 @@ def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
     There, edges of members have moved by up to `slicing.snap`, narrow openings are closed, and corners are round.
     """
     V, F = cells.surface.V, cells.surface.F
-    return _differing(surface, cells.surface, symmetry, lambda points: cells.material[nearest(points, V, F).simplex])
+    return _asymmetric_share(
+        surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]
+    )
 
 
-def _differing(
+def _asymmetric_share(
     surface: Surface,
     faces: Surface,
     symmetry: Symmetry,
@@ -203,53 +211,53 @@ def _differing(
     samples  : about how many points and images. On a floor with eight images, 24,000 gave .40 % instead of .55 %.
     """
     centre = centroid(surface)
-    upto = np.cumsum(faces.areas)
+    cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)
-    some = np.searchsorted(upto, (number + 0.5) / len(number) * upto[-1])
+    face = np.searchsorted(cumulated_area, (number + 0.5) / len(number) * cumulated_area[-1])
     uv = number[:, None] * R2 % 1
     uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
-    at = np.column_stack([1 - uv.sum(axis=1), uv])
-    looked = np.einsum("pc,pcx->px", at, faces.V[faces.F[some]]) - centre
-    points = [looked @ R.T + centre for R in symmetry.R]  # the first is the identity
-    each = material(np.concatenate(points)).reshape(symmetry.order, -1)
-    return float((each != each[0]).mean(axis=1).max())
+    weights = np.column_stack([1 - uv.sum(axis=1), uv])
+    points_from_centre = np.einsum("pc,pcx->px", weights, faces.V[faces.F[face]]) - centre
+    points = [points_from_centre @ R.T + centre for R in symmetry.R]  # the first is the identity
+    is_material = material(np.concatenate(points)).reshape(symmetry.order, -1)
+    return float((is_material != is_material[0]).mean(axis=1).max())
 
 
-def _material(drawn: Drawn, points: Floats) -> Bools:
+def _is_material(stripes: StripeChart, points: Floats) -> Bools:
     """Return whether the nearest point of the sheet to each point (p, 3) is material."""
-    V, F = drawn.surface.V, drawn.surface.F
-    _, face, place = nearest(points, V, F)
-    at = weights_at(place, V, F[face])
-    return drawn.inside(0, face, at) | drawn.inside(1, face, at) | drawn.is_kept(face, at)
+    V, F = stripes.surface.V, stripes.surface.F
+    _, face, place = nearest_places(points, V, F)
+    weights = weights_at(place, V, F[face])
+    return stripes.inside(0, face, weights) | stripes.inside(1, face, weights) | stripes.is_kept(face, weights)
 
 
-class Filling(NamedTuple):
+class FilledOpenings(NamedTuple):
     """Filled openings side by side: their number, and their mean place (3,), metres, by area."""
 
     openings: int
     place: Floats
 
 
-def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> Filling | None:
+def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of openings that finishing filled, each at most `apart` metres from the next; None
     without any.
 
     samples : an opening counts as filled if all of this number of its largest cells are.
     """
-    every = Openings.of(before)
-    if every is None:
+    openings = Openings.from_sheet(before)
+    if openings is None:
         return None
-    order = np.lexsort((-every.part.areas, every.label))
-    rank = np.arange(len(order)) - np.searchsorted(every.label[order], every.label[order])
-    seen = order[rank < samples]
-    there = nearest(every.part.centroids[seen], after.surface.V, after.surface.F).simplex
-    open_ = np.bincount(every.label[seen], ~after.material[there], every.count) > 0
+    order = np.lexsort((-openings.part.areas, openings.label))
+    rank = np.arange(len(order)) - np.searchsorted(openings.label[order], openings.label[order])
+    sample = order[rank < samples]
+    cell = nearest_places(openings.part.centroids[sample], after.surface.V, after.surface.F).simplex
+    open_ = np.bincount(openings.label[sample], ~after.material[cell], openings.count) > 0
     filled = np.flatnonzero(~open_)
     if not len(filled):
         return None
-    where = every.places[filled]
-    pairs = cKDTree(where).query_pairs(apart, output_type="ndarray")
-    _, group = connected(len(filled), *pairs.T.astype(np.int64))
-    most = group == np.bincount(group).argmax()
-    area = np.bincount(every.label, every.part.areas, every.count)[filled[most]]
-    return Filling(int(most.sum()), area @ where[most] / area.sum())
+    places = openings.centroids[filled]
+    pairs = cKDTree(places).query_pairs(apart, output_type="ndarray")
+    _, group = link_components(len(filled), *pairs.T.astype(np.int64))
+    largest_group = group == np.bincount(group).argmax()
+    area = np.bincount(openings.label, openings.part.areas, openings.count)[filled[largest_group]]
+    return FilledOpenings(int(largest_group.sum()), area @ places[largest_group] / area.sum())

@@ -21,10 +21,10 @@ from dsfab.surface import (
     Support,
     Surface,
     VerticesLeft,
+    combined_case,
     edges_of,
     load_cases,
     region_key,
-    together,
     with_regions,
 )
 
@@ -62,15 +62,15 @@ def acting_on(preset: Preset, surface: Surface) -> Acting:
     They are picked as if there were no voids: the edge of an oculus is no boundary, and the lowest vertices stay the
     lowest ones. Raises SurfaceError for a picker of which nothing remains.
     """
-    given = preset.surface
+    section = preset.surface
     if not preset.pattern.voids:
-        return Acting(given.support, given.load)
-    whole, vertices = _before_voids(preset, surface)
-    words = _void_words(preset)
+        return Acting(section.support, section.load)
+    uncut, vertices = _before_voids(preset, surface)
+    words = _void_names(preset)
     support, load = (
         tuple(
-            _left(f"surface.{key}.{k}", one, whole, vertices, surface.edges.ends, words)
-            for k, one in enumerate(getattr(given, key))
+            _remaining_entry(f"surface.{key}.{k}", entry, uncut, vertices, surface.edges.ends, words)
+            for k, entry in enumerate(getattr(section, key))
         )
         for key in ("support", "load")
     )
@@ -94,41 +94,47 @@ def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
     return whole, vertices
 
 
-def _left(key: str, one: Any, whole: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:
+def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:
     """Return a support or load on the remaining vertices (n,) and edges (e, 2) of those that it picks on a whole
     surface.
     """
-    at = getattr(one, "at", None)
-    if at is None or isinstance(at, All):
-        return one
-    picked = at.vertices(whole)[vertices]
-    left = np.flatnonzero(picked)
-    if not len(left):
+    picker = getattr(entry, "at", None)
+    if picker is None or isinstance(picker, All):
+        return entry
+    picked = picker.vertices(uncut)[vertices]
+    picked_left = np.flatnonzero(picked)
+    if not len(picked_left):
         raise SurfaceError(
             f"{key}: everything that it picks has been taken away by {voids}; draw that smaller, or pick something else"
         )
-    both = edges[picked[edges].all(axis=1)]
-    meant = edges_of(at, whole)[whole.edges.between(*vertices[both].T)]
-    return replace(one, at=VerticesLeft(tuple(left.tolist()), ends=tuple(map(tuple, both[meant].tolist()))))
+    edges_left = edges[picked[edges].all(axis=1)]
+    is_picked = edges_of(picker, uncut)[uncut.edges.edges_between(*vertices[edges_left].T)]
+    return replace(
+        entry, at=VerticesLeft(tuple(picked_left.tolist()), ends=tuple(map(tuple, edges_left[is_picked].tolist())))
+    )
 
 
-def one_sided_words(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
+def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
     """Return a sentence on regions whose images under the symmetry are no regions; '' if there are none."""
     if symmetry is None:
         return ""
-    found = []
+    exceptions = []
     for k, region in enumerate(regions):
         if region.do == "void":
             continue  # a hole on one side leaves the surface no symmetry
         inside = region.faces(surface)
-        off = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
-        same = int((np.array(off) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
-        if same < symmetry.order:
-            found.append(f"{region_key(regions, k)} at {same}")
-    return f"the stripes are the same at {symmetry.order} images, {', '.join(found)} of them only" if found else ""
+        differing_areas = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
+        matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
+        if matching < symmetry.order:
+            exceptions.append(f"{region_key(regions, k)} at {matching}")
+    return (
+        f"the stripes are the same at {symmetry.order} images, {', '.join(exceptions)} of them only"
+        if exceptions
+        else ""
+    )
 
 
-def _void_words(preset: Preset) -> str:
+def _void_names(preset: Preset) -> str:
     names = [region_key(preset.pattern.region, k) for k in preset.pattern.voids]
     return f"the void {names[0]}" if len(names) == 1 else f"the voids {', '.join(names)}"
 
@@ -139,14 +145,14 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
     supports = acting_on(preset, after).support
     if count == before.pieces[0] or not supports:
         return
-    held: Bools = np.logical_or.reduce([support.at.vertices(after) for support in supports])
+    supported: Bools = np.logical_or.reduce([support.at.vertices(after) for support in supports])
     area = np.bincount(label, after.areas, count)
-    loose = np.bincount(label, held[after.F].any(axis=1), count) == 0
+    loose = np.bincount(label, supported[after.F].any(axis=1), count) == 0
     if loose.any():
         piece = int(np.where(loose, area, 0.0).argmax())
         x, y, z = np.average(after.centroids[label == piece], axis=0, weights=after.areas[label == piece])
         raise SurfaceError(
-            f"{_void_words(preset)} part{'s' if len(preset.pattern.voids) == 1 else ''} {int(loose.sum())} of {count} "
+            f"{_void_names(preset)} part{'s' if len(preset.pattern.voids) == 1 else ''} {int(loose.sum())} of {count} "
             f"pieces of the surface from all supports, the largest ({area[piece]:.3g} m2) around ({x:.3g}, {y:.3g}, "
             f"{z:.3g}) m; leave a connection, support it, or draw the void over it"
         )
@@ -171,14 +177,15 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
 
     Raises SurfaceError for supports and loads that act on nothing.
     """
-    given, weight = preset.surface, preset.statics.weight
-    on = acting_on(preset, surface)
-    loads = load_cases(surface, on.support, on.load, weight)
-    parts = {name: spread_load(surface, [ld for ld in on.load if ld.case == name], weight) for name in loads}
+    section, weight = preset.surface, preset.statics.area_weight
+    acting = acting_on(preset, surface)
+    loads = load_cases(surface, acting.support, acting.load, weight)
+    parts = {name: spread_load(surface, [ld for ld in acting.load if ld.case == name], weight) for name in loads}
     cases = [Loading(name, load, parts[name]) for name, load in loads.items()]
-    sums = [(combination.name, dict(combination.factors)) for combination in given.sums]
+    sums = [(combination.name, dict(combination.factors)) for combination in section.sums]
     if len(loads) > 1:
         sums.append(("", dict.fromkeys(loads, 1.0)))
     return cases + [
-        Loading(name, together(loads, factors), SpreadLoad.total(parts, factors), factors) for name, factors in sums
+        Loading(name, combined_case(loads, factors), SpreadLoad.total(parts, factors), factors)
+        for name, factors in sums
     ]

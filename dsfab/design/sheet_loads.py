@@ -13,11 +13,11 @@ from dsfab.core.arrays import Bools, Floats, Ints, group_sums
 from dsfab.core.errors import StaticsError
 from dsfab.slicing import Sheet
 from dsfab.slicing.cutting.sheet import ON_SIMPLEX
-from dsfab.surface import LoadCase, LoadParts, Surface, connected
+from dsfab.surface import LoadCase, LoadParts, Surface, link_components
 
 
 @dataclass(frozen=True, eq=False)
-class Tributary:
+class CoveringLoads:
     """The material that carries loads on the covering of each face (m,) of an uncut surface.
 
     to      : (m,) the face that carries the covering of each face; itself if it has material, -1 if none can.
@@ -32,18 +32,18 @@ class Tributary:
     opening: Ints
 
     @classmethod
-    def of(cls, surface: Surface, sheet: Sheet) -> Self:
+    def for_sheet(cls, surface: Surface, sheet: Sheet) -> Self:
         """Return the carrying faces of a sheet that was cut from the surface."""
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
-        first = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
-        bears = area > 0.02 * surface.areas  # a sliver of material is no bearing
-        bears = bears if bears.any() else area > 0
-        place = np.where(bears[:, None], first / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
-        f, g, _ = _steps(surface)
-        inner = ~bears[f] & ~bears[g]
-        _, part = connected(m, f[inner], g[inner])
-        return cls(surface, nearest_faces(surface, bears), area, place, np.where(bears, -1, part))
+        area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
+        carries = area > 0.02 * surface.areas  # a sliver of material is no bearing
+        carries = carries if carries.any() else area > 0
+        place = np.where(carries[:, None], area_moment / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
+        f, g, _ = _face_steps(surface)
+        inner = ~carries[f] & ~carries[g]
+        _, part = link_components(m, f[inner], g[inner])
+        return cls(surface, nearest_faces(surface, carries), area, place, np.where(carries, -1, part))
 
     def forces(self, covered: Floats) -> Floats:
         """Return forces (m, 3), N, on the material in each face, for tractions (m, 3), Pa, on the uncut surface.
@@ -63,26 +63,28 @@ class Tributary:
         count, piece = self.surface.pieces
         bears = np.flatnonzero(self.opening < 0)
         lacking = group_sums(piece, turning, count)
-        force[bears] += _bolted(piece[bears], self.place[bears], self.area[bears], lacking)
+        force[bears] += _moment_forces(piece[bears], self.place[bears], self.area[bears], lacking)
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
         """Return forces (m, 3), N, of loads (m, 3), with the moment of each opening if its rim can take it."""
-        given = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
+        loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
         # a face of the rim may carry several openings, each with a part of its own
-        pair, of = np.unique(np.stack([self.opening[given], self.to[given]]), axis=1, return_inverse=True)
-        group, number = np.unique(pair[0], return_inverse=True)
-        turning = np.cross(self.surface.centroids[given] - self.place[self.to[given]], load[given])
-        moment, weight = (
-            group_sums(number[of], turning, len(group)),
-            np.bincount(of, self.surface.areas[given]).astype(np.float64),
+        pair, pair_index = np.unique(
+            np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
         )
-        added = _bolted(number, self.place[pair[1]], weight, moment)
-        lies = np.bincount(number[of], np.linalg.norm(load[given], axis=1), len(group))
-        far = np.bincount(number, np.linalg.norm(added, axis=1), len(group)) > lies
-        added[far[number]] = 0.0
-        np.add.at(force, pair[1], added)
+        group, number = np.unique(pair[0], return_inverse=True)
+        turning = np.cross(self.surface.centroids[loaded_faces] - self.place[self.to[loaded_faces]], load[loaded_faces])
+        moment, weight = (
+            group_sums(number[pair_index], turning, len(group)),
+            np.bincount(pair_index, self.surface.areas[loaded_faces]).astype(np.float64),
+        )
+        moment_forces = _moment_forces(number, self.place[pair[1]], weight, moment)
+        load_size = np.bincount(number[pair_index], np.linalg.norm(load[loaded_faces], axis=1), len(group))
+        moment_too_large = np.bincount(number, np.linalg.norm(moment_forces, axis=1), len(group)) > load_size
+        moment_forces[moment_too_large[number]] = 0.0
+        np.add.at(force, pair[1], moment_forces)
         return force
 
 
@@ -90,23 +92,25 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
     """Return the marked face (m,) nearest to each face along the surface, over centres of faces and edges; -1 if
     unreachable.
     """
-    f, g, length = _steps(surface)
+    f, g, length = _face_steps(surface)
     steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
-    found = dijkstra(steps, directed=False, indices=np.flatnonzero(marked), min_only=True, return_predecessors=True)[2]
-    return np.where(found < 0, -1, found).astype(np.int64)
+    predecessor = dijkstra(
+        steps, directed=False, indices=np.flatnonzero(marked), min_only=True, return_predecessors=True
+    )[2]
+    return np.where(predecessor < 0, -1, predecessor).astype(np.int64)
 
 
-def _steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
+def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
     """Return pairs of neighbouring faces (k,), and metres between their centres over the middle of their edge."""
     edges = surface.edges
-    face, of = edges.order // 3, edges.of.ravel()[edges.order]
-    same = np.flatnonzero(of[1:] == of[:-1])
-    f, g, middle = face[same], face[same + 1], surface.V[edges.ends[of[same]]].mean(axis=1)
+    face, edge = edges.order // 3, edges.of.ravel()[edges.order]
+    pairs = np.flatnonzero(edge[1:] == edge[:-1])
+    f, g, middle = face[pairs], face[pairs + 1], surface.V[edges.ends[edge[pairs]]].mean(axis=1)
     reach = [np.linalg.norm(surface.centroids[x] - middle, axis=1) for x in (f, g)]
     return f, g, reach[0] + reach[1]
 
 
-def _bolted(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
+def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
     """Return forces (k, 3), N, at places (k, 3), that have no resultant and give each group (k,) its moment (g, 3), N
     m.
 
@@ -117,28 +121,28 @@ def _bolted(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Float
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
     r = place - middle[group]
     inertia = np.zeros((count, 3, 3))
-    each = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
-    np.add.at(inertia, group, weight[:, None, None] * each)
+    point_inertia = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
+    np.add.at(inertia, group, weight[:, None, None] * point_inertia)
     # a group thinner than sqrt(1e-9) of its length counts as a line, which has no arm for a moment about it
     theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=1e-9, hermitian=True), moment)
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
 
-ATTACH = "set pattern.rim, raise pattern.keep, or change a phase or a mode"
+LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"
 """Remedy for a load that nothing carries, for messages."""
 
 
-def lost_load(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
+def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
     """Return a clause on the first load that stands on pieces without support; empty if these carry no concentrated
     load.
 
     A load whose own material was cut away moves to the nearest material (`sheet_load`). A load that stands on a piece
     without support is lost, however close the rest is; up to 1 % of a load may be.
 
-    drawn : all material, loose pieces included.    sheet : the part of it that remains.
+    material : all material, loose pieces included.    sheet : the part of it that remains.
     loads : the first lost one is reported.
     """
-    dropped = (drawn.same_vertex() >= 0) & (sheet.same_vertex() < 0)
+    dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
         if (lost := size[dropped].sum()) > 0.01 * size.sum():
@@ -147,43 +151,44 @@ def lost_load(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Iterable[Load
     return ""
 
 
-def sheet_loads(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
+def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
     """Return the `sheet_load` of each load. Raises StaticsError as it does, and for a lost load (see `lost_load`)."""
-    if lost := lost_load(surface, drawn, sheet, loads.values()):
-        raise StaticsError(f"{lost}; {ATTACH}")
+    if lost := lost_load(surface, material, sheet, loads.values()):
+        raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
 
 
 def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
     """Return the `sheet_load` of each load; faces that carry coverings are searched once."""
     covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
-    tributary = Tributary.of(surface, sheet) if covered else None
-    return {name: sheet_load(surface, sheet, load, tributary) for name, load in loads.items()}
+    covering = CoveringLoads.for_sheet(surface, sheet) if covered else None
+    return {name: sheet_load(surface, sheet, load, covering) for name, load in loads.items()}
 
 
-def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, tributary: Tributary | None = None) -> LoadCase:
+def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: CoveringLoads | None = None) -> LoadCase:
     """Return the supports and loads of the uncut surface on a sheet that was cut from it, see `sheet_supports`.
 
     A concentrated force on a vertex of the sheet stays there; any other moves to the nearest vertex of the sheet:
     resultants are exact, and moments change by the distance moved. Weight and loads on material act on the remaining
-    material. A load on a covering goes to the nearest material (see `Tributary`), with resultant and moment. `parts`
+    material. A load on a covering goes to the nearest material (see `CoveringLoads`), with resultant and moment.
+    `parts`
     are those of the sheet's own vertices and cells.
 
-    tributary : of this sheet, if it exists.
+    covering : of this sheet, if it exists.
 
     Raises StaticsError as `sheet_supports` does, and if no material is near a concentrated force.
     """
-    held = sheet_supports(surface, sheet, load)
-    point = _moved(surface, sheet, load.point)
+    supported = sheet_supports(surface, sheet, load)
+    point = _moved_forces(surface, sheet, load.point)
     if load.parts is None:
-        return replace(held, force=point)
+        return replace(supported, force=point)
     covered = np.zeros((sheet.surface.m, 3))
     if load.parts.covered.any():
-        tributary = tributary or Tributary.of(surface, sheet)
+        covering = covering or CoveringLoads.for_sheet(surface, sheet)
         material = np.bincount(sheet.parent, sheet.surface.areas, surface.m)
-        covered = (tributary.forces(load.parts.covered) / np.where(material > 0, material, 1.0)[:, None])[sheet.parent]
+        covered = (covering.forces(load.parts.covered) / np.where(material > 0, material, 1.0)[:, None])[sheet.parent]
     parts = LoadParts(point, load.parts.weight[sheet.parent], load.parts.bare[sheet.parent], covered)
-    return held.with_parts(sheet.surface, parts)
+    return supported.with_parts(sheet.surface, parts)
 
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
@@ -194,56 +199,59 @@ def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
 
     Raises StaticsError if no supported vertex is left.
     """
-    fixed, same = sheet.between(surface, load.fixed, _given(load.fixed_edges)), sheet.same_vertex()
-    kept = np.flatnonzero(same >= 0)
+    fixed, sheet_vertex = (
+        sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges)),
+        sheet.same_vertex(),
+    )
+    remaining = np.flatnonzero(sheet_vertex >= 0)
     spring = np.zeros((sheet.surface.n, 3))
-    np.add.at(spring, same[kept], load.spring[kept])
+    np.add.at(spring, sheet_vertex[remaining], load.spring[remaining])
     if not (fixed.any() or spring.any()):
         raise StaticsError("no supported vertex is left on the sheet; set pattern.keep to protect the supports")
-    clamped = _within(surface, sheet, load.clamped) if load.clamped.any() else load.clamped[:0]
-    return LoadCase(fixed, np.zeros_like(spring), sheet.between(surface, load.loaded), spring, clamped)
+    clamped = _within_edges(surface, sheet, load.clamped) if load.clamped.any() else load.clamped[:0]
+    return LoadCase(fixed, np.zeros_like(spring), sheet.vertices_between(surface, load.loaded), spring, clamped)
 
 
-def _moved(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
+def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
     """Return forces (n', 3), N, on a sheet, for forces (n, 3) on the vertices of the uncut surface."""
-    same, acting = sheet.same_vertex(), np.flatnonzero((force != 0).any(axis=1))
-    at = same[acting]
-    lost = at < 0
-    if lost.any():
-        found = cKDTree(sheet.surface.V).query(surface.V[acting[lost]])
-        moved, at[lost] = np.asarray(found[0]), np.asarray(found[1])
+    sheet_vertex, acting = sheet.same_vertex(), np.flatnonzero((force != 0).any(axis=1))
+    target = sheet_vertex[acting]
+    is_lost = target < 0
+    if is_lost.any():
+        nearest = cKDTree(sheet.surface.V).query(surface.V[acting[is_lost]])
+        moved, target[is_lost] = np.asarray(nearest[0]), np.asarray(nearest[1])
         if moved.max() > 0.1 * surface.size:  # further away nothing carries a concentrated load
-            place = surface.V[acting[lost][moved.argmax()]].round(3).tolist()
+            place = surface.V[acting[is_lost][moved.argmax()]].round(3).tolist()
             raise StaticsError(
                 f"the load at {place} m finds no material within {moved.max():.3g} m; set pattern.keep to protect loads"
             )
-    there = np.zeros((sheet.surface.n, 3))
-    np.add.at(there, at, force[acting])
-    return there
+    moved_force = np.zeros((sheet.surface.n, 3))
+    np.add.at(moved_force, target, force[acting])
+    return moved_force
 
 
 def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
     """Return vertices of a sheet (n',) that have a support of the uncut surface, springs included."""
-    edges = _given(load.fixed_edges)
-    return sheet.between(surface, load.held, None if edges is None else np.asarray(edges.any(axis=1)))
+    edges = _edges_or_none(load.fixed_edges)
+    return sheet.vertices_between(surface, load.supported, None if edges is None else np.asarray(edges.any(axis=1)))
 
 
-def _given(edges: Bools) -> Bools | None:
+def _edges_or_none(edges: Bools) -> Bools | None:
     """Return held edges, or None if a load case defines none: its vertices decide then."""
     return edges if len(edges) else None
 
 
-def _within(surface: Surface, sheet: Sheet, marked: Bools) -> Bools:
+def _within_edges(surface: Surface, sheet: Sheet, marked: Bools) -> Bools:
     """Return edges of the sheet (e',) that lie within marked edges (e,) of the uncut surface."""
     ends = sheet.surface.edges.ends
-    both = csr_array(sheet.weights[ends[:, 0]] + sheet.weights[ends[:, 1]])
-    both.data[both.data < 1 - ON_SIMPLEX] = 0.0
-    both.eliminate_zeros()
-    both.sort_indices()
-    on_edge = np.flatnonzero(np.diff(both.indptr) == 2)
-    first = both.indptr[on_edge]
-    key = both.indices[first].astype(np.int64) * surface.n + both.indices[first + 1]
-    sought = np.sort(surface.edges.ends[marked], axis=1)
-    found = np.zeros(len(ends), dtype=bool)
-    found[on_edge[np.isin(key, sought[:, 0] * surface.n + sought[:, 1])]] = True
-    return found
+    weight_sums = csr_array(sheet.weights[ends[:, 0]] + sheet.weights[ends[:, 1]])
+    weight_sums.data[weight_sums.data < 1 - ON_SIMPLEX] = 0.0
+    weight_sums.eliminate_zeros()
+    weight_sums.sort_indices()
+    on_edge = np.flatnonzero(np.diff(weight_sums.indptr) == 2)
+    first_entry = weight_sums.indptr[on_edge]
+    key = weight_sums.indices[first_entry].astype(np.int64) * surface.n + weight_sums.indices[first_entry + 1]
+    marked_ends = np.sort(surface.edges.ends[marked], axis=1)
+    is_within = np.zeros(len(ends), dtype=bool)
+    is_within[on_edge[np.isin(key, marked_ends[:, 0] * surface.n + marked_ends[:, 1])]] = True
+    return is_within

@@ -5,31 +5,31 @@ from functools import partial
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, first
+from dsfab.core.arrays import Floats, Ints, first_few
 from dsfab.core.errors import PatternError, SolidError
 from dsfab.core.messages import force, length
 from dsfab.design.finishing import (
-    AGAIN,
-    Finished,
-    Smallest,
+    ROUNDING_ROUNDS,
+    FinishedCells,
+    SmallestWidths,
     finished_cells,
     kept_to_least_widths,
     least_neck,
     merges_slits,
     smallest_widths,
-    taken_rehearsal,
+    take_trial_cut,
 )
 from dsfab.design.log import Log
 from dsfab.design.pattern_measures import largest_filling
-from dsfab.design.sheet_loads import ATTACH, held_vertices, lost_load
+from dsfab.design.sheet_loads import LOST_LOAD_REMEDY, held_vertices, lost_load
 from dsfab.preset.model import Pattern, Preset
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
-from dsfab.slicing import Sheet, cut, improved
+from dsfab.slicing import Sheet, cut, improve_cells
 from dsfab.slicing.measures.widths import kept_cells
 from dsfab.surface import LoadCase, Surface, pieces
-from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, with_extras
+from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, thicken, with_extras
 
-PLATE = 5
+FILLED_PLATE = 5
 """Filled openings side by side that make a plate, which a note reports; the ends of a member have up to three."""
 
 
@@ -39,66 +39,69 @@ def slicing_step(
     """Stage 5: cut the surface, and return the cells and the sheet that remains. Raises PatternError if nothing
     remains.
     """
-    ask = preset.slicing
+    options = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
-        smallest = smallest_widths(pattern.settled(preset), surface)
-        rehearsal = taken_rehearsal(preset, surface, pattern, smallest)
-        cells = rehearsal.cells if rehearsal else cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
-        drawn = cells
+        smallest = smallest_widths(pattern.preset_with_choices(preset), surface)
+        trial_cut = take_trial_cut(preset, surface, pattern, smallest)
+        cells = (
+            trial_cut.cells if trial_cut else cut(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy)
+        )
+        cut_cells = cells
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         merge = merges_slits(preset, pattern)
-        done = finished_cells(preset, cells, ask, smallest, merge, AGAIN, rehearsal)
-        settled, neck = pattern.settled(preset), least_neck(smallest, merge, preset.pattern.fillet)
-        cells = kept_to_least_widths(settled, done.cells, surface, log, merge, neck, rehearsal)
-        better = improved(cells, surface, ask.tolerance) if ask.improve else None
+        finished = finished_cells(preset, cells, options, smallest, merge, ROUNDING_ROUNDS, trial_cut)
+        resolved, neck = pattern.preset_with_choices(preset), least_neck(smallest, merge, preset.pattern.fillet)
+        cells = kept_to_least_widths(resolved, finished.cells, surface, log, merge, neck, trial_cut)
+        better = improve_cells(cells, surface, options.tolerance) if options.improve else None
         cells = better.sheet if better else cells
-        sheet = cells.kept()
-        listed, label = _pieces(surface, sheet, statics.load)
-        built, held = listed, np.array([p.held for p in listed])
-        if ask.loose == "refuse":
-            _refuse_loose(preset, sheet, listed, label)
-        carried = sheet.kept(held[label]) if held.any() and not held.all() else sheet
-        lost = lost_load(surface, sheet, carried, [case.load for case in statics.cases.values()])
-        if ask.loose == "drop" and carried is not sheet:
-            sheet, built = carried, tuple(p for p in listed if p.held)
-    _note_slicing(preset, sheet, listed, statics.load, done.pinches, lost, log)
+        sheet = cells.subset()
+        all_pieces, label = _pieces(surface, sheet, statics.load)
+        kept_pieces, supported = all_pieces, np.array([p.held for p in all_pieces])
+        if options.loose == "refuse":
+            _refuse_loose(preset, sheet, all_pieces, label)
+        supported_sheet = sheet.subset(supported[label]) if supported.any() and not supported.all() else sheet
+        lost_loads = lost_load(surface, sheet, supported_sheet, [case.load for case in statics.cases.values()])
+        if options.loose == "drop" and supported_sheet is not sheet:
+            sheet, kept_pieces = supported_sheet, tuple(p for p in all_pieces if p.held)
+    _note_slicing(preset, sheet, all_pieces, statics.load, finished.pinches, lost_loads, log)
     _note_loads(preset, surface, sheet, statics, log)
-    _note_finishing(preset, done, smallest, drawn.stubs, log)
-    if done.filled + done.merged >= PLATE:
-        _note_plate(preset.pattern, surface, drawn, done.cells, log)
+    _note_finishing(preset, finished, smallest, cut_cells.stubs, log)
+    if finished.filled + finished.merged >= FILLED_PLATE:
+        _note_filled_plate(preset.pattern, surface, cut_cells, finished.cells, log)
     if better:
-        log.note("slicing", better.told)
-    return SlicingResult(cells, sheet, built, done.pinches)
+        log.note("slicing", better.summary)
+    return SlicingResult(cells, sheet, kept_pieces, finished.pinches)
 
 
-def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: int, log: Log) -> None:
+def _note_finishing(preset: Preset, finished: FinishedCells, smallest: SmallestWidths, stubs: int, log: Log) -> None:
     if stubs:
         which = "members that meet past their last crossings, or pass beside a singular point of the stress,"
         log.note("slicing", f"{which} were cut off, straightened or evened at {_places(stubs)}")
-    if done.filled:
+    if finished.filled:
         than = length(smallest.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
-        some, were = (f"{done.filled} openings", "were") if done.filled > 1 else ("an opening", "was")
-        log.note("slicing", f"{some} smaller than {than} {were} filled")
-    if done.merged:
+        openings, verb = (f"{finished.filled} openings", "were") if finished.filled > 1 else ("an opening", "was")
+        log.note("slicing", f"{openings} smaller than {than} {verb} filled")
+    if finished.merged:
         log.note(
-            "slicing", f"{_slits(done.merged)} narrower than the members beside: filled, so that these are one there"
+            "slicing",
+            f"{_slits(finished.merged)} narrower than the members beside: filled, so that these are one there",
         )
-    if done.bridged:
-        log.note("slicing", f"{_bridges(done.bridged)} where openings are narrower than {length(smallest.neck)}")
-    if done.spikes:
-        log.note("slicing", f"{_spikes(done.spikes)} cut off that stuck out into openings")
-    if done.widened:
+    if finished.bridged:
+        log.note("slicing", f"{_bridges(finished.bridged)} where openings are narrower than {length(smallest.neck)}")
+    if finished.spikes:
+        log.note("slicing", f"{_spikes(finished.spikes)} cut off that stuck out into openings")
+    if finished.widened:
         least = length(preset.slicing.min_member or 0)
-        log.note("slicing", f"members were widened to {least} at {_places(done.widened)}")
+        log.note("slicing", f"members were widened to {least} at {_places(finished.widened)}")
     if radius := preset.pattern.fillet:
-        log.note("slicing", _rounded(radius, done.rounded))
+        log.note("slicing", _fillet_message(radius, finished.rounded))
 
 
-def _note_plate(ask: Pattern, surface: Surface, drawn: Sheet, done: Sheet, log: Log) -> None:
-    apart = max(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
-    filling = largest_filling(drawn, done, apart)
-    if filling and filling.openings >= PLATE:
+def _note_filled_plate(options: Pattern, surface: Surface, cut_cells: Sheet, finished: Sheet, log: Log) -> None:
+    spacing = max(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
+    filling = largest_filling(cut_cells, finished, spacing)
+    if filling and filling.openings >= FILLED_PLATE:
         x, y, z = (np.round(filling.place, 2) + 0.0).tolist()
         log.note(
             "slicing",
@@ -128,62 +131,64 @@ def _spikes(count: int) -> str:
     return f"{count} teeth of members were" if count > 1 else "a tooth of a member was"
 
 
-def _rounded(radius: float, found: Floats) -> str:
+def _fillet_message(radius: float, radii: Floats) -> str:
     """Return a note on the radii (k,), metres, of rounded corners, compared with the requested radius."""
-    if not len(found):
+    if not len(radii):
         return f"no corner of an opening was rounded: none has room for a radius of {length(radius)} (pattern.fillet)"
-    told = f"{len(found)} corners of openings were rounded"
-    if np.median(found) < radius / 2:
-        half = length(float(np.median(found)))
-        return f"{told}, half of them with less than {half} for want of room: {length(radius)} was asked"
-    return f"{told} with {length(radius)}, or less for want of room"
+    message = f"{len(radii)} corners of openings were rounded"
+    if np.median(radii) < radius / 2:
+        half = length(float(np.median(radii)))
+        return f"{message}, half of them with less than {half} for want of room: {length(radius)} was asked"
+    return f"{message} with {length(radius)}, or less for want of room"
 
 
 def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
     count, label = pieces(sheet.surface.F, sheet.surface.edges)
     area = np.bincount(label, sheet.surface.areas, count)
     marks = []
-    for mark in (held_vertices(surface, sheet, load), sheet.between(surface, load.loaded)):
+    for mark in (held_vertices(surface, sheet, load), sheet.vertices_between(surface, load.loaded)):
         marks.append(np.bincount(label, mark[sheet.surface.F].any(axis=1), count) > 0)
     listed = tuple(Piece(float(area[k]), bool(marks[0][k]), bool(marks[1][k])) for k in range(count))
     return listed, label
 
 
-def _alone(preset: Preset) -> str:
+def _one_family_hint(preset: Preset) -> str:
     name = preset.pattern.families
     return "" if name == "both" else f": the {name} family alone has no crossings; set pattern.rim, or draw both"
 
 
-def _refuse_loose(preset: Preset, sheet: Sheet, listed: tuple[Piece, ...], label: Ints) -> None:
-    loose = [k for k, piece in enumerate(listed) if not piece.held]
+def _refuse_loose(preset: Preset, sheet: Sheet, all_pieces: tuple[Piece, ...], label: Ints) -> None:
+    loose = [k for k, piece in enumerate(all_pieces) if not piece.held]
     if loose:
-        largest = max(loose, key=lambda k: listed[k].area)
+        largest = max(loose, key=lambda k: all_pieces[k].area)
         x, y, z = sheet.surface.centroids[int((label == largest).argmax())]
         raise PatternError(
-            f"{len(loose)} of {len(listed)} pieces reach no support, the largest ({listed[largest].area:.3g} m2) near "
+            f"{len(loose)} of {len(all_pieces)} pieces reach no support, the largest "
+            f"({all_pieces[largest].area:.3g} m2) near "
             f"({x:.3g}, {y:.3g}, {z:.3g}) m"
-            + (_alone(preset) or "; lower the thresholds, set pattern.rim or pattern.keep, or slicing.loose")
+            + (_one_family_hint(preset) or "; lower the thresholds, set pattern.rim or pattern.keep, or slicing.loose")
         )
 
 
 def _note_slicing(
-    preset: Preset, sheet: Sheet, listed: tuple[Piece, ...], load: LoadCase, pinches: int, lost: str, log: Log
+    preset: Preset, sheet: Sheet, all_pieces: tuple[Piece, ...], load: LoadCase, pinches: int, lost: str, log: Log
 ) -> None:
-    loose = [piece for piece in listed if not piece.held]
+    loose = [piece for piece in all_pieces if not piece.held]
     if loose:
         area = sum(piece.area for piece in loose)
-        done = "dropped" if preset.slicing.loose == "drop" and len(loose) < len(listed) else "kept"
-        told = f"{len(loose)} of {len(listed)} pieces reach no support and were {done} ({area:.3g} m2)"
-        log.note("slicing", f"{told}{_alone(preset)}")
+        outcome = "dropped" if preset.slicing.loose == "drop" and len(loose) < len(all_pieces) else "kept"
+        message = f"{len(loose)} of {len(all_pieces)} pieces reach no support and were {outcome} ({area:.3g} m2)"
+        log.note("slicing", f"{message}{_one_family_hint(preset)}")
     if pinches:
         log.note("slicing", f"{_contacts(pinches)} {'joined' if preset.slicing.pinch == 'join' else 'split'}")
-    bare = np.flatnonzero(load.loaded & (sheet.same_vertex() < 0))
+    unsupported_loads = np.flatnonzero(load.loaded & (sheet.same_vertex() < 0))
     if lost:
-        log.note("slicing", f"{lost}: nothing carries it; {ATTACH}")
-    elif len(bare):
+        log.note("slicing", f"{lost}: nothing carries it; {LOST_LOAD_REMEDY}")
+    elif len(unsupported_loads):
         log.note(
             "slicing",
-            f"{len(bare)} of {load.loaded.sum()} loaded points lie on removed material (vertices {first(bare, 3)}); "
+            f"{len(unsupported_loads)} of {load.loaded.sum()} loaded points lie on removed material (vertices "
+            f"{first_few(unsupported_loads, 3)}); "
             "set pattern.keep to protect them",
         )
     total = load.spring.sum()
@@ -194,13 +199,15 @@ def _note_slicing(
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
     """Note loads on the cut sheet that differ from those of the uncut sheet, which gave the directions."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
-    if any(one.weight.any() for one in parts):
-        whole, left = (force(preset.statics.weight * area) for area in (surface.area, sheet.surface.area))
-        told = f"the cut sheet weighs {left}, and is judged and compared with that"
+    if any(part.weight.any() for part in parts):
+        uncut_weight, sheet_weight = (
+            force(preset.statics.area_weight * area) for area in (surface.area, sheet.surface.area)
+        )
+        message = f"the cut sheet weighs {sheet_weight}, and is judged and compared with that"
         if not preset.pattern.rounds:  # else the pattern tells with which weight they were sought
-            told += f"; the directions were sought with {whole}, the weight of the uncut sheet"
-        log.note("slicing", told)
-    if any(one.bare.any() for one in parts):
+            message += f"; the directions were sought with {uncut_weight}, the weight of the uncut sheet"
+        log.note("slicing", message)
+    if any(part.bare.any() for part in parts):
         log.note("slicing", "what is not covered acts on the members alone; the directions were sought with all of it")
 
 
@@ -209,28 +216,28 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
 
     Raises SolidError if the surface bends too sharply for the thickness.
     """
-    ask = preset.thickening
+    options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
-        offset = offsets(surface, preset.statics.thickness, ask.side)
-        if offset.smallest < ask.thinnest:
+        offset = offsets(surface, preset.statics.thickness, options.side)
+        if offset.smallest < options.thinnest:
             x, y, z = surface.V[offset.tightest]
             raise SolidError(
                 f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that the sheet would be thinned to "
-                f"{offset.smallest:.0%} of its thickness (allowed: {ask.thinnest:.0%}); make "
+                f"{offset.smallest:.0%} of its thickness (allowed: {options.thinnest:.0%}); make "
                 "statics.thickness smaller, smooth the surface, or lower thickening.thinnest"
             )
         D = slicing.sheet.carry_corners(offset.at_corners(surface.F), surface.F)
         cells = slicing.cells
-        layer = OffsetLayer(surface, offset.D, cells.surface, cells.carry(offset.D), cells.parent, ask.side)
-        proven = apart(layer)[kept_cells(cells, slicing.sheet)]
-        solid = thicken(slicing.sheet.surface, D, ask.side, proven)
+        layer = OffsetLayer(surface, offset.D, cells.surface, cells.carry(offset.D), cells.parent, options.side)
+        proven = proven_cells(layer)[kept_cells(cells, slicing.sheet)]
+        solid = thicken(slicing.sheet.surface, D, options.side, proven)
         solid = replace(solid, repairs=replace(solid.repairs, limited=offset.limited, smallest=offset.smallest))
         solid = with_extras(
-            solid, ask.extra, Base(surface, slicing.sheet.surface, partial(slicing.sheet.between, surface))
+            solid, options.extra, Base(surface, slicing.sheet.surface, partial(slicing.sheet.vertices_between, surface))
         )
-    if ask.strict and solid.repairs.pairs:
-        told = next(text for text in reversed(solid.notes) if "intersect" in text)
-        raise SolidError(f"{told}; thickening.strict refuses such a solid: make the sheet thinner there")
+    if options.strict and solid.repairs.pairs:
+        message = next(text for text in reversed(solid.notes) if "intersect" in text)
+        raise SolidError(f"{message}; thickening.strict refuses such a solid: make the sheet thinner there")
     if offset.limited:
         log.note(
             "thickening",

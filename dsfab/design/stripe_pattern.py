@@ -14,14 +14,14 @@ from dsfab.design.finishing import (
     added_share,
     bridged_share,
     closed_share,
-    drawn_member,
-    rehearsed_closed_share,
-    slimmest,
+    least_drawn_member,
+    least_member,
+    trial_closed_share,
 )
-from dsfab.design.kept_material import SHARE_TOLERANCE, corrected, kept_regions, tidy_of
+from dsfab.design.kept_material import SHARE_TOLERANCE, corrected_pattern, kept_regions, tidy_of
 from dsfab.design.log import Log
 from dsfab.pattern import (
-    Drawable,
+    DrawableFamily,
     EvenFamily,
     Layer,
     ModeFamily,
@@ -73,7 +73,7 @@ class WidthSearch(NamedTuple):
 
 
 @dataclass
-class _Shares:
+class _MeasuredShares:
     """Cut layers and return the share of the surface that they keep.
 
     reached : all shares.    layers, polygons : the latest layers, and the surface cut along them.
@@ -94,9 +94,9 @@ class _Shares:
         self.reached.append(self.polygons.material_area / surface.area)
         return self.reached[-1]
 
-    def nearest(self, wanted: float) -> float:
+    def nearest(self, target: float) -> float:
         """Return the measured share nearest to a target."""
-        return min(self.reached, key=lambda one: abs(one - wanted))
+        return min(self.reached, key=lambda one: abs(one - target))
 
     def forget(self) -> None:
         """Drop the latest layers."""
@@ -105,7 +105,7 @@ class _Shares:
 
 def pattern_step(
     preset: Preset,
-    given: StressedSurface,
+    analysis: StressedSurface,
     log: Log,
     choice: Choice | None = None,
     grading: Floats | None = None,
@@ -116,67 +116,67 @@ def pattern_step(
     preset  : with modes and phases chosen.    choice : of these, if they were `auto`.
     grading, even : (n, f), and evenly spaced stripes; see `drawable_families`.
     """
-    ask, surface = preset.pattern, given.surface
+    options, surface = preset.pattern, analysis.surface
     with log.stage("pattern", "drawing stripes"):
-        kept = kept_regions(preset, surface, given.load, even)
+        kept_layers = kept_regions(preset, surface, analysis.load, even)
         widths = member_widths(preset, surface)
-        families = striped_families(preset, given, widths.radius, grading, even)
+        families = drawable_families(preset, analysis, widths.radius, grading, even)
         if not even:
             _note_spacings(preset, families, log)
-        counted = counted_share(surface, kept, COUNTED) if ask.width.solid_fraction else None
-        share = _Shares(preset, given)
+        counted = counted_share(surface, kept_layers, COUNTED) if options.width.solid_fraction else None
+        share = _MeasuredShares(preset, analysis)
 
-        def made(added: float = 0.0, guess: float = 0.0) -> PatternResult:
+        def draw(measure_added: float = 0.0, guess: float = 0.0) -> PatternResult:
             share.reached.clear()
-            search = WidthSearch(share, SHARE_TOLERANCE, guess, None if guess else counted, added)
-            layers, factor = solved_layers(preset, surface, kept, families, search)
+            search = WidthSearch(share, SHARE_TOLERANCE, guess, None if guess else counted, measure_added)
+            layers, factor = solved_layers(preset, surface, kept_layers, families, search)
             if share.layers is not layers:
                 share.forget()
-            tidy = tidy_of(preset, given, layers)
-            found = pattern_of(preset, families, layers)
-            return replace(found, factor=factor, choice=choice, even=even, tidy=tidy)
+            tidy = tidy_of(preset, analysis, layers)
+            pattern = pattern_result(preset, families, layers)
+            return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy)
 
-        if not (wanted := ask.width.solid_fraction):
-            return made()
-        finished = bool(ask.fillet or even or ask.tidied)
-        if not (finished or ask.for_workshop):
-            result, total = made(), share.nearest(wanted)
+        if not (requested := options.width.solid_fraction):
+            return draw()
+        finished = bool(options.fillet or even or options.removes_loose_ends)
+        if not (finished or options.for_workshop):
+            result, total = draw(), share.nearest(requested)
         else:
-            more = added_share if finished else closed_share
+            measure_share = added_share if finished else closed_share
 
-            def added(one: PatternResult) -> float:
-                return more(preset, surface, one, share.polygons)
+            def measure_added(pattern: PatternResult) -> float:
+                return measure_share(preset, surface, pattern, share.polygons)
 
-            def bridged() -> float:
-                return bridged_share(surface) + rehearsed_closed_share(preset, surface) if finished else 0.0
+            def measure_bridges() -> float:
+                return bridged_share(surface) + trial_closed_share(preset, surface) if finished else 0.0
 
-            result, total = corrected(ask.width, made, share.nearest, added, bridged)
-        log.note("pattern", _solved(preset, widths, result.factor, total))
+            result, total = corrected_pattern(options.width, draw, share.nearest, measure_added, measure_bridges)
+        log.note("pattern", _solved_width_message(preset, widths, result.factor, total))
     return result
 
 
 def sketched_step(
     preset: Preset,
-    given: StressedSurface,
+    analysis: StressedSurface,
     choice: Choice | None = None,
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
     """Return `pattern_step` with widths by a count of points, without any cut."""
-    surface = given.surface
-    kept = kept_regions(preset, surface, given.load, even)
-    families = striped_families(preset, given, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept, COUNTED), 4e-3)  # counts are off by as much
-    layers, factor = solved_layers(preset, surface, kept, families, search)
-    found = pattern_of(preset, families, layers)
-    return replace(found, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, given, layers))
+    surface = analysis.surface
+    kept_layers = kept_regions(preset, surface, analysis.load, even)
+    families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
+    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # counts are off by as much
+    layers, factor = solved_layers(preset, surface, kept_layers, families, search)
+    pattern = pattern_result(preset, families, layers)
+    return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, analysis, layers))
 
 
 def member_widths(preset: Preset, surface: Surface) -> Widths:
     """Return the rule of [pattern.width], with default bounds if the preset sets none."""
-    ask = preset.pattern
-    bounded = ask.method == "stripes" and ask.width.rule in ("graded", "stressed")
-    return ask.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
+    options = preset.pattern
+    bounded = options.method == "stripes" and options.width.rule in ("graded", "stressed")
+    return options.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
@@ -186,61 +186,65 @@ def least_width(preset: Preset, surface: Surface) -> float:
     slicing would widen each of them, which is slow, and the added material would come off members with more force.
     """
     stressed = preset.pattern.width.rule == "stressed"
-    least = drawn_member(preset, surface) if stressed else preset.statics.thickness
-    return min(least, slimmest(preset.pattern, surface))
+    least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
+    return min(least, least_member(preset.pattern, surface))
 
 
-def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:
+def _note_spacings(preset: Preset, families: Sequence[DrawableFamily], log: Log) -> None:
     for family in families:
         if spacing := getattr(preset.pattern, family.name).spacing:
-            told = f"spacing {spacing:g} m: frequency of the {family.name} stripes became"
-            log.note("pattern", f"{told} {family.stripes.frequency:.4g}")
+            message = f"spacing {spacing:g} m: frequency of the {family.name} stripes became"
+            log.note("pattern", f"{message} {family.stripes.frequency:.4g}")
 
 
-def pattern_of(preset: Preset, families: Sequence[Drawable], layers: Sequence[Layer]) -> PatternResult:
+def pattern_result(preset: Preset, families: Sequence[DrawableFamily], layers: Sequence[Layer]) -> PatternResult:
     """Return the pattern of layers that are cut together, with the numbers of its families."""
-    ask = preset.pattern
+    options = preset.pattern
     names, fields, levels, half_widths, _ = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
-    major, minor = (stripes.get(name, getattr(ask, name).stripes) for name in FAMILIES)
-    modes = ask.major.number, ask.minor.number
+    major, minor = (stripes.get(name, getattr(options, name).stripes) for name in FAMILIES)
+    modes = options.major.number, options.minor.number
     frequencies, phases = (major.frequency, minor.frequency), (major.phase, minor.phase)
     return PatternResult(names, fields, levels, half_widths, frequency=frequencies, mode=modes, phase=phases)
 
 
 def solved_layers(
-    preset: Preset, surface: Surface, kept: Sequence[Layer], families: Sequence[Drawable], search: WidthSearch
+    preset: Preset,
+    surface: Surface,
+    kept_layers: Sequence[Layer],
+    families: Sequence[DrawableFamily],
+    search: WidthSearch,
 ) -> tuple[list[Layer], float]:
     """Return kept layers and stripes with the requested share, and the multiplier of their widths.
 
     Raises PatternError if no widths give that share.
     """
     width, widths = preset.pattern.width, member_widths(preset, surface)
-    factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
+    factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
 
     def layers(factor: float, closing: float = 0.0) -> list[Layer]:
-        return [*kept, *stripe_layers(families, widths, factor, closing)]
+        return [*kept_layers, *stripe_layers(families, widths, factor, closing)]
 
     share, tolerance, guess, counted, added = search
     if width.solid_fraction:
-        wanted = width.solid_fraction - added
-        slope = 0.85 * wanted if guess else 0.0  # less than 1, because crossings belong to both families
+        requested = width.solid_fraction - added
+        slope = 0.85 * requested if guess else 0.0  # less than 1, because crossings belong to both families
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
-            counted = counted_share(surface, kept, COUNTED)  # widths decide which openings close
+            counted = counted_share(surface, kept_layers, COUNTED)  # widths decide which openings close
         if counted is not None:
             with suppress(PatternError):  # the search below has the better message
-                factor *= solved_factor(lambda relative: counted(layers(factor * relative)), wanted, SHARE_TOLERANCE)
+                factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
 
         def solve(share_of: Callable[[float], float]) -> float:
-            return solved_factor(share_of, wanted, tolerance, slope, bool(guess), jump)
+            return solved_factor(share_of, requested, tolerance, slope, bool(guess), jump)
 
-        return _reached(layers, share, factor, solve)
+        return _layers_with_share(layers, share, factor, solve)
     return layers(factor), factor
 
 
-def _reached(
+def _layers_with_share(
     layers: Callable[[float, float], list[Layer]],
     share: Callable[[Sequence[Layer]], float],
     factor: float,
@@ -255,28 +259,28 @@ def _reached(
     is about to close, and if the widths are more than 2.5 times off those that decided the openings. Many closed
     openings with thin stripes have the same share as few with thick ones.
     """
-    refused, far = list[PatternError](), list[tuple[float, float, list[Layer]]]()
+    refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
-        drawn = _LastDrawn(layers, factor, closing)
+        cache = _CachedLayers(layers, factor, closing)
         try:
-            relative = solve(lambda x: share(drawn.at(x)))  # noqa: B023
+            relative = solve(lambda x: share(cache.layers_at(x)))  # noqa: B023
         except PatternError as error:
             refused.append(error)
         else:
-            found, off = drawn.at(relative), abs(float(np.log(max(relative, EXACT) * factor / closing)))
-            if off < np.log(2.5) or all(layer.closed is None for layer in found):
-                return found, factor * relative
-            far.append((off, factor * relative, found))
-    if far:
-        _, nearest, found = min(far, key=lambda one: one[0])
-        return found, nearest
+            solution, distance = cache.layers_at(relative), abs(float(np.log(max(relative, EXACT) * factor / closing)))
+            if distance < np.log(2.5) or all(layer.closed is None for layer in solution):
+                return solution, factor * relative
+            distant.append((distance, factor * relative, solution))
+    if distant:
+        _, nearest, solution = min(distant, key=lambda one: one[0])
+        return solution, nearest
     if isinstance(refused[0], ShareJumpError):
         raise PatternError(f"{refused[0]}, or allow more with pattern.width.solid_fraction_tolerance")
     raise refused[0]
 
 
 @dataclass
-class _LastDrawn:
+class _CachedLayers:
     """Layers at multiples of a factor, with a cache of the latest, which the search mostly returns."""
 
     layers: Callable[[float, float], list[Layer]]
@@ -284,20 +288,20 @@ class _LastDrawn:
     closing: float
     last: tuple[float, list[Layer]] = (-1.0, [])
 
-    def at(self, relative: float) -> list[Layer]:
+    def layers_at(self, relative: float) -> list[Layer]:
         """Return the layers whose widths are `relative` times the factor."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]
 
 
-def striped_families(
+def drawable_families(
     preset: Preset,
-    given: StressedSurface,
+    analysis: StressedSurface,
     radius: float = 0.0,
     grading: Floats | None = None,
     even: EvenStripes | None = None,
-) -> Sequence[Drawable]:
+) -> Sequence[DrawableFamily]:
     """Return the families of stripes; major stripes run along the primary stress, minor ones along the secondary.
 
     radius  : metres over which slopes are averaged, see `Widths.radius`.
@@ -306,19 +310,19 @@ def striped_families(
 
     Raises PatternError for a mode that was not computed.
     """
-    surface, diffusion = given.surface, given.diffusion
-    ask, families = preset.pattern, list[Drawable]()
-    stress: list[Floats | None] = [None] * len(ask.family_names)
-    if ask.width.rule in ("graded", "stressed"):
+    surface, diffusion = analysis.surface, analysis.diffusion
+    options, families = preset.pattern, list[DrawableFamily]()
+    stress: list[Floats | None] = [None] * len(options.family_names)
+    if options.width.rule in ("graded", "stressed"):
         sizes = stripe_stresses(surface, diffusion, even)
-        sizes = sizes[:, [FAMILIES.index(name) for name in ask.family_names]]
-        if ask.width.rule == "stressed":
-            sizes = sizes**ask.width.q if grading is None else grading
+        sizes = sizes[:, [FAMILIES.index(name) for name in options.family_names]]
+        if options.width.rule == "stressed":
+            sizes = sizes**options.width.q if grading is None else grading
         stress = list(sizes.T)
     if even is not None:
         return _even_families(preset, surface, even, stress)
-    for name, along in zip(ask.family_names, stress, strict=True):
-        family, modes = getattr(ask, name), getattr(diffusion, name)
+    for name, along in zip(options.family_names, stress, strict=True):
+        family, modes = getattr(options, name), getattr(diffusion, name)
         if family.number > len(modes.lam):
             raise PatternError(
                 f"pattern.{name}.mode = {family.number} but only diffusion.modes = {len(modes.lam)} are computed; "
@@ -327,7 +331,7 @@ def striped_families(
         x, stripes = modes.mode(family.number), family.stripes
         if family.spacing:
             stripes = replace(stripes, frequency=frequency_for(surface, x, family.spacing))
-        families.append(ModeFamily.on(surface, name, stripes, x, along, radius))
+        families.append(ModeFamily.from_mode(surface, name, stripes, x, along, radius))
     return families
 
 
@@ -340,38 +344,44 @@ def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStri
     if even is not None and even.steered:
         along = even.steered.along[:, None]
         sizes = along * sizes + (1 - along) * sizes[:, ::-1]
-    found = relative_stresses(surface, sizes)
-    return even.symmetry.mean(found) if even is not None and even.symmetry is not None else found
+    relative = relative_stresses(surface, sizes)
+    return even.symmetry.mean(relative) if even is not None and even.symmetry is not None else relative
 
 
 def _even_families(
     preset: Preset, surface: Surface, even: EvenStripes, stress: Sequence[Floats | None]
-) -> list[Drawable]:
-    made: list[Drawable] = []
-    for name, given in zip(preset.pattern.family_names, stress, strict=True):
+) -> list[DrawableFamily]:
+    families: list[DrawableFamily] = []
+    for name, relative_stress in zip(preset.pattern.family_names, stress, strict=True):
         k, stripes = FAMILIES.index(name), Stripes(1.0, 0.0, getattr(preset.pattern, name).threshold)
-        along = np.ones(surface.n) if given is None else given
+        along = np.ones(surface.n) if relative_stress is None else relative_stress
         columns = even.slope[:, k], even.density[:, k], along
-        made.append(
+        families.append(
             EvenFamily(
-                name, stripes, even.phases[k], even.wanted[k], *columns, int(k != even.first), preset.pattern.tidied
+                name,
+                stripes,
+                even.phases[k],
+                even.wanted[k],
+                *columns,
+                int(k != even.first),
+                preset.pattern.removes_loose_ends,
             )
         )
-    return made
+    return families
 
 
-def _solved(preset: Preset, widths: Widths, factor: float, share: float) -> str:
+def _solved_width_message(preset: Preset, widths: Widths, factor: float, share: float) -> str:
     """Return a note on the widths for the requested share of material, and on the share if it was missed."""
-    ask = preset.pattern
+    options = preset.pattern
     if widths.rule == "constant":
         became = f"members are {length(factor * widths.member)} wide"
     elif widths.rule == "plain":
-        drawn = [family.stripes.widened(factor).threshold for family in ask.drawn]
-        became = f"the thresholds became {' and '.join(f'{one:.3f}' for one in drawn)}"
-        became = became if len(drawn) > 1 else became.replace("thresholds", "threshold")
+        thresholds = [family.stripes.with_width_factor(factor).threshold for family in options.drawn_families]
+        became = f"the thresholds became {' and '.join(f'{threshold:.3f}' for threshold in thresholds)}"
+        became = became if len(thresholds) > 1 else became.replace("thresholds", "threshold")
     else:
         became = f"the {widths.rule} widths were multiplied by {factor:.3g}"
-    told = f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"
-    if abs(share - ask.width.solid_fraction) <= SHARE_TOLERANCE + EXACT:
-        return told
-    return f"{told}; {share:.2%} is the nearest: the share jumps there, as ends of members come and go"
+    message = f"{became} for solid_fraction = {options.width.solid_fraction:.1%}"
+    if abs(share - options.width.solid_fraction) <= SHARE_TOLERANCE + EXACT:
+        return message
+    return f"{message}; {share:.2%} is the nearest: the share jumps there, as ends of members come and go"

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import SurfaceError
-from dsfab.core.limits import FACETS, PRECISE, USUAL_SIZE
+from dsfab.core.limits import FACETS, REPORTED_RESIDUAL, USUAL_SIZE
 from dsfab.core.messages import coordinates, length
 from dsfab.design.buildability import objections, off_surface
 from dsfab.design.log import Log
@@ -21,26 +21,26 @@ from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface
 from dsfab.results import CaseResult, StaticsResult
 from dsfab.statics import (
     Answers,
-    Ask,
     Elements,
     Equilibrium,
     Factor,
-    FactorOf,
-    KeptFactor,
+    FactorCache,
+    FactorFunction,
+    ResultRequest,
     SheetModel,
     SheetStress,
     SolvedCase,
     equilibria,
     facet_number,
     flat_axis,
-    needles_told,
+    needle_message,
     sheet_answers,
     sheet_stiffness,
     sheet_stress,
     solve_for,
     stress,
 )
-from dsfab.surface import SizeField, Surface, change_sizes, coincident, pieces, twin_remarks
+from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel_remarks, pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class SolvedSheet:
     acting: Sequence[Loading]
     plane: bool
     made: Mapping[Elements, csr_array]
-    factor_of: FactorOf
+    factor_of: FactorFunction
     answers: Sequence[Equilibrium]
     sigma: Sequence[Floats]
 
@@ -72,26 +72,26 @@ def solved_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Lo
     plane = flat_axis(surface, *loads) is not None
     elements = sheet.elements.in_plane if plane else sheet.elements
     K = sheet_stiffness(SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law), elements, log.row)
-    factor_of = _timed(sheet.ask.factor_of(sheet.elements), log)
+    factor_of = _timed_factor(sheet.analyses.factor_for(sheet.elements), log)
     with log.row("statics"):
         sums = [[ld.factors.get(case.name, 0.0) for case in solved] for ld in acting if ld.factors is not None]
-        found = equilibria(surface, K, loads, elements, spreads=spreads, sums=sums, factor_of=factor_of)
+        answers = equilibria(surface, K, loads, elements, spreads=spreads, sums=sums, factor_of=factor_of)
     with log.row("stress"):
-        sigma = [stress(surface, sheet.elastic, a.u, sheet.law, a.bubbles) for a in found]
-    return SolvedSheet(acting, plane, {elements: K}, factor_of, found, sigma)
+        sigma = [stress(surface, sheet.elastic, a.u, sheet.law, a.bubbles) for a in answers]
+    return SolvedSheet(acting, plane, {elements: K}, factor_of, answers, sigma)
 
 
-def _timed(factor_of: FactorOf, log: Log) -> FactorOf:
+def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
     """Add the seconds of a factorisation to the row `factor`: they are part of the row of the caller."""
 
-    def timed(surface: Surface, K: csr_array, held: Bools) -> Factor:
+    def factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
         with log.row("factor"):
-            return factor_of(surface, K, held)
+            return factor_of(surface, K, is_held)
 
-    return timed
+    return factor
 
 
-ANSWERED = 200_000
+MOST_VERTICES = 200_000
 """Most vertices for which better elements replace hinges. Their factor takes 17 GB at 250,000 (hinges: 3.6 GB) and four
 times the time of the other stages: a design with a million vertices, which needs 16 GB, would never end.
 """
@@ -103,48 +103,55 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
     rough : stress and energy alone, by the elements that solved it.
     """
     sheet = preset.statics
-    model, made = sheet.sheet().on(surface), dict(solved.made)
+    model, matrices = sheet.sheet().model_for(surface), dict(solved.made)
 
     def stiffness(elements: Elements) -> csr_array:
-        if elements not in made:
-            made[elements] = sheet_stiffness(model, elements)
-        return made[elements]
+        if elements not in matrices:
+            matrices[elements] = sheet_stiffness(model, elements)
+        return matrices[elements]
 
-    again, (ask, refusals) = KeptFactor(2), (Ask(), ()) if rough else _affordable(sheet, surface, log)
-    if ask and log.progress:
-        log.progress("statics", f"answering by {ask.elements(sheet.elements)} elements")
-    found: list[Answers] = []
+    other_factors, (requested, refusals) = (
+        FactorCache(2),
+        (ResultRequest(), ()) if rough else _affordable_results(sheet, surface, log),
+    )
+    if requested and log.progress:
+        log.progress("statics", f"answering by {requested.elements_for(sheet.elements)} elements")
+    results: list[Answers] = []
     with log.row("answers"):
         for loading, answer in zip(solved.acting, solved.answers, strict=True):
             # loads do not change how the sheet swings
-            asked = replace(ask, frequencies=0) if found else ask
+            case_request = replace(requested, frequencies=0) if results else requested
             case = SolvedCase(loading.load, loading.spread, answer, sheet.elements, solved.factor_of, solved.plane)
-            one = sheet_answers(model, case, stiffness, asked, again)
-            one = replace(one, refusals=(*one.refusals, *refusals))
-            found.append(replace(one, vibration=found[0].vibration) if found else one)
-    told = [(loading.name, answers) for loading, answers in zip(solved.acting, found, strict=True)]
-    strong = preset.judged_in("ULS", [name for name, _ in told if name])
-    _note([(name, answers) for name, answers in told if name in strong], ask, sheet, surface, log)
-    return found
+            result = sheet_answers(model, case, stiffness, case_request, other_factors)
+            result = replace(result, refusals=(*result.refusals, *refusals))
+            results.append(replace(result, vibration=results[0].vibration) if results else result)
+    named_answers = [(loading.name, answers) for loading, answers in zip(solved.acting, results, strict=True)]
+    strong = preset.judged_in("ULS", [name for name, _ in named_answers if name])
+    _note_answers(
+        [(name, answers) for name, answers in named_answers if name in strong], requested, sheet, surface, log
+    )
+    return results
 
 
-def _affordable(sheet: Statics, surface: Surface, log: Log) -> tuple[Ask, tuple[str, ...]]:
+def _affordable_results(sheet: Statics, surface: Surface, log: Log) -> tuple[ResultRequest, tuple[str, ...]]:
     """Return the results that a mesh of that size allows, and why modes are refused; note that stress is by hinges."""
-    ask = sheet.ask
-    if surface.n <= ANSWERED or ask.elements(sheet.elements) == sheet.elements:
-        return ask, ()
-    why = f"{surface.n:,} vertices are too many for the elements that they need, {ANSWERED:,} are allowed"
+    requested = sheet.analyses
+    if surface.n <= MOST_VERTICES or requested.elements_for(sheet.elements) == sheet.elements:
+        return requested, ()
+    why = f"{surface.n:,} vertices are too many for the elements that they need, {MOST_VERTICES:,} are allowed"
     log.note(
         "statics",
         f"the stress of the uncut sheet is that of {sheet.elements} elements, a rough one: {why}; build a coarser mesh "
         "(surface.edge) to have it",
     )
-    return Ask(), (f"no natural frequencies, no buckling factors: {why}",) if ask.modes else ()
+    return ResultRequest(), (f"no natural frequencies, no buckling factors: {why}",) if requested.modes else ()
 
 
-def _note(told: Sequence[tuple[str, Answers]], ask: Ask, sheet: Statics, surface: Surface, log: Log) -> None:
-    elements = told[0][1].elements
-    if ask and ask.elements(sheet.elements) != sheet.elements:
+def _note_answers(
+    named_answers: Sequence[tuple[str, Answers]], requested: ResultRequest, sheet: Statics, surface: Surface, log: Log
+) -> None:
+    elements = named_answers[0][1].elements
+    if requested and requested.elements_for(sheet.elements) != sheet.elements:
         why = "hinge bending is fit for directions only"
         if sheet.bending != "hinge":
             why = f"{sheet.elements} is not accurate enough to be reported from"
@@ -153,18 +160,18 @@ def _note(told: Sequence[tuple[str, Answers]], ask: Ask, sheet: Statics, surface
             f"stress, energy, frequencies and buckling are those of {elements} elements on the same mesh: {why}",
         )
     facets = facet_number(surface, sheet.thickness)
-    if ask and elements.bending == "hhj" and facets > FACETS:
+    if requested and elements.bending == "hhj" and facets > FACETS:
         log.note(
             "statics",
             f"flat faces bend by themselves under pressure and weight (edge x fold / thickness = {facets:.2g}, better "
             f"under {FACETS}): the largest stress is too high by up to that share; make the mesh finer (surface.edge, "
             "or surface.refine with smooth)",
         )
-    for name, answers in told:
-        _note_case(f" under {name}" if len(told) > 1 else "", answers, sheet, log)
+    for name, answers in named_answers:
+        _note_case_answers(f" under {name}" if len(named_answers) > 1 else "", answers, sheet, log)
 
 
-def _note_case(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
+def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
     if answers.assumed:
         log.note("statics", f"frequencies and buckling{under} are those of a sheet out of its plane: {answers.assumed}")
     for refusal in answers.refusals:
@@ -185,7 +192,7 @@ def _note_case(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
         )
 
 
-BENDS = 0.5
+BENDING_SHARE = 0.5
 """`auto` follows all layers if bending stores at least this share of the strain energy."""
 
 
@@ -210,25 +217,30 @@ def followed_layers(
 
     Raises StaticsError if elements that are fit for moments cannot solve the sheet.
     """
-    ask = preset.statics.stress
+    option = preset.statics.stress
     if is_slab(surface, answers):
-        lower = [stress.tensor("bottom") for stress in _moments(preset, surface, acting, answers)]
+        lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
         return FollowedStress(
             lower, None, "the sheet is flat and bends: the pattern follows the stress at its lower side"
         )
     share = bending_share(preset, surface, acting, answers)
-    if ask == "layers" or (ask == "auto" and share >= BENDS):
-        stresses = _moments(preset, surface, acting, answers)
-        told = f"the pattern follows the stress of all layers of the sheet: bending stores {share:.0%} of its energy"
+    if option == "layers" or (option == "auto" and share >= BENDING_SHARE):
+        stresses = _moment_stresses(preset, surface, acting, answers)
+        message = f"the pattern follows the stress of all layers of the sheet: bending stores {share:.0%} of its energy"
         return FollowedStress(
-            sigma, [layer_stress(surface, one.tensor("middle"), _bent(one)) for one in stresses], told
+            sigma,
+            [
+                layer_stress(surface, sheet_stress.tensor("middle"), _bending_stress(sheet_stress))
+                for sheet_stress in stresses
+            ],
+            message,
         )
-    if ask == "membrane" and share >= BENDS:
-        told = (
+    if option == "membrane" and share >= BENDING_SHARE:
+        message = (
             f"bending stores {share:.0%} of the sheet's energy, and the pattern follows its middle surface, which that "
             'does not stress; judge it beside statics.stress = "layers": either may be the stiffer'
         )
-        return FollowedStress(sigma, None, told)
+        return FollowedStress(sigma, None, message)
     return FollowedStress(sigma)
 
 
@@ -237,32 +249,33 @@ def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], a
 
     `hinge` elements give a rough figure only (see `hinge_energy`).
     """
-    weights = [preset.followed.get(loading.name, 0.0) for loading in acting]
+    weights = [preset.followed_weights.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
-    whole = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
-    return bent / whole if whole > 0 else 0.0
+    total = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
+    return bent / total if total > 0 else 0.0
 
 
 def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
     """Return whether the surface is flat and its middle almost free of stress under all loadings."""
-    stresses = [each.stress for each in answers]
+    stresses = [answer.stress for answer in answers]
     return surface.is_flat and only_bends(
-        np.stack([one.membrane for one in stresses]), np.stack([one.bending for one in stresses])
+        np.stack([case_stress.membrane for case_stress in stresses]),
+        np.stack([case_stress.bending for case_stress in stresses]),
     )
 
 
-def _moments(
+def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
     """Return the stress under each loading. The sheet is solved again if hinges solved it: they scatter too much."""
     if answers[0].elements.bending != "hinge":
-        return [each.stress for each in answers]
-    model = preset.statics.sheet().on(surface)
+        return [answer.stress for answer in answers]
+    model = preset.statics.sheet().model_for(surface)
     solved = solve_for(model, {str(k): loading.load for k, loading in enumerate(acting)}, "stress")
-    return [sheet_stress(model, one.elements, one) for one in solved.values()]
+    return [sheet_stress(model, solution.elements, solution) for solution in solved.values()]
 
 
-def _bent(stress: SheetStress) -> Floats:
+def _bending_stress(stress: SheetStress) -> Floats:
     return stress.tensor("bottom") - stress.tensor("middle")
 
 
@@ -271,20 +284,21 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
     answers = {name: case.equilibrium for name, case in cases.items()}
     under = {name: f" under {name}" if len(cases) > 1 else "" for name in cases}
     rough = max(answers, key=lambda name: answers[name].residual)
-    if (residual := answers[rough].residual) > PRECISE:
+    if (residual := answers[rough].residual) > REPORTED_RESIDUAL:
         log.note(
             "statics",
-            f"the equations are solved to {residual:.1e}{under[rough]} (wanted: {PRECISE:g}): the sheet is very "
+            f"the equations are solved to {residual:.1e}{under[rough]} (wanted: {REPORTED_RESIDUAL:g}): the sheet "
+            "is very "
             "thin or nearly a mechanism, or the mesh has needles",
         )
-    if told := needles_told(surface):
-        log.note("statics", f"{told}: stresses there are poor; remesh the surface")
+    if message := needle_message(surface):
+        log.note("statics", f"{message}: stresses there are poor; remesh the surface")
 
 
-PLAUSIBLE = (3.0, 1e5)
+POSSIBLE_SLENDERNESS = (3.0, 1e5)
 """Limits of a surface's size over its thickness; beyond them units are wrong, and the preset is refused."""
 
-USUAL = (10.0, 5e3)
+USUAL_SLENDERNESS = (10.0, 5e3)
 """Usual range of the same ratio; a note reports values outside."""
 
 
@@ -292,16 +306,20 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     """Refuse a ratio of size and thickness that no sheet has, and note an unusual one: units may be swapped."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
-    told = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
-    if not PLAUSIBLE[0] < slenderness < PLAUSIBLE[1]:
-        held = isinstance(preset.surface, MeshSurface)  # it has no surface.unit
-        unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,' if held else "surface.unit (mm, m, in ...)"
-        raise SurfaceError(f"{told}: that is no sheet; check {unit} and statics.thickness (metres)")
+    message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
+    if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
+        is_python_mesh = isinstance(preset.surface, MeshSurface)  # it has no surface.unit
+        unit = (
+            'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,'
+            if is_python_mesh
+            else "surface.unit (mm, m, in ...)"
+        )
+        raise SurfaceError(f"{message}: that is no sheet; check {unit} and statics.thickness (metres)")
     if not USUAL_SIZE[0] < surface.size < USUAL_SIZE[1]:
         log.note("statics", f"the surface is {length(surface.size)} large: check its unit")
-    if not USUAL[0] < slenderness < USUAL[1]:
+    if not USUAL_SLENDERNESS[0] < slenderness < USUAL_SLENDERNESS[1]:
         log.note(
-            "statics", f"{told}: thin-sheet statics hold for ratios of about 20 to 2000; check units and thickness"
+            "statics", f"{message}: thin-sheet statics hold for ratios of about 20 to 2000; check units and thickness"
         )
 
 
@@ -331,7 +349,7 @@ def statics_step(
         )
     if follow.told:
         log.note("statics", follow.told)
-    return _result(preset, surface, solved, answers, follow, log)
+    return _statics_result(preset, surface, solved, answers, follow, log)
 
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
@@ -340,29 +358,33 @@ def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> Stat
     None if there are no better elements to wait for, or if the stress to follow may depend on them.
     """
     sheet = preset.statics
-    if sheet.ask.elements(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
+    if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
-    if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDS / 2:
+    if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
         return None  # hinges give a rough share only
-    return _result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
+    return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
-def _result(
+def _statics_result(
     preset: Preset, surface: Surface, solved: SolvedSheet, answers: Sequence[Answers], follow: FollowedStress, log: Log
 ) -> StaticsResult:
     layered: Sequence[Floats | None] = follow.layered or [None] * len(solved.acting)
     results = {
-        ld.name: CaseResult(ld.load, e, s, a, ld.factors, every)
-        for ld, e, s, a, every in zip(solved.acting, solved.answers, follow.sigma, answers, layered, strict=True)
+        ld.name: CaseResult(ld.load, e, s, a, ld.factors, layer_stress_of_case)
+        for ld, e, s, a, layer_stress_of_case in zip(
+            solved.acting, solved.answers, follow.sigma, answers, layered, strict=True
+        )
     }
-    whole = results.pop("", next(iter(results.values())))
+    together = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
     objected = list(objections(preset, surface, results))
     for objection in objected:
         log.note("statics", objection.text)
     reasons = tuple(objection.text for objection in objected if objection.refuses)
-    return StaticsResult(whole.load, whole.equilibrium, whole.sigma, whole.answers, MappingProxyType(results), reasons)
+    return StaticsResult(
+        together.load, together.equilibrium, together.sigma, together.answers, MappingProxyType(results), reasons
+    )
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
@@ -376,7 +398,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
         doubled = coincident(surface.V)
         merge = f", unless its {doubled} vertices that lie where another one does are merged" if doubled else ""
         log.note("surface", f"the surface has {count} separate pieces; each needs its own supports{merge}")
-    for remark in twin_remarks(surface.V, surface.F):
+    for remark in parallel_remarks(surface.V, surface.F):
         log.note("surface", remark)
     return surface
 
@@ -386,38 +408,42 @@ def base_surface(preset: Preset, log: Log | None = None) -> Surface:
 
     Edges are shorter where the stress changes, by statics on even triangles, if [surface] requests that.
     """
-    given = preset.surface
-    if not isinstance(given, OwnSurface):
-        return given.build()
-    there = _surface_read(given, log)
-    if not given.by_stress:
-        return given.build(given=there)
-    plain = preset.model_copy(update={"statics": preset.statics.model_copy(update={"frequencies": 0, "buckling": 0})})
-    even = given.build(given=there)
-    cut = surface_with_regions(plain, even, Log(None)) if preset.pattern.region else even
-    surface = given.build(list(_stress_sizes(given, cut, statics_step(plain, cut, Log(None)))), there)
+    section = preset.surface
+    if not isinstance(section, OwnSurface):
+        return section.build()
+    source = _source_surface(section, log)
+    if not section.by_stress:
+        return section.build(base=source)
+    static_preset = preset.model_copy(
+        update={"statics": preset.statics.model_copy(update={"frequencies": 0, "buckling": 0})}
+    )
+    even = section.build(base=source)
+    cut = surface_with_regions(static_preset, even, Log(None)) if preset.pattern.region else even
+    surface = section.build(list(_stress_sizes(section, cut, statics_step(static_preset, cut, Log(None)))), source)
     if log:
         log.note("surface", f"{even.m:,} even triangles became {surface.m:,}: smaller ones where the stress changes")
     return surface
 
 
-def _surface_read(given: OwnSurface, log: Log | None) -> Surface:
+def _source_surface(section: OwnSurface, log: Log | None) -> Surface:
     """Return the surface before remeshing, and note what a file's reader repaired or dropped."""
-    if not isinstance(given, FileSurface):
-        return given.given()
-    found = given.read()
+    if not isinstance(section, FileSurface):
+        return section.base_surface()
+    file = section.read()
     if log:
-        log.file = found.record
-        for remark in found.record.remarks:
-            log.note("surface", f"{given.file.name}, {remark}")
-        if any(given.origin):
-            at = coordinates(given.origin)
-            log.note("surface", f"files are about {at} m of the mesh: move what goes back by that; IFC files say it")
-    return found.surface
+        log.file = file.record
+        for remark in file.record.remarks:
+            log.note("surface", f"{section.file.name}, {remark}")
+        if any(section.origin):
+            offset = coordinates(section.origin)
+            log.note(
+                "surface", f"files are about {offset} m of the mesh: move what goes back by that; IFC files say it"
+            )
+    return file.surface
 
 
-def _stress_sizes(given: OwnSurface, surface: Surface, statics: StaticsResult) -> Iterator[SizeField]:
+def _stress_sizes(section: OwnSurface, surface: Surface, statics: StaticsResult) -> Iterator[SizeField]:
     for case in statics.cases.values():
         for side in ("top", "bottom"):
             stress = case.answers.stress.tensor(side)
-            yield SizeField(surface, change_sizes(surface, stress, given.edge, given.finest))
+            yield SizeField(surface, change_sizes(surface, stress, section.edge, section.finest))

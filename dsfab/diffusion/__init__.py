@@ -1,7 +1,7 @@
 """Stage 3, diffusion: directions of the material from the stress."""
 
-from dsfab.diffusion.modes import CLEAR, Modes, diffusion_modes, family_modes, reference_axes
-from dsfab.diffusion.symmetry import Symmetry, found_symmetry, symmetry_group, symmetry_of
+from dsfab.diffusion.modes import CLEAR_MOMENT, Modes, diffusion_modes, family_modes, reference_axes
+from dsfab.diffusion.symmetry import Symmetry, largest_symmetry, symmetry_group, symmetry_of
 from dsfab.diffusion.tensors import (
     DiffusionTensors,
     Labelling,
@@ -14,7 +14,7 @@ from dsfab.diffusion.tensors import (
 )
 
 __all__ = [
-    "CLEAR",
+    "CLEAR_MOMENT",
     "DiffusionTensors",
     "Labelling",
     "Modes",
@@ -24,7 +24,7 @@ __all__ = [
     "diffusion_operator",
     "diffusion_tensors",
     "family_modes",
-    "found_symmetry",
+    "largest_symmetry",
     "layer_stress",
     "only_bends",
     "principal_stresses",

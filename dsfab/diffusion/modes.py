@@ -16,7 +16,7 @@ from dsfab.surface import pieces
 from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
-CLEAR = 1e-2
+CLEAR_MOMENT = 1e-2
 """Moments under this share of their natural size count as zero, and inertias this close as equal."""
 
 
@@ -41,16 +41,16 @@ def _axes(surface: Surface, weights: Sequence[Floats], vectors: Sequence[Floats]
     measures = [mass, *(mass * weight for weight in weights if (mass * weight).sum() > 0)]
     size = np.sqrt(float(mass @ (x**2).sum(axis=1)) / mass.sum())
     axes: list[Floats] = []
-    for candidate in (*_directions(x / size, measures, vectors), *np.eye(3)):
-        left = candidate - sum(((axis @ candidate) * axis for axis in axes), np.zeros(3))
-        if np.linalg.norm(left) > CLEAR:
-            axes.append(left / np.linalg.norm(left))
+    for candidate in (*_axis_candidates(x / size, measures, vectors), *np.eye(3)):
+        rest = candidate - sum(((axis @ candidate) * axis for axis in axes), np.zeros(3))
+        if np.linalg.norm(rest) > CLEAR_MOMENT:
+            axes.append(rest / np.linalg.norm(rest))
         if len(axes) == 2:
             break
     return np.stack([*axes, np.cross(axes[0], axes[1])])
 
 
-def _directions(x: Floats, measures: Sequence[Floats], vectors: Sequence[Floats]) -> Iterator[Floats]:
+def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Floats]) -> Iterator[Floats]:
     """Yield candidates, of length about 1 if they are clear and about 0 if they are meaningless."""
     for vector in vectors:
         length = float(np.linalg.norm(vector))
@@ -64,22 +64,22 @@ def _directions(x: Floats, measures: Sequence[Floats], vectors: Sequence[Floats]
         centred = x - share @ x
         inertia, axes = np.linalg.eigh(centred.T @ (share[:, None] * centred))
         for i in (2, 1, 0):
-            others = np.delete(inertia, i)
+            other_inertia = np.delete(inertia, i)
             third = float(share @ (centred @ axes[:, i]) ** 3)
-            if np.abs(others - inertia[i]).min() > CLEAR * inertia[2]:
-                yield axes[:, i] * _pointed(axes[:, i], third, inertia[2])
+            if np.abs(other_inertia - inertia[i]).min() > CLEAR_MOMENT * inertia[2]:
+                yield axes[:, i] * _axis_sign(axes[:, i], third, inertia[2])
 
 
-def _pointed(axis: Floats, third: float, largest: float) -> float:
+def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
     """Return the sign of an axis: by its third moment, else by its clearest coordinate, because both directions are
     equal.
     """
-    if abs(third) > CLEAR * largest**1.5:
-        return float(np.sign(third))
+    if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
+        return float(np.sign(third_moment))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
 
 
-SAME = 1e-6
+REPEATED = 1e-6
 """Eigenvalues that differ by less than this share are repeated."""
 
 VISIBLE = 1e-2
@@ -117,7 +117,7 @@ class Modes:
 
 
 @derived
-def _constants(surface: Surface) -> int:
+def _constant_modes(surface: Surface) -> int:
     """Return the number of constant modes, one for each piece of the surface."""
     return pieces(surface.F, surface.edges)[0]
 
@@ -153,32 +153,32 @@ def family_modes(
     """
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
-    found, solve = [], None
+    families, solve = [], None
     for L in operators:
-        A = _scaled(surface, L, mass)
+        A = _scaled_operator(surface, L, mass)
         if solve is None:
             solve = _factor(surface, A)
         else:
             solve.refactor(A)
-        found.append(_modes(surface, L, solve, k, axes, symmetry))
-    return found
+        families.append(_modes(surface, L, solve, k, axes, symmetry))
+    return families
 
 
 def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, symmetry: Symmetry | None) -> Modes:
-    mass, constants = voronoi_mass(surface), _constants(surface)
-    wanted = k * (symmetry.order if symmetry else 1) + constants + SPARE
+    mass, constants = voronoi_mass(surface), _constant_modes(surface)
+    count = k * (symmetry.order if symmetry else 1) + constants + SPARE
     while True:
-        if wanted >= surface.n:
+        if count >= surface.n:
             raise PatternError(
-                f"{k} modes need more than {wanted} vertices; the surface has {surface.n}: refine the mesh"
+                f"{k} modes need more than {count} vertices; the surface has {surface.n}: refine the mesh"
             )
-        lam, Y = _lanczos(solve, surface.n, 1 / surface.area, wanted)
+        lam, Y = _lanczos(solve, surface.n, 1 / surface.area, count)
         lam, X = lam[constants:], Y[:, constants:] / _root(surface, mass)[:, None]
         if symmetry:
             lam, X = symmetry.invariant(L, X, mass)
-        if len(lam) >= k and (symmetry or 2 * wanted >= surface.n or lam[-1] - lam[k - 1] > SAME * lam[-1]):
+        if len(lam) >= k and (symmetry or 2 * count >= surface.n or lam[-1] - lam[k - 1] > REPEATED * lam[-1]):
             break
-        wanted *= 2
+        count *= 2
     with one_blas_thread():
         X = _canonical(surface, lam, X, mass, axes)[:, :k]
     return Modes(lam[:k], X * np.sqrt(surface.area / (4 * np.pi)))
@@ -189,7 +189,7 @@ def _root(surface: Surface, mass: Floats) -> Floats:
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
-def _scaled(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
+def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
     """Return M^-1/2 (L + s M) M^-1/2, s = 1 / area; a vertex of no face gets a large eigenvalue."""
     root = _root(surface, mass)
     unused = np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2)
@@ -221,8 +221,8 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
     start = 1 + 0.5 * np.sin(np.arange(n))  # fixed: the same surface gives the same modes
     try:
         with one_blas_thread():
-            kept = min(n, max(20, 4 * count))
-            theta, Y = eigsh(inverse, count, which="LA", v0=start, tol=0, ncv=kept, maxiter=100 * count)
+            vectors = min(n, max(20, 4 * count))
+            theta, Y = eigsh(inverse, count, which="LA", v0=start, tol=0, ncv=vectors, maxiter=100 * count)
     except ArpackNoConvergence as error:
         raise PatternError("the modes did not converge; refine the mesh or lower diffusion.r") from error
     order = np.argsort(-theta, kind="stable")
@@ -242,11 +242,11 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Flo
     start = 0
     while start < len(lam):
         stop = start + 1
-        while stop < len(lam) and lam[stop] - lam[start] <= SAME * lam[stop]:
+        while stop < len(lam) and lam[stop] - lam[start] <= REPEATED * lam[stop]:
             stop += 1
         space = X[:, start:stop]
         if stop - start > 1:
-            space = _aligned(space, fields, mass)
+            space = _aligned_basis(space, fields, mass)
         out[:, start:stop] = space * [_sign(x, fields, mass) for x in space.T]
         start = stop
     return out
@@ -257,7 +257,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
     x = (surface.V - mass @ surface.V / mass.sum()) @ axes.T / surface.size
     x = np.ascontiguousarray(x.T)
     squares = [x[i] * x[j] for i in range(3) for j in range(i, 3)]
-    cubes = [x[i] * square for i, first in ((0, 0), (1, 3), (2, 5)) for square in squares[first:]]
+    cubes = [x[i] * square for i, start in ((0, 0), (1, 3), (2, 5)) for square in squares[start:]]
     fields = np.stack([*x, *squares, *cubes]).T
     fields -= mass @ fields / mass.sum()
     length = np.sqrt(mass @ (fields * fields))
@@ -265,7 +265,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
     return unit
 
 
-def _aligned(space: Floats, fields: Floats, mass: Floats) -> Floats:
+def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
     """Return an M-orthonormal basis of `space` (n, c): each vector is a reference field minus its parts along
     earlier ones.
     """

@@ -13,22 +13,22 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.core.errors import PatternError
 from dsfab.surface import (
-    FAR,
+    FAR_TOLERANCE,
     LARGEST_GROUP,
-    SNAP,
+    MATRIX_TOLERANCE,
     LoadCase,
     Surface,
     centroid,
     far_directions,
     generated_group,
     mirror,
-    nearest,
+    nearest_places,
     planes_through,
     round_axis,
     weights_at,
 )
 
-OFF = 0.25
+OFF_SURFACE = 0.25
 """Largest distance of images of vertices from the surface, as a share of the mean edge."""
 
 OFF_SUPPORT = 1.0
@@ -37,7 +37,7 @@ OFF_SUPPORT = 1.0
 OFF_LOAD = (0.3, 0.02)
 """Largest difference of loads from their images: smoothed over a few edges, newtons over newtons; and in resultants."""
 
-GLANCE = 100
+SAMPLE_POINTS = 100
 """Size of the sample of points that is checked before all points."""
 
 
@@ -67,11 +67,11 @@ class Symmetry:
         """Return the mean of a field (n, ...) over the group: equal at all images, up to interpolation."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
 
-    def most(self, x: Floats) -> Floats:
+    def maximum(self, x: Floats) -> Floats:
         """Return the largest of a field's values (n,) at the images of each point."""
         return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
 
-    def stress(self, sigma: Floats) -> Floats:
+    def mean_stress(self, sigma: Floats) -> Floats:
         """Return the mean over the group of tensors (m, 3, 3) on the faces, each rotated back: R^T sigma(R x) R."""
         total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))
         return np.asarray(total / self.order)
@@ -101,7 +101,7 @@ def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Sym
 
     Raises PatternError for other words, and if the surface, its supports or one of the loads have another symmetry.
     """
-    return symmetry_under(surface, symmetry_group(words), loads, str(list(words)))
+    return checked_symmetry(surface, symmetry_group(words), loads, str(list(words)))
 
 
 def face_tree(surface: Surface) -> igl.AABB:
@@ -111,7 +111,7 @@ def face_tree(surface: Surface) -> igl.AABB:
     return tree
 
 
-def symmetry_under(
+def checked_symmetry(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
     """Return the symmetry of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
@@ -122,28 +122,28 @@ def symmetry_under(
     """
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
-    few = surface.V[:: max(surface.n // GLANCE, 1)]
+    few = surface.V[:: max(surface.n // SAMPLE_POINTS, 1)]
     tree = tree or face_tree(surface)
     for g in R[1:]:  # a sample refuses most surfaces quickly
-        off = far_off(surface, tree, (few - centre) @ g.T + centre)
-        if off > OFF * edge:
-            raise _refused(words, f"the surface is not: its image is up to {off:.3g} m off it")
+        distance = largest_distance(surface, tree, (few - centre) @ g.T + centre)
+        if distance > OFF_SURFACE * edge:
+            raise _symmetry_error(words, f"the surface is not: its image is up to {distance:.3g} m off it")
     for g in R[1:]:
-        off, T = _point_map(surface, tree, (surface.V - centre) @ g.T + centre)
-        if off > OFF * edge:
-            raise _refused(words, f"the surface is not: its image is up to {off:.3g} m off it")
+        distance, T = _point_map(surface, tree, (surface.V - centre) @ g.T + centre)
+        if distance > OFF_SURFACE * edge:
+            raise _symmetry_error(words, f"the surface is not: its image is up to {distance:.3g} m off it")
         maps.append(T)
         image = np.ascontiguousarray((surface.centroids - centre) @ g.T + centre)
         faces.append(tree.squared_distance(surface.V, surface.F, image)[1])
-    found = Symmetry(R, tuple(maps), np.stack(faces))
+    symmetry = Symmetry(R, tuple(maps), np.stack(faces))
     for load in loads:
-        _check_supports(surface, found, words, load, centre)
-        _check_loads(surface, found, words, load.force, centre)
-    return found
+        _check_supports(surface, symmetry, words, load, centre)
+        _check_loads(surface, symmetry, words, load.force, centre)
+    return symmetry
 
 
-def _refused(words: str, what: str) -> PatternError:
-    return PatternError(f"diffusion.symmetry = {words}, but {what}; correct it, or ask for less symmetry")
+def _symmetry_error(words: str, finding: str) -> PatternError:
+    return PatternError(f"diffusion.symmetry = {words}, but {finding}; correct it, or ask for less symmetry")
 
 
 def _generator(word: str) -> Floats:
@@ -174,7 +174,7 @@ def symmetry_group(words: Sequence[str]) -> Floats:
         raise PatternError(f"symmetry = {list(words)} makes over {LARGEST_GROUP} images; ask for fewer") from None
 
 
-def far_off(surface: Surface, tree: igl.AABB, points: Floats) -> float:
+def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
     """Return the largest distance of points (p, 3) from the surface."""
     squared = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))[0]
     return float(np.sqrt(squared.max()))
@@ -186,9 +186,9 @@ def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float,
     Coordinates within a thousandth of a vertex are on it, because files round them: then fields of a symmetric mesh are
     equal at all images to the last digit, and so are all decisions by them.
     """
-    squared, face, near = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
+    squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
-    weight = np.clip(weights_at(near, surface.V, corner), 0, 1)
+    weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
     weight[weight < 1e-3] = 0
     weight /= weight.sum(axis=1, keepdims=True)
     rows = np.repeat(np.arange(len(points)), 3)
@@ -197,52 +197,60 @@ def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float,
     return float(np.sqrt(squared.max())), T
 
 
-def _check_supports(surface: Surface, found: Symmetry, words: str, load: LoadCase, centre: Floats) -> None:
+def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: LoadCase, centre: Floats) -> None:
     """Raise PatternError unless images of held vertices are held, along the same directions."""
     kinds, kind = np.unique(load.fixed, axis=0, return_inverse=True)
-    for R in found.R[1:]:
+    for R in symmetry.R[1:]:
         for i, holds in enumerate(kinds):
-            at = kind.ravel() == i
+            of_kind = kind.ravel() == i
             if not holds.any():
                 continue
             turned = R @ np.diag(holds.astype(float)) @ R.T
-            alike = [j for j, other in enumerate(kinds) if np.abs(turned - np.diag(other.astype(float))).max() < SNAP]
+            alike = [
+                j
+                for j, kind_held in enumerate(kinds)
+                if np.abs(turned - np.diag(kind_held.astype(float))).max() < MATRIX_TOLERANCE
+            ]
             if not alike:
-                raise _refused(words, f"the supports are not: they hold {_axes(holds)} only, which turns with it")
-            image = (surface.V[at] - centre) @ R.T + centre
-            off = _distance(image, surface, np.isin(kind.ravel(), alike))
-            if off > OFF_SUPPORT * surface.mean_edge:
-                raise _refused(words, f"the supports are not: the image of one is {off:.3g} m from any support like it")
+                raise _symmetry_error(
+                    words, f"the supports are not: they hold {_axis_letters(holds)} only, which turns with it"
+                )
+            image = (surface.V[of_kind] - centre) @ R.T + centre
+            distance = _distance_to_marked(image, surface, np.isin(kind.ravel(), alike))
+            if distance > OFF_SUPPORT * surface.mean_edge:
+                raise _symmetry_error(
+                    words, f"the supports are not: the image of one is {distance:.3g} m from any support like it"
+                )
 
 
-def _axes(holds: Bools) -> str:
-    return "".join(axis for axis, held in zip("xyz", holds, strict=True) if held)
+def _axis_letters(holds: Bools) -> str:
+    return "".join(axis for axis, is_held in zip("xyz", holds, strict=True) if is_held)
 
 
-def _distance(points: Floats, surface: Surface, marked: Bools) -> float:
+def _distance_to_marked(points: Floats, surface: Surface, marked: Bools) -> float:
     """Return the largest distance of points (p, 3) from the nearest of the marked vertices."""
     if not marked.any():
         return float("inf")
-    return float(nearest(points, surface.V, np.flatnonzero(marked)[:, None]).distance.max())
+    return float(nearest_places(points, surface.V, np.flatnonzero(marked)[:, None]).distance.max())
 
 
-def _check_loads(surface: Surface, found: Symmetry, words: str, force: Floats, centre: Floats) -> None:
+def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
     """Raise PatternError unless forces equal their images: smoothed because meshes are irregular, and in their
     resultants.
     """
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
-    for R, T in zip(found.R[1:], found.maps[1:], strict=True):
+    for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
         change = T.T @ (force @ R.T) - force
         sum_off = float(np.linalg.norm(change.sum(axis=0)))
         moment_off = float(np.abs(arm.T @ change).max()) / (surface.size / 2)
-        if (off := max(sum_off, moment_off) / total) > OFF_LOAD[1]:
-            raise _refused(words, f"the loads are not: their resultants differ by {off:.0%}")
-        if (off := float(np.linalg.norm(_smoothed(surface, change), axis=1).sum()) / total) > OFF_LOAD[0]:
-            raise _refused(words, f"the loads are not: {min(off / 2, 1):.0%} of them lie elsewhere")
+        if (share := max(sum_off, moment_off) / total) > OFF_LOAD[1]:
+            raise _symmetry_error(words, f"the loads are not: their resultants differ by {share:.0%}")
+        if (share := float(np.linalg.norm(_smoothed_forces(surface, change), axis=1).sum()) / total) > OFF_LOAD[0]:
+            raise _symmetry_error(words, f"the loads are not: {min(share / 2, 1):.0%} of them lie elsewhere")
 
 
-def _smoothed(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
+def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
     """Return forces (n, 3) averaged over neighbours, by default over about two edges; their sum is unchanged."""
     ends, n = surface.edges.ends, surface.n
     share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
@@ -261,7 +269,7 @@ LENIENT = 1.5
 """Factor on all tolerances in quick checks."""
 
 
-def found_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
+def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
     """Return the largest symmetry group of a surface with its loads; None without any mirror or rotation.
 
     axes : (3, 3) orthonormal rows that rotate with the surface, its supports and its loads.
@@ -269,22 +277,22 @@ def found_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) ->
     A sample of points checks all candidates. The rest are checked everywhere together, and one by one only after a
     fault.
     """
-    glance = _Glance(surface, tuple(loads))
-    generators = [R for R in _candidates(surface, axes, glance) if glance.holds(R)]
+    glance = _QuickCheck(surface, tuple(loads))
+    generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:
         return None
     with suppress(PatternError, OverflowError):
-        return glance.full(generated_group(generators))
+        return glance.checked(generated_group(generators))
     sound: list[Floats] = []
     for R in generators:
         with suppress(PatternError, OverflowError):
-            glance.full(generated_group([*sound, R]))
+            glance.checked(generated_group([*sound, R]))
             sound.append(R)
-    return glance.full(generated_group(sound)) if sound else None
+    return glance.checked(generated_group(sound)) if sound else None
 
 
 @dataclass(frozen=True, eq=False)
-class _Glance:
+class _QuickCheck:
     """Quick checks that refuse most mirrors and rotations of a surface with its supports and loads."""
 
     surface: Surface
@@ -300,14 +308,14 @@ class _Glance:
         return face_tree(self.surface)
 
     @cached_property
-    def _few(self) -> Floats:
-        return self.surface.V[:: max(self.surface.n // GLANCE, 1)] - self.centre
+    def _sample(self) -> Floats:
+        return self.surface.V[:: max(self.surface.n // SAMPLE_POINTS, 1)] - self.centre
 
     @cached_property
-    def _held(self) -> list[tuple[Floats, cKDTree]]:
+    def _held_points(self) -> list[tuple[Floats, cKDTree]]:
         """A sample of the held points, and all of them, for every load case; about the centroid."""
-        held = [self.surface.V[load.held] - self.centre for load in self.loads]
-        return [(x[:: max(len(x) // GLANCE, 1)], cKDTree(x)) for x in held if len(x)]
+        held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
+        return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
@@ -316,7 +324,7 @@ class _Glance:
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
 
-    def holds(self, R: Floats) -> bool:
+    def allows(self, R: Floats) -> bool:
         """Return whether R passes all quick checks."""
         edge = self.surface.mean_edge
         for force, moment, total in self._moments:
@@ -324,17 +332,19 @@ class _Glance:
             arm = self.surface.size / 2
             if np.linalg.norm(R @ force - force) > limit or np.abs(R @ moment @ R.T - moment).max() > limit * arm:
                 return False
-        if far_off(self.surface, self._tree, self._few @ R.T + self.centre) > LENIENT * OFF * edge:
+        if largest_distance(self.surface, self._tree, self._sample @ R.T + self.centre) > LENIENT * OFF_SURFACE * edge:
             return False
         reach = LENIENT * OFF_SUPPORT * edge
-        return all(float(np.max(held.query(few @ R.T)[0])) < reach for few, held in self._held)
+        return all(
+            float(np.max(held_tree.query(held_sample @ R.T)[0])) < reach for held_sample, held_tree in self._held_points
+        )
 
-    def full(self, group: Floats) -> Symmetry:
+    def checked(self, group: Floats) -> Symmetry:
         """Return the group after checks everywhere. Raises PatternError if the surface does not have it."""
-        return symmetry_under(self.surface, group, self.loads, "found", self._tree)
+        return checked_symmetry(self.surface, group, self.loads, "found", self._tree)
 
 
-def _candidates(surface: Surface, axes: Floats, glance: _Glance) -> Iterator[Floats]:
+def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator[Floats]:
     axis = round_axis(surface, axes)
     if axis is None:
         yield from (mirror(direction) for direction in axes)
@@ -342,7 +352,7 @@ def _candidates(surface: Surface, axes: Floats, glance: _Glance) -> Iterator[Flo
         return
     x = surface.V - glance.centre
     x = x - np.outer(x @ axis, axis)
-    if all(glance.holds(_turn(axis, parts)) for parts in ROUND):
+    if all(glance.allows(_turn(axis, parts)) for parts in ROUND):
         direction = _best_mirror(x, surface.V - glance.centre, axis, surface)
         yield from (mirror(direction), mirror(np.cross(axis, direction)))
     else:
@@ -359,16 +369,20 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
     """
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
-    outer = V[distance > np.partition(distance, -count)[-count] - FAR * surface.size]
-    near, edge = cKDTree(outer), surface.mean_edge
+    outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]
+    outer_tree, edge = cKDTree(outer), surface.mean_edge
 
     normals = far_directions(x, surface.size)[:samples]
     images = np.concatenate([outer @ mirror(normal).T for normal in normals])
-    off = np.square(near.query(images)[0]).reshape(len(normals), -1).sum(axis=1) / edge**2
-    on = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (normals, np.cross(axis, normals)))
+    misfit = np.square(outer_tree.query(images)[0]).reshape(len(normals), -1).sum(axis=1) / edge**2
+    vertices_on_mirror = sum(
+        (1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (normals, np.cross(axis, normals))
+    )
     # rank by distance of images from vertices, then by the number of vertices on the mirror
-    fits = zip(np.round(off, 6).tolist(), (-np.round(on, 6)).tolist(), range(len(normals)), strict=True)
-    return np.asarray(normals[min(fits)[2]])
+    ranks = zip(
+        np.round(misfit, 6).tolist(), (-np.round(vertices_on_mirror, 6)).tolist(), range(len(normals)), strict=True
+    )
+    return np.asarray(normals[min(ranks)[2]])
 
 
 def _turn(axis: Floats, parts: int) -> Floats:

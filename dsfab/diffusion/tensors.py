@@ -34,8 +34,8 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     signed = traction[1] if only_bends(membrane, bending) else traction[0]
     along = np.einsum("mka,mka->mk", signed, axes)
     planar = np.einsum("mk,mka,mkb->mab", np.copysign(size, along), axes, axes)
-    found = np.einsum("mai,mab,mbj->mij", t, planar, t, optimize=True)
-    return np.asarray(np.where(np.asarray(bending.any(axis=(1, 2)))[:, None, None], found, membrane))
+    stress = np.einsum("mai,mab,mbj->mij", t, planar, t, optimize=True)
+    return np.asarray(np.where(np.asarray(bending.any(axis=(1, 2)))[:, None, None], stress, membrane))
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:
@@ -105,7 +105,7 @@ def diffusion_tensors(
         stress[swap] = stress[swap, ::-1]
         direction[swap] = direction[swap, ::-1]
     reference = float(np.sqrt((surface.areas @ (stress**2).sum(axis=1)) / (2 * surface.area)))
-    isotropic = _isotropic(gamma * stress, labelling, isotropy, reference)
+    isotropic = _is_isotropic(gamma * stress, labelling, isotropy, reference)
     weight = np.where(isotropic, 1.0, r)
     along = np.einsum("mai,maj->maij", direction, direction)  # (m, 2, 3, 3) projectors on the two directions
     tangent = along.sum(axis=1)
@@ -145,12 +145,12 @@ def principal_stresses(surface: Surface, sigma: Floats) -> tuple[Floats, Floats]
     return np.stack([centre + radius, centre - radius], axis=1), direction
 
 
-def _isotropic(stress: Floats, labelling: Labelling, tolerance: float, reference: float) -> Bools:
-    first, second = stress.T
+def _is_isotropic(stress: Floats, labelling: Labelling, tolerance: float, reference: float) -> Bools:
+    primary, secondary = stress.T
     if labelling == "signed":
-        return np.asarray(first - second <= tolerance * reference)
+        return np.asarray(primary - secondary <= tolerance * reference)
     eps = tolerance * reference
-    return np.asarray(np.abs(first) + eps <= (1 + tolerance) * (np.abs(second) + eps))
+    return np.asarray(np.abs(primary) + eps <= (1 + tolerance) * (np.abs(secondary) + eps))
 
 
 def diffusion_operator(surface: Surface, D: Floats) -> csr_array:

@@ -1,8 +1,8 @@
 """Write solids and sheets to files in millimetres; a second reader checks each file before it takes its name."""
 
 from dsfab.export.cad.rhino import mesh_arrays, mesh_json, polyline_json
-from dsfab.export.cad.rhino import ready as require_rhino
-from dsfab.export.cad.step.shared.skins import Limits, smooth_limits
+from dsfab.export.cad.rhino import require_rhino3dm as require_rhino
+from dsfab.export.cad.step.shared.skins import SmoothLimits, smooth_limits
 from dsfab.export.cad.step.soundness import StepTriangles, curved_soundness, cut_fault, step_triangles
 from dsfab.export.cad.step.strategies import Estimate
 from dsfab.export.cad.step.worker.reports import read_step
@@ -10,47 +10,47 @@ from dsfab.export.drawing.flat import FlatCircle, FlatDrawing, FlatLine, check_f
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.mesh.soundness import Fault, Soundness, soundness
 from dsfab.export.part import STEP_FACES, Details, MemberShape, StepOptions
-from dsfab.export.subprocesses import Ahead, ProgramError, last_line, meanwhile
+from dsfab.export.subprocesses import PreparedProgram, ProgramError, last_line, work_while_waiting
 from dsfab.export.writing import (
-    complete,
-    replacing,
+    atomic_file,
+    atomic_folder,
+    complete_folder,
     require_writable,
     require_writable_file,
     temporary_folder,
-    whole_or_nothing,
     write_chunks,
 )
 
 __all__ = [
     "FORMATS",
     "STEP_FACES",
-    "Ahead",
     "Details",
     "Estimate",
     "Fault",
     "FlatCircle",
     "FlatDrawing",
     "FlatLine",
-    "Limits",
     "MemberShape",
+    "PreparedProgram",
     "ProgramError",
+    "SmoothLimits",
     "Soundness",
     "StepOptions",
     "StepTriangles",
     "Written",
+    "atomic_file",
+    "atomic_folder",
     "check_flat_dxf",
-    "complete",
+    "complete_folder",
     "curved_soundness",
     "cut_fault",
     "flat_dxf",
     "flat_svg",
     "last_line",
-    "meanwhile",
     "mesh_arrays",
     "mesh_json",
     "polyline_json",
     "read_step",
-    "replacing",
     "require_rhino",
     "require_writable",
     "require_writable_file",
@@ -59,7 +59,7 @@ __all__ = [
     "step_estimates",
     "step_triangles",
     "temporary_folder",
-    "whole_or_nothing",
+    "work_while_waiting",
     "write",
     "write_chunks",
 ]

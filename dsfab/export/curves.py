@@ -12,7 +12,7 @@ from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, differs
+from dsfab.export.readback import ReadBack, count_error
 from dsfab.export.splines import SAMPLES_PER_SPAN, LeastSquares, Spline, hats_within
 from dsfab.surface import polyline_length
 
@@ -45,68 +45,72 @@ class SampledLine:
     smooth: bool
 
     @classmethod
-    def of(cls, line: Floats, smooth: bool) -> Self:
+    def from_points(cls, points: Floats, smooth: bool) -> Self:
         """Return the polyline (k, d) with the number of samples for the first attempt."""
-        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         total = float(np.round(length[-1], KNOT_DIGITS))
-        return cls(line, length, total, max(8 * len(line), 16 * SAMPLES_PER_SPAN), smooth)
+        return cls(points, length, total, max(8 * len(points), 16 * SAMPLES_PER_SPAN), smooth)
 
     @property
     def bow(self) -> float:
         """Largest distance from the chord between the ends, at equal shares of the length."""
-        share, first, last = self.length / self.length[-1], self.line[0], self.line[-1]
-        return float(np.linalg.norm(self.line - first - share[:, None] * (last - first), axis=1).max())
+        share, start, end = self.length / self.length[-1], self.line[0], self.line[-1]
+        return float(np.linalg.norm(self.line - start - share[:, None] * (end - start), axis=1).max())
 
     @cached_property
-    def at(self) -> Floats:
+    def sample_lengths(self) -> Floats:
         """(k + 1,) lengths of the k + 1 samples along the line."""
         return np.asarray(np.arange(self.count + 1) / self.count * self.total)
 
     @cached_property
     def samples(self) -> Floats:
         """(k + 1, d) points of the samples."""
-        return np.stack(self._on(np.arange(self.count + 1) / self.count), axis=1)
+        return np.stack(self._points_at(np.arange(self.count + 1) / self.count), axis=1)
 
     @cached_property
-    def asked(self) -> tuple[Floats, list[Floats]]:
+    def check_points(self) -> tuple[Floats, list[Floats]]:
         """(q,) ascending lengths at which the spline is compared with the line, and d arrays (q,) of the line's
         coordinates.
         """
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
-        return share * self.total, self._on(share)
+        return share * self.total, self._points_at(share)
 
     @property
     def breaks(self) -> Floats:
         """(s,) ends of the first spans: one span, or two for a smooth line."""
         return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
 
-    def _on(self, share: Floats) -> list[Floats]:
-        return [np.interp(share * self.length[-1], self.length, column) for column in self.line.T]
+    def _points_at(self, shares: Floats) -> list[Floats]:
+        return [np.interp(shares * self.length[-1], self.length, column) for column in self.line.T]
 
 
-def refined(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
+def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
     """Fit a spline to each line: halve its spans until the spline is within the tolerance.
 
     A result is None if the tolerance needs more samples than the line has.
     """
-    found: list[Refined | None] = [None] * len(runs)
+    splines: list[Refined | None] = [None] * len(runs)
     for batch in _batches(runs):
         breaks = {k: runs[k].breaks for k in batch}
         while breaks:
-            rows = _Rows([runs[k] for k in breaks], [np.round(at, KNOT_DIGITS) for at in breaks.values()])
-            poles, left = rows.poles(), dict[int, Floats]()
-            for k, at, (first, last), off in zip(breaks, rows.breaks, rows.ends, rows.off(poles), strict=True):
-                run, worst = runs[k], float(off.max())
+            rows = _SplineSystem(
+                [runs[k] for k in breaks], [np.round(span_ends, KNOT_DIGITS) for span_ends in breaks.values()]
+            )
+            poles, next_breaks = rows.poles(), dict[int, Floats]()
+            for k, span_ends, (low, high), errors in zip(
+                breaks, rows.breaks, rows.ends, rows.errors(poles), strict=True
+            ):
+                run, worst = runs[k], float(errors.max())
                 if worst <= tolerance:
-                    knots = np.concatenate([[0.0] * 3, at, [run.total] * 3])
-                    found[k] = knots, poles[first:last], 3, worst
+                    knots = np.concatenate([[0.0] * 3, span_ends, [run.total] * 3])
+                    splines[k] = knots, poles[low:high], 3, worst
                     continue
-                bad = np.flatnonzero(off > tolerance)
-                if not ((at[1:] - at[:-1])[bad] < 2 * SAMPLES_PER_SPAN * run.total / run.count).any():
-                    left[k] = np.sort(np.concatenate([at, (at[bad] + at[bad + 1]) / 2]))
-            breaks = left
-    return found
+                bad = np.flatnonzero(errors > tolerance)
+                if not ((span_ends[1:] - span_ends[:-1])[bad] < 2 * SAMPLES_PER_SPAN * run.total / run.count).any():
+                    next_breaks[k] = np.sort(np.concatenate([span_ends, (span_ends[bad] + span_ends[bad + 1]) / 2]))
+            breaks = next_breaks
+    return splines
 
 
 def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
@@ -121,37 +125,41 @@ def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
         yield batch
 
 
-class _Rows:
+class _SplineSystem:
     """Cubic splines along several lines, with given span ends, solved in one system."""
 
     def __init__(self, runs: list[SampledLine], breaks: list[Floats]) -> None:
         self.runs, self.breaks = runs, breaks
         self.knots = np.concatenate(
-            [part for run, at in zip(runs, breaks, strict=True) for part in ([0.0] * 3, at, [run.total] * 3)]
+            [
+                part
+                for run, span_ends in zip(runs, breaks, strict=True)
+                for part in ([0.0] * 3, span_ends, [run.total] * 3)
+            ]
         )
-        size = np.array([len(at) for at in breaks])
+        size = np.array([len(span_ends) for span_ends in breaks])
         self.first_knot = np.concatenate([[0], np.cumsum(size + 6)])
         self.first_pole = np.concatenate([[0], np.cumsum(size + 2)])
         self.ends = list(zip(self.first_pole[:-1].tolist(), self.first_pole[1:].tolist(), strict=True))
 
-    def _spans(self, at: Sequence[Floats]) -> Ints:
-        found = list[Ints]()
-        for x, own in zip(at, self.breaks, strict=True):
-            many = x.searchsorted(own[1:])
+    def _span_counts(self, lengths: Sequence[Floats]) -> Ints:
+        counts = list[Ints]()
+        for x, span_ends in zip(lengths, self.breaks, strict=True):
+            many = x.searchsorted(span_ends[1:])
             many[-1] = len(x)
             many[1:] -= many[:-1].copy()
-            found.append(many)
-        return np.concatenate(found)
+            counts.append(many)
+        return np.concatenate(counts)
 
-    def _hats(self, x: Floats, many: Ints) -> tuple[Floats, Ints]:
-        """(4, k) hats at lengths x (k,), `many` of them in each span, and (k,) the first of each four among all
+    def _hats(self, x: Floats, counts: Ints) -> tuple[Floats, Ints]:
+        """(4, k) hats at lengths x (k,), `counts` of them in each span, and (k,) the first of each four among all
         poles.
         """
-        spans = np.array([len(at) - 1 for at in self.breaks])
-        row, own = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
-        own -= np.repeat(np.cumsum(spans) - spans, spans)
-        values, _ = hats_within(x, self.knots, np.repeat(own + 3 + self.first_knot[row], many))
-        return values, np.repeat(own + self.first_pole[row], many)
+        spans = np.array([len(span_ends) - 1 for span_ends in self.breaks])
+        row, span = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
+        span -= np.repeat(np.cumsum(spans) - spans, spans)
+        values, _ = hats_within(x, self.knots, np.repeat(span + 3 + self.first_knot[row], counts))
+        return values, np.repeat(span + self.first_pole[row], counts)
 
     def poles(self) -> Floats:
         """(n, d) poles of the least-squares cubic splines, which begin and end at the first and last samples.
@@ -159,54 +167,59 @@ class _Rows:
         Smooth lines share one unknown tangent d at both ends: pole 1 is pole 0 + a d, the last but one is
         the last - b d, with a and b a third of the first and the last span.
         """
-        at = [run.at for run in self.runs]
-        values, first = self._hats(np.concatenate(at), self._spans(at))
+        lengths = [run.sample_lengths for run in self.runs]
+        values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
         n = int(self.first_pole[-1])
         start, tangent, ends = np.zeros((n, points.shape[1])), np.zeros((n, 1)), list[int]()
-        for run, own, (low, high) in zip(self.runs, self.breaks, self.ends, strict=True):
+        for run, span_ends, (low, high) in zip(self.runs, self.breaks, self.ends, strict=True):
             many = 2 if run.smooth else 1
             ends += [*range(low, low + many), *range(high - many, high)]
             start[low : low + many], start[high - many : high] = run.samples[0], run.samples[-1]
             if run.smooth:
-                tangent[[low + 1, high - 2], 0] = (own[1] - own[0]) / 3, -(own[-1] - own[-2]) / 3
-        system = LeastSquares.of(values, first, self.first_pole[:-1], n, np.array(ends))
+                tangent[[low + 1, high - 2], 0] = (
+                    (span_ends[1] - span_ends[0]) / 3,
+                    -(span_ends[-1] - span_ends[-2]) / 3,
+                )
+        system = LeastSquares.from_hats(values, first_hats, self.first_pole[:-1], n, np.array(ends))
         poles = system.poles(points, start)
-        return self._smoothed(system, poles, points, tangent) if tangent.any() else poles
+        return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
-    def _smoothed(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
+    def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
         """Add the shared tangent d of each smooth line. It couples the first and last poles outside of the band, so it
         is eliminated from the system and solved alone.
         """
-        free = tangent - system.solved(system.sums(system.at_samples(tangent)))
-        along, off = system.at_samples(free), points - system.at_samples(poles)
+        free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
+        along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
-        for run, (low, high), last in zip(self.runs, self.ends, end.tolist(), strict=True):
+        for run, (low, high), stop in zip(self.runs, self.ends, end.tolist(), strict=True):
             if run.smooth:
-                own = along[last - run.count - 1 : last]
-                poles[low:high] += free[low:high] @ (own.T @ off[last - run.count - 1 : last]) / (own.T @ own)
+                direction = along[stop - run.count - 1 : stop]
+                poles[low:high] += (
+                    free[low:high] @ (direction.T @ residual[stop - run.count - 1 : stop]) / (direction.T @ direction)
+                )
         return poles
 
-    def off(self, poles: Floats) -> list[Floats]:
+    def errors(self, poles: Floats) -> list[Floats]:
         """Largest distances of the spans of each line, poles (n, d)."""
         begin, wide = (
-            np.concatenate([at[:-1] for at in self.breaks]),
-            np.concatenate([at[1:] - at[:-1] for at in self.breaks]),
+            np.concatenate([lengths[:-1] for lengths in self.breaks]),
+            np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks]),
         )
         four = (begin[:, None] + wide[:, None] * THIRDS).ravel()
-        values, first = self._hats(four, np.full(len(wide), len(THIRDS)))
-        there = sum(values[i][:, None] * poles[first + i] for i in range(4))
-        powers = np.einsum("ij,sjd->dis", POWERS, there.reshape(len(wide), 4, -1))
-        at = [run.asked[0] for run in self.runs]
-        many = self._spans(at)
-        x = (np.concatenate(at) - np.repeat(begin, many)) / np.repeat(wide, many)
+        values, first_hats = self._hats(four, np.full(len(wide), len(THIRDS)))
+        span_points = sum(values[i][:, None] * poles[first_hats + i] for i in range(4))
+        powers = np.einsum("ij,sjd->dis", POWERS, span_points.reshape(len(wide), 4, -1))
+        lengths = [run.check_points[0] for run in self.runs]
+        many = self._span_counts(lengths)
+        x = (np.concatenate(lengths) - np.repeat(begin, many)) / np.repeat(wide, many)
         square = np.zeros(len(x))
         for axis, power in enumerate(powers):
-            points = np.concatenate([run.asked[1][axis] for run in self.runs])
-            one, two, three, four = (np.repeat(row, many) for row in power)
-            square += (((four * x + three) * x + two) * x + one - points) ** 2
+            points = np.concatenate([run.check_points[1][axis] for run in self.runs])
+            constant, two, three, four = (np.repeat(row, many) for row in power)
+            square += (((four * x + three) * x + two) * x + constant - points) ** 2
         worst = np.sqrt(np.maximum.reduceat(square, np.cumsum(many) - many))
-        return np.split(worst, np.cumsum([len(own) - 1 for own in self.breaks])[:-1])
+        return np.split(worst, np.cumsum([len(span_ends) - 1 for span_ends in self.breaks])[:-1])
 
 
 SHARP = np.deg2rad(30.0)
@@ -229,7 +242,7 @@ class Curve(Spline):
     deviation: float
 
     @property
-    def straight(self) -> bool:
+    def is_straight(self) -> bool:
         """True for a line."""
         return self.degree == 1
 
@@ -240,15 +253,17 @@ def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve]
     corner : (k,) vertices between two curves; sharp turns are added. A loop with at most one corner has one smooth
              curve, which is split in two.
     """
-    at = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
-    if len(at) > 1:
-        ends = [*at.tolist(), int(at[0]) + len(loop)]
-        chain = [fitted(loop[np.arange(a, b + 1) % len(loop)], tolerance) for a, b in pairwise(ends)]
-        found = [curve for curve in chain if curve is not None]
-        return found if len(found) == len(chain) else None
-    start = int(at[0]) if len(at) else 0
-    whole = fitted(loop[(start + np.arange(len(loop) + 1)) % len(loop)], tolerance, smooth=not len(at))
-    return None if whole is None else halves(whole)
+    corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
+    if len(corners) > 1:
+        ends = [*corners.tolist(), int(corners[0]) + len(loop)]
+        chain = [fitted_curve(loop[np.arange(a, b + 1) % len(loop)], tolerance) for a, b in pairwise(ends)]
+        curves = [curve for curve in chain if curve is not None]
+        return curves if len(curves) == len(chain) else None
+    start = int(corners[0]) if len(corners) else 0
+    closed_curve = fitted_curve(
+        loop[(start + np.arange(len(loop) + 1)) % len(loop)], tolerance, smooth=not len(corners)
+    )
+    return None if closed_curve is None else halves(closed_curve)
 
 
 def turning(loop: Floats) -> Floats:
@@ -270,67 +285,67 @@ class Polyline:
     most: int = 50_000
 
 
-def fitted(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None:
+def fitted_curve(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None:
     """Fit one curve to the polyline (k, 2) or (k, 3); None if that needs too many samples."""
-    return all_fitted([Polyline(line, smooth)], tolerance)[0]
+    return fitted_curves([Polyline(line, smooth)], tolerance)[0]
 
 
-def all_fitted(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
+def fitted_curves(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
     """Fit one curve to each polyline; None if that needs more samples than the line allows.
 
     One call with thousands of lines takes a sixth of the time of single calls.
     """
-    found: list[Curve | None] = [None] * len(lines)
+    curves: list[Curve | None] = [None] * len(lines)
     open_runs = dict[int, SampledLine]()
     for k, line in enumerate(lines):
-        run = SampledLine.of(line.points, line.smooth)
+        run = SampledLine.from_points(line.points, line.smooth)
         if not run.total > 0:
             continue
-        off = np.inf if line.smooth else run.bow
-        if off <= tolerance:
-            found[k] = Curve(np.array([0, 0, run.total, run.total]), line.points[[0, -1]], 1, off)
+        deviation = np.inf if line.smooth else run.bow
+        if deviation <= tolerance:
+            curves[k] = Curve(np.array([0, 0, run.total, run.total]), line.points[[0, -1]], 1, deviation)
         elif run.count <= line.most:
             open_runs[k] = run
     while open_runs:
-        made = refined(list(open_runs.values()), tolerance)
+        splines = splines_by_halving(list(open_runs.values()), tolerance)
         missed = dict[int, SampledLine]()
-        for (k, run), one in zip(open_runs.items(), made, strict=True):
-            if one is not None:
-                found[k] = Curve(*one)
+        for (k, run), spline in zip(open_runs.items(), splines, strict=True):
+            if spline is not None:
+                curves[k] = Curve(*spline)
             elif 4 * run.count <= lines[k].most:
                 missed[k] = replace(run, count=4 * run.count)
         open_runs = missed
-    return found
+    return curves
 
 
 def halves(curve: Curve) -> list[Curve]:
     """Split a spline near the middle of its parameters into two curves with the same points."""
-    return _cut(curve, float(np.round((curve.knots[0] + curve.knots[-1]) / 2, KNOT_DIGITS)))
+    return _split(curve, float(np.round((curve.knots[0] + curve.knots[-1]) / 2, KNOT_DIGITS)))
 
 
-def of_few_spans(curve: Curve) -> list[Curve]:
+def split_at_knots(curve: Curve) -> list[Curve]:
     """Split a curve at its knots into curves of at most `SPANS` spans with the same points."""
-    breaks, found = np.unique(curve.knots), [curve]
+    breaks, pieces = np.unique(curve.knots), [curve]
     count = -(-(len(breaks) - 1) // SPANS)
-    for at in np.round(np.arange(1, count) * (len(breaks) - 1) / count).astype(int):
-        found += _cut(found.pop(), float(breaks[at]))
-    return found
+    for knot in np.round(np.arange(1, count) * (len(breaks) - 1) / count).astype(int):
+        pieces += _split(pieces.pop(), float(breaks[knot]))
+    return pieces
 
 
-def _cut(curve: Curve, at: float) -> list[Curve]:
+def _split(curve: Curve, parameter: float) -> list[Curve]:
     from scipy.interpolate import BSpline
 
     spline = BSpline(curve.knots, curve.poles, curve.degree)
-    for _ in range(curve.degree - int(np.count_nonzero(curve.knots == at))):
-        spline = spline.insert_knot(at)
-    first = int(np.searchsorted(spline.t, at))
-    end = first + curve.degree
-    before = np.concatenate([spline.t[:end], [at]])
-    after = np.concatenate([[at], spline.t[first:]])
+    for _ in range(curve.degree - int(np.count_nonzero(curve.knots == parameter))):
+        spline = spline.insert_knot(parameter)
+    first_knot = int(np.searchsorted(spline.t, parameter))
+    end = first_knot + curve.degree
+    before = np.concatenate([spline.t[:end], [parameter]])
+    after = np.concatenate([[parameter], spline.t[first_knot:]])
     poles = spline.c[: len(spline.t) - curve.degree - 1]
     return [
-        Curve(before, poles[:first], curve.degree, curve.deviation),
-        Curve(after, poles[first - 1 :], curve.degree, curve.deviation),
+        Curve(before, poles[:first_knot], curve.degree, curve.deviation),
+        Curve(after, poles[first_knot - 1 :], curve.degree, curve.deviation),
     ]
 
 
@@ -345,14 +360,14 @@ REMEMBERED = 4096
 """Largest number of lines in the cache of curves: the next format of the same design needs the same curves."""
 
 
-def within(part: Part) -> float:
+def curve_tolerance(part: Part) -> float:
     """Tolerance of the curves along a part's lines (mm)."""
     return max(part.details.tolerance, CLOSEST)
 
 
 def chains(part: Part) -> list[list[Curve]]:
     """Return the curves along each line of a part."""
-    return all_curves_along([line.points for line in part.details.lines], within(part))
+    return all_curves_along([line.points for line in part.details.lines], curve_tolerance(part))
 
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
@@ -368,17 +383,17 @@ def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Cur
     """Apply `curves_along` to each polyline (k, 3); one fit covers all lines that the cache does not have."""
     lines = [np.ascontiguousarray(points, dtype=np.float64) for points in lines]
     keys = [(points.tobytes(), points.shape, tolerance) for points in lines]
-    found = {key: _remembered[key] for key in keys if key in _remembered}
-    new = {key: list(_runs(points)) for key, points in zip(keys, lines, strict=True) if key not in found}
-    made = iter(all_fitted([run for runs in new.values() for run in runs], tolerance))
-    for key, runs in new.items():
+    chain_by_key = {key: _remembered[key] for key in keys if key in _remembered}
+    missing = {key: list(_runs(points)) for key, points in zip(keys, lines, strict=True) if key not in chain_by_key}
+    fits = iter(fitted_curves([run for runs in missing.values() for run in runs], tolerance))
+    for key, runs in missing.items():
         chain = list[Curve]()
         for run in runs:
-            curve = next(made)
+            curve = next(fits)
             chain += [curve] if curve is not None else _segments(run.points)
-        found[key] = tuple(chain)
-    _remember(found)
-    return [list(found[key]) for key in keys]
+        chain_by_key[key] = tuple(chain)
+    _remember(chain_by_key)
+    return [list(chain_by_key[key]) for key in keys]
 
 
 Key = tuple[bytes, tuple[int, ...], float]
@@ -386,22 +401,22 @@ _remembered = dict[Key, tuple[Curve, ...]]()
 """Curves by line and tolerance; the latest are at the end."""
 
 
-def _remember(found: Mapping[Key, tuple[Curve, ...]]) -> None:
-    for key in found:
+def _remember(chain_by_key: Mapping[Key, tuple[Curve, ...]]) -> None:
+    for key in chain_by_key:
         _remembered.pop(key, None)
-    _remembered.update(found)
+    _remembered.update(chain_by_key)
     for key in list(_remembered)[: max(len(_remembered) - REMEMBERED, 0)]:
         del _remembered[key]
 
 
 def _runs(points: Floats) -> Iterator[Polyline]:
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
-    at = np.flatnonzero(_sharp(points, closed))
-    smooth = closed and not len(at)
-    if closed and len(at):  # begin at a corner
-        points = np.concatenate([points[at[0] : -1], points[: at[0] + 1]])
-        at = (at - at[0])[1:]
-    for a, b in pairwise([0, *at.tolist(), len(points) - 1]):
+    corners = np.flatnonzero(_sharp(points, closed))
+    smooth = closed and not len(corners)
+    if closed and len(corners):  # begin at a corner
+        points = np.concatenate([points[corners[0] : -1], points[: corners[0] + 1]])
+        corners = (corners - corners[0])[1:]
+    for a, b in pairwise([0, *corners.tolist(), len(points) - 1]):
         yield Polyline(points[a : b + 1], smooth, max(SAMPLES_PER_POINT * (b + 1 - a), FEWEST_SAMPLES))
 
 
@@ -415,20 +430,20 @@ def _sharp(points: Floats, closed: bool) -> Bools:
 
 
 def _segments(points: Floats) -> list[Curve]:
-    curves = (fitted(points[i : i + 2], np.inf) for i in range(len(points) - 1))
+    curves = (fitted_curve(points[i : i + 2], np.inf) for i in range(len(points) - 1))
     return [curve for curve in curves if curve is not None]
 
 
-def joined(chain: list[Curve]) -> list[Curve | Floats]:
+def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
     """Merge neighbouring straight curves of a chain into polylines (k, 3); splines stay as they are."""
-    found = list[Curve | Floats]()
-    for straight, group in groupby(chain, key=lambda curve: curve.straight):
+    pieces = list[Curve | Floats]()
+    for straight, group in groupby(chain, key=lambda curve: curve.is_straight):
         run = list(group)
-        found += [np.concatenate([run[0].poles[:1], *(curve.poles[-1:] for curve in run)])] if straight else run
-    return found
+        pieces += [np.concatenate([run[0].poles[:1], *(curve.poles[-1:] for curve in run)])] if straight else run
+    return pieces
 
 
-def sampled(knots: Floats, per_span: int = 16) -> Floats:
+def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
     """(k,) ascending parameters along a curve with knots (p,), `per_span` in each span.
 
     Lengths along 16 points are right to 1e-4 where a span turns by less than a radian.
@@ -438,33 +453,35 @@ def sampled(knots: Floats, per_span: int = 16) -> Floats:
     return np.append(inner.ravel(), breaks[-1])
 
 
-def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> ReadBack:
+def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> ReadBack:
     """Check the curves that a reader found in a file against the lines of a part.
 
-    found : by line id, points (k, 3) along each curve of the line (mm).
+    curves_read : by line id, points (k, 3) along each curve of the line (mm).
     The length of all curves must agree within the tolerance of bends, and each line must have its place.
     Raises ExportError for a difference.
     """
     lines = {line.id: line.points for line in part.details.lines}
-    if found.keys() != lines.keys():
-        raise differs(part, "lines", len(lines), len(found))
-    off = check_length(part, sum(polyline_length(points) for curves in found.values() for points in curves))
+    if curves_read.keys() != lines.keys():
+        raise count_error(part, "lines", len(lines), len(curves_read))
+    error = check_length(part, sum(polyline_length(points) for curves in curves_read.values() for points in curves))
     for name, points in lines.items():
-        there, here = (np.array([x.min(axis=0), x.max(axis=0)]) for x in (np.concatenate(found[name]), points))
-        if not (moved := float(np.abs(there - here).max())) <= 2 * within(part):
+        box_read, box_expected = (
+            np.array([x.min(axis=0), x.max(axis=0)]) for x in (np.concatenate(curves_read[name]), points)
+        )
+        if not (moved := float(np.abs(box_read - box_expected).max())) <= 2 * curve_tolerance(part):
             raise ExportError(
                 f"the line {name} of {part.name!r} reads back {moved:.3g} mm away from where it is; "
                 "write another format"
             )
-    return ReadBack(len(found), "lines", off, "length")
+    return ReadBack(len(curves_read), "lines", error, "length")
 
 
-def check_length(part: Part, found: float) -> float:
+def check_length(part: Part, length_read: float) -> float:
     """Return the relative error of a length (mm); raises ExportError unless it is that of all lines."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
-    if not abs(found - expected) <= 5 * READ_BACK * expected:
+    if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(
-            f"the lines of {part.name!r} read back {found:.6g} mm long instead of {expected:.6g} mm; "
+            f"the lines of {part.name!r} read back {length_read:.6g} mm long instead of {expected:.6g} mm; "
             "write another format"
         )
-    return found / expected - 1
+    return length_read / expected - 1

@@ -21,7 +21,7 @@ from dsfab.export.mesh import gltf, triangles
 from dsfab.export.part import Details, Part, Route, StepOptions, part_of
 from dsfab.export.readback import ReadBack, with_shapes, with_single_shapes
 from dsfab.export.tables import forces, geometry
-from dsfab.export.writing import replacing, write_chunks
+from dsfab.export.writing import atomic_file, write_chunks
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 
@@ -72,10 +72,10 @@ class Written:
     found: ReadBack
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """Summary: 'step: 2.23 MB, 1,408 faces, volume error 3e-04, 16 s'."""
         seconds = f"{self.seconds:.2g}" if self.seconds < 100 else f"{self.seconds:.0f}"
-        return f"{suffix_of(self.path)[1:]}: {self.size / 1e6:.3g} MB, {self.found.told}, {seconds} s"
+        return f"{suffix_of(self.path)[1:]}: {self.size / 1e6:.3g} MB, {self.found.summary}, {seconds} s"
 
 
 _STEP = Format(
@@ -98,12 +98,14 @@ FORMATS: dict[str, Format] = {
         file.prepare_lines, file.encode_lines, file.check_lines_file, sheets=True, takes="lines", curves=True
     ),
     ".brep": replace(_STEP, encode=file.encode_brep, check=file.check_brep, told=file.route_sentence),
-    ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.ready),
+    ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.require_ifcopenshell),
     ".obj": Format(triangles.prepare_obj, triangles.encode_obj, triangles.check_obj, sheets=True),
     ".ply": Format(triangles.prepare_ply, triangles.encode_ply, triangles.check_ply, sheets=True),
     ".off": Format(triangles.prepare_off, triangles.encode_off, triangles.check_off, sheets=True),
     ".glb": Format(gltf.prepare, gltf.encode, gltf.check, sheets=True),
-    ".3dm": Format(rhino.prepare, rhino.encode, rhino.check, sheets=True, takes="both", curves=True, ready=rhino.ready),
+    ".3dm": Format(
+        rhino.prepare, rhino.encode, rhino.check, sheets=True, takes="both", curves=True, ready=rhino.require_rhino3dm
+    ),
     ".dxf": Format(dxf.prepare, dxf.encode, dxf.check, sheets=True, takes="lines", curves=True),
     ".svg": Format(svg.prepare, svg.encode, svg.check, sheets=True, takes="lines"),
     ".csv": Format(geometry.prepare_csv, geometry.encode_csv, geometry.check_csv, sheets=True, takes="lines"),
@@ -127,10 +129,10 @@ FORMATS: dict[str, Format] = {
         rhino.check_members,
         sheets=True,
         takes="bodies",
-        ready=rhino.ready,
+        ready=rhino.require_rhino3dm,
     ),
     ".members.ifc": Format(
-        with_shapes, ifc.encode_members, ifc.check_members, sheets=True, takes="bodies", ready=ifc.ready
+        with_shapes, ifc.encode_members, ifc.check_members, sheets=True, takes="bodies", ready=ifc.require_ifcopenshell
     ),
     ".members.glb": Format(with_single_shapes, gltf.encode_members, gltf.check_members, sheets=True, takes="bodies"),
     ".members.dxf": Format(with_shapes, dxf.encode_members, dxf.check_members, sheets=True, takes="bodies"),
@@ -146,7 +148,7 @@ FORMATS: dict[str, Format] = {
         forces.check_workbook,
         sheets=True,
         takes="bars",
-        ready=saf.ready,
+        ready=saf.require_xlsxwriter,
     ),
     ".member_utilisation.csv": Format(
         forces.prepare_utilisation,
@@ -156,16 +158,26 @@ FORMATS: dict[str, Format] = {
         told=forces.sentence,
         takes="utilisation",
     ),
-    opensees.SUFFIX: Format(saf.prepare, opensees.encode, opensees.check, sheets=True, told=saf.told, takes="frame"),
+    opensees.SUFFIX: Format(
+        saf.prepare, opensees.encode, opensees.check, sheets=True, told=saf.agreement_text, takes="frame"
+    ),
     calculix.SUFFIX: Format(
         saf.prepare,
         calculix.encode,
         calculix.check,
         sheets=True,
-        told=saf.told,
+        told=saf.agreement_text,
         takes="frame",
     ),
-    saf.SUFFIX: Format(saf.prepare, saf.encode, saf.check, sheets=True, told=saf.told, takes="frame", ready=saf.ready),
+    saf.SUFFIX: Format(
+        saf.prepare,
+        saf.encode,
+        saf.check,
+        sheets=True,
+        told=saf.agreement_text,
+        takes="frame",
+        ready=saf.require_xlsxwriter,
+    ),
 }
 """Formats by suffix."""
 
@@ -205,12 +217,12 @@ def write(
             f"thicken it first, or write {open_formats}"
         )
     part = form.prepare(_with_options(part, step, details))
-    with replacing(path) as temporary:
-        taken, refused, found = _put(form, part, temporary)
-    if note and (how := form.told(taken, refused)):
+    with atomic_file(path) as temporary:
+        attempt, refused, readback = _put(form, part, temporary)
+    if note and (how := form.told(attempt, refused)):
         note(how)
     if report:
-        report(Written(path, path.stat().st_size, time.perf_counter() - begin, found))
+        report(Written(path, path.stat().st_size, time.perf_counter() - begin, readback))
     return path
 
 
@@ -229,19 +241,21 @@ def step_estimates(
 
 
 def _with_options(part: Part, step: StepOptions | str, details: Details | None) -> Part:
-    ask = StepOptions(step) if isinstance(step, str) else step
-    if ask.route not in strategies.ROUTES:
-        raise ExportError(f"step = {ask.route!r} names no way to write STEP; use one of {', '.join(strategies.ROUTES)}")
-    marked = np.zeros((0, 3)) if ask.corners is None else MM_PER_M * np.asarray(ask.corners, dtype=np.float64)
+    options = StepOptions(step) if isinstance(step, str) else step
+    if options.route not in strategies.ROUTES:
+        raise ExportError(
+            f"step = {options.route!r} names no way to write STEP; use one of {', '.join(strategies.ROUTES)}"
+        )
+    marked = np.zeros((0, 3)) if options.corners is None else MM_PER_M * np.asarray(options.corners, dtype=np.float64)
     return replace(
         part,
-        details=(details or Details()).scaled(MM_PER_M),
-        step="smooth" if ask.route == "compact" else ask.route,
-        step_faces=ask.faces,
-        step_mb=ask.megabytes,
-        tolerance=MM_PER_M * ask.tolerance,
+        details=(details or Details()).scaled_by(MM_PER_M),
+        step="smooth" if options.route == "compact" else options.route,
+        step_faces=options.faces,
+        step_mb=options.megabytes,
+        tolerance=MM_PER_M * options.tolerance,
         corners=marked,
-        curved=ask.curved,
+        curved=options.curved,
     )
 
 
@@ -253,20 +267,20 @@ def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportEr
             continue
         try:
             write_chunks(temporary, form.encode(attempt))
-            found = form.check(attempt, temporary)
+            readback = form.check(attempt, temporary)
         except ExportError as error:
             refused.append(error)
             temporary.unlink(missing_ok=True)
         else:
-            return attempt, refused, found
+            return attempt, refused, readback
     raise form.refusal(refused)
 
 
 def suffix_of(path: Path) -> str:
     """Return the suffix in lower case; two words if they name a format: `.lines.step`, and `members.json` alone."""
     double = "".join(path.suffixes[-2:]).lower()
-    whole = f".{path.name}".lower() if path.suffix else ""
-    return next((name for name in (whole, double) if name in FORMATS), path.suffix.lower())
+    file_name = f".{path.name}".lower() if path.suffix else ""
+    return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())
 
 
 def format_of(path: Path) -> Format:
@@ -274,7 +288,7 @@ def format_of(path: Path) -> Format:
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]
-    near = difflib.get_close_matches(suffix, FORMATS, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]}? " if near else ""
-    said = f"the suffix {suffix!r} of {path.name} names no format" if suffix else f"{str(path)!r} has no suffix"
-    raise ExportError(f"{said}; {hint}use one of {', '.join(FORMATS)}")
+    similar = difflib.get_close_matches(suffix, FORMATS, n=1, cutoff=0.5)
+    hint = f"did you mean {similar[0]}? " if similar else ""
+    problem = f"the suffix {suffix!r} of {path.name} names no format" if suffix else f"{str(path)!r} has no suffix"
+    raise ExportError(f"{problem}; {hint}use one of {', '.join(FORMATS)}")

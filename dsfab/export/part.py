@@ -9,11 +9,11 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.core.arrays import Bools, Floats, Ints, first, lock
+from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
 from dsfab.core.units import MM_PER_M
-from dsfab.surface import StructureLine, Surface, box, signed_volume, total_area
+from dsfab.surface import StructureLine, Surface, bounding_box, signed_volume, total_area
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 
@@ -107,7 +107,7 @@ class MemberShape:
         lock(self, "F", np.int64, (None, 3))
         lock(self, "axis", np.float64, (None, 3))
 
-    def scaled(self, factor: float) -> "MemberShape":
+    def scaled_by(self, factor: float) -> "MemberShape":
         """Return the shape in another unit of length."""
         edges = tuple(factor * line for line in self.edges)
         return replace(self, V=factor * self.V, axis=factor * self.axis, edges=edges)
@@ -144,10 +144,10 @@ class Details:
     shapes: tuple[MemberShape, ...] = ()
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def scaled(self, factor: float) -> "Details":
+    def scaled_by(self, factor: float) -> "Details":
         """Return the details with `lines`, `shapes` and `tolerance` in another unit of length."""
         lines = tuple(replace(x, points=factor * x.points, length=factor * x.length) for x in self.lines)
-        shapes = tuple(shape.scaled(factor) for shape in self.shapes)
+        shapes = tuple(shape.scaled_by(factor) for shape in self.shapes)
         return replace(self, lines=lines, shapes=shapes, tolerance=factor * self.tolerance)
 
 
@@ -221,7 +221,7 @@ class Part:
     @cached_property
     def box(self) -> Floats:
         """(2, 3) lowest and highest corner of the faces, millimetres."""
-        return box(self.V, self.F)
+        return bounding_box(self.V, self.F)
 
     @cached_property
     def volume(self) -> float:
@@ -245,7 +245,7 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
         raise ExportError(f"{name!r} has no faces, so there is nothing to write")
     bad = np.flatnonzero(~np.isfinite(part.V).all(axis=1))
     if len(bad):
-        raise ExportError(f"{len(bad)} vertices of {name!r} are not finite numbers (first: {first(bad)})")
+        raise ExportError(f"{len(bad)} vertices of {name!r} are not finite numbers (first: {first_few(bad)})")
     if part.is_solid:
         faults = open_edges(part.F)
         if faults:
@@ -266,17 +266,17 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     if not len(lost):
         return replace(part, V=V)
     links = coo_array((np.ones(len(lost), dtype=np.int8), (a[lost], b[lost])), shape=(len(V),) * 2)
-    of = connected_components(links, directed=False)[1].astype(np.int64)
-    F = of[part.F]
+    component = connected_components(links, directed=False)[1].astype(np.int64)
+    F = component[part.F]
     F = F[(np.roll(F, -1, axis=1) != F).all(axis=1)]
-    merged = np.empty((int(of.max()) + 1, 3))
-    merged[of] = V
+    merged = np.empty((int(component.max()) + 1, 3))
+    merged[component] = V
     small = replace(part, V=merged, F=F)
     if not len(F) or (part.is_solid and (open_edges(F) or abs(small.volume - part.volume) > READ_BACK * part.volume)):
-        close = np.unique([a[lost], b[lost]])
+        collapsed = np.unique([a[lost], b[lost]])
         raise ExportError(
-            f"{len(close)} vertices of {part.name!r} are too close together for {holding} "
-            f"(first: {first(close)}) and the shape does not survive their merging; "
+            f"{len(collapsed)} vertices of {part.name!r} are too close together for {holding} "
+            f"(first: {first_few(collapsed)}) and the shape does not survive their merging; "
             "coarsen the mesh there, or move it to the origin (surface.origin)"
         )
     return small
@@ -293,8 +293,8 @@ def open_edges(F: Ints) -> int:
     """
     a, b = half_edges(F)
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
-    there, back = (np.sort(keys[way]) for way in (a < b, a > b))
-    if np.array_equal(there, back) and len(there) + len(back) == len(keys):
+    forward, backward = (np.sort(keys[mask]) for mask in (a < b, a > b))
+    if np.array_equal(forward, backward) and len(forward) + len(backward) == len(keys):
         return 0  # this quick test takes a tenth of the time, and nearly all meshes pass it
     keys, edge = np.unique(keys, return_inverse=True)
     balance = np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))

@@ -11,7 +11,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
-from dsfab.surface import box, polyline_length, signed_volume, total_area
+from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
 NUMBERS_READ_BACK = 1e-9
 """Numbers of 10 digits or more that are read back may differ by this share of the largest one."""
@@ -30,7 +30,7 @@ class ReadBack:
     measure: str = "volume"
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """Summary: '1,408 faces, volume error 3e-06'."""
         error = "" if np.isnan(self.off) else f", {self.measure} error {abs(self.off):.0e}".replace("0e+00", "0")
         return f"{self.count:,} {self.what}{error}"
@@ -79,45 +79,47 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
     Raises ExportError for a difference.
     """
     if len(F) != len(part.F):
-        raise differs(part, "triangles", len(part.F), len(F))
-    used, kept = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
-    if used != kept:
-        raise differs(part, "vertices", kept, used)
+        raise count_error(part, "triangles", len(part.F), len(F))
+    vertices_read, vertices_expected = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
+    if vertices_read != vertices_expected:
+        raise count_error(part, "vertices", vertices_expected, vertices_read)
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
-    moved = float(np.abs(box(V, F) - part.box).max())
+    moved = float(np.abs(bounding_box(V, F) - part.box).max())
     if not moved <= READ_BACK * size:
         raise ExportError(
             f"{part.name!r} reads back with its bounding box moved by {moved:.3g} mm; write another format"
         )
     if part.is_solid and open_edges(F):
         raise ExportError(f"{part.name!r} reads back open at {open_edges(F)} edges; write another format")
-    off = check_measure(part, signed_volume(V, F) if part.is_solid else total_area(V, F))
-    return ReadBack(len(F), "triangles", off, "volume" if part.is_solid else "area")
+    error = check_measure(part, signed_volume(V, F) if part.is_solid else total_area(V, F))
+    return ReadBack(len(F), "triangles", error, "volume" if part.is_solid else "area")
 
 
-def check_measure(part: Part, found: float) -> float:
+def check_measure(part: Part, measure_read: float) -> float:
     """Return the relative error of a volume (mm3) or area (mm2); raises ExportError if it is over 0.1 %."""
     what, unit, expected = ("volume", "mm3", part.volume) if part.is_solid else ("area", "mm2", part.area)
-    if not abs(found - expected) <= READ_BACK * abs(expected):
+    if not abs(measure_read - expected) <= READ_BACK * abs(expected):
         raise ExportError(
-            f"{part.name!r} reads back with {what} {found:.6g} {unit} instead of {expected:.6g} {unit}; "
+            f"{part.name!r} reads back with {what} {measure_read:.6g} {unit} instead of {expected:.6g} {unit}; "
             "write another format"
         )
-    return found / expected - 1
+    return measure_read / expected - 1
 
 
-def check_lines(part: Part, found: Sequence[Floats]) -> ReadBack:
+def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
     """Check polylines (k, 3) against the part's lines: equal number, equal total length to 0.1 %; else ExportError."""
     lines = part.details.lines
-    if len(found) != len(lines):
-        raise differs(part, "lines", len(lines), len(found))
-    expected, there = (sum(map(polyline_length, points)) for points in ([line.points for line in lines], found))
-    if not abs(there - expected) <= READ_BACK * expected:
+    if len(lines_read) != len(lines):
+        raise count_error(part, "lines", len(lines), len(lines_read))
+    expected, length_read = (
+        sum(map(polyline_length, points)) for points in ([line.points for line in lines], lines_read)
+    )
+    if not abs(length_read - expected) <= READ_BACK * expected:
         raise ExportError(
-            f"the lines of {part.name!r} read back {there:.6g} mm long instead of {expected:.6g} mm; "
+            f"the lines of {part.name!r} read back {length_read:.6g} mm long instead of {expected:.6g} mm; "
             "write another format"
         )
-    return ReadBack(len(found), "lines", there / expected - 1, "length")
+    return ReadBack(len(lines_read), "lines", length_read / expected - 1, "length")
 
 
 def with_lines(part: Part, format_name: str) -> Part:
@@ -127,18 +129,18 @@ def with_lines(part: Part, format_name: str) -> Part:
     return part
 
 
-def differs(part: Part, what: str, expected: int, found: int) -> ExportError:
+def count_error(part: Part, what: str, expected: int, count_read: int) -> ExportError:
     """Return the error for a count that reads back different."""
-    return ExportError(f"{part.name!r} reads back with {found} {what} instead of {expected}; write another format")
+    return ExportError(f"{part.name!r} reads back with {count_read} {what} instead of {expected}; write another format")
 
 
 def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
     """Merge vertices of V (n, 3), F (m, 3) at exactly equal positions."""
-    points, of = distinct(V)
-    return points, of[F]
+    points, point = distinct_rows(V)
+    return points, point[F]
 
 
-def distinct(rows: Floats) -> tuple[Floats, Ints]:
+def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
     """Return the different rows among rows of three numbers (k, 3), and the number of each row's twin there (k,).
 
     A hash of the bits identifies a row, in a sixth of the time of comparing rows. After a collision of hashes the rows
@@ -147,11 +149,11 @@ def distinct(rows: Floats) -> tuple[Floats, Ints]:
     rows = rows + 0.0  # no -0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
-    _, first, of = np.unique(mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2], return_index=True, return_inverse=True)
-    found = rows[first]
-    if not (found[of] == rows).all():
-        found, of = np.unique(rows, axis=0, return_inverse=True)
-    return found, of.reshape(-1)
+    _, first_row, number = np.unique(mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2], return_index=True, return_inverse=True)
+    different = rows[first_row]
+    if not (different[number] == rows).all():
+        different, number = np.unique(rows, axis=0, return_inverse=True)
+    return different, number.reshape(-1)
 
 
 COLOURS = {"major": (31, 78, 156), "minor": (179, 38, 30), "keep": (46, 125, 50), "rim": (0, 121, 134)}
@@ -172,8 +174,8 @@ def with_single_shapes(part: Part) -> Part:
 
 
 def _single(shape: MemberShape) -> MemberShape:
-    held = in_single_precision(Part(shape.V, shape.F, shape.id, is_solid=True))
-    return replace(shape, V=held.V, F=held.F)
+    rounded = in_single_precision(Part(shape.V, shape.F, shape.id, is_solid=True))
+    return replace(shape, V=rounded.V, F=rounded.F)
 
 
 def member_entries(part: Part) -> dict[str, Mapping[str, Any]]:
@@ -195,23 +197,23 @@ def layer_colour(layer: str) -> tuple[int, int, int]:
     return COLOURS.get(layer, GREY)
 
 
-def check_shapes(part: Part, found: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
+def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
     """Check meshes by name against the part's members, V (n, 3), in millimetres, F (m, 3).
 
     Each must be closed and have its triangles, its place and its volume to 0.1 %; else ExportError.
     """
     shapes = part.details.shapes
-    if [shape.id for shape in shapes] != list(found):
-        raise differs(part, "members", len(shapes), len(found))
-    total = there = 0.0
+    if [shape.id for shape in shapes] != list(meshes_read):
+        raise count_error(part, "members", len(shapes), len(meshes_read))
+    total = total_read = 0.0
     for shape in shapes:
-        V, F = found[shape.id]
+        V, F = meshes_read[shape.id]
         if len(F) != len(shape.F) or open_edges(F):
-            raise differs(part, f"triangles in {shape.id}", len(shape.F), len(F))
-        one, other = (signed_volume(*mesh) for mesh in ((shape.V, shape.F), (V, F)))
+            raise count_error(part, f"triangles in {shape.id}", len(shape.F), len(F))
+        volume, volume_read = (signed_volume(*mesh) for mesh in ((shape.V, shape.F), (V, F)))
         size = float(np.ptp(shape.V, axis=0).max())
         moved = float(np.abs(V[F].mean(axis=(0, 1)) - shape.V[shape.F].mean(axis=(0, 1))).max())
-        if not (abs(one - other) <= READ_BACK * one and moved <= READ_BACK * size):
+        if not (abs(volume - volume_read) <= READ_BACK * volume and moved <= READ_BACK * size):
             raise ExportError(f"the member {shape.id} of {part.name!r} reads back changed; write .members.json instead")
-        total, there = total + one, there + other
-    return ReadBack(len(found), "members", there / total - 1)
+        total, total_read = total + volume, total_read + volume_read
+    return ReadBack(len(meshes_read), "members", total_read / total - 1)

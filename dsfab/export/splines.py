@@ -29,22 +29,22 @@ class Spline:
         return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # three times as fast
 
 
-def straight(a: Floats, b: Floats) -> Spline:
+def segment_spline(a: Floats, b: Floats) -> Spline:
     """Return the line from a (d,) to b (d,)."""
     return Spline(np.array([0.0, 0, 1, 1]), np.stack([a, b]), 1)
 
 
 def bernstein(x: Floats) -> Floats:
     """(k, 4) the cubic Bernstein polynomials at x (k,) in [0, 1]."""
-    y, found = 1 - x, np.empty((len(x), 4))
-    found[:, 0], found[:, 1], found[:, 2], found[:, 3] = y**3, 3 * x * y**2, 3 * x**2 * y, x**3
-    return found
+    y, values = 1 - x, np.empty((len(x), 4))
+    values[:, 0], values[:, 1], values[:, 2], values[:, 3] = y**3, 3 * x * y**2, 3 * x**2 * y, x**3
+    return values
 
 
 def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
     """Return the first of the four nonzero cubic hats at each x (k,), and their values (k, 4)."""
-    first, values, _ = hats(x, knots)
-    return first, values
+    first_hats, values, _ = hats(x, knots)
+    return first_hats, values
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
@@ -92,27 +92,27 @@ class LeastSquares:
     held: Ints
 
     @classmethod
-    def of(cls, values: Floats, first: Ints, begin: Ints, n: int, held: Ints) -> Self:
-        """Factor the equations of hats `values` (4, k), the first of each four at `first` (k,) among n hats.
+    def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
+        """Factor the equations of hats `values` (4, k), the first of each four at `first_hats` (k,) among n hats.
 
-        begin : (r,) the first pole of each curve.
+        first_poles : (r,) the first pole of each curve.
         """
-        factor, failed = dpbtrf(_band(values, first, begin, held, n), lower=1)
+        factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
             raise np.linalg.LinAlgError(f"the products of hats are not positive at pole {failed}")
-        return cls(values, first, factor, held)
+        return cls(values, first_hats, factor, fixed_poles)
 
-    def solved(self, right: Floats) -> Floats:
+    def solve(self, right_side: Floats) -> Floats:
         """(n, d) solution for a right-hand side (n, d); 0 at fixed poles."""
-        right = np.array(right)
-        right[self.held] = 0.0
-        found, _ = dpbtrs(self.factor, right, lower=1)
-        return np.asarray(found)
+        right_side = np.array(right_side)
+        right_side[self.held] = 0.0
+        solution, _ = dpbtrs(self.factor, right_side, lower=1)
+        return np.asarray(solution)
 
-    def at_samples(self, poles: Floats, some: Ints | slice = slice(None)) -> Floats:
+    def values_at_samples(self, poles: Floats, samples: Ints | slice = slice(None)) -> Floats:
         """(k, d) values of the splines with poles (n, d) at the samples, or at a subset of them."""
-        first, values = self.first[some], self.values[:, some]
-        return np.asarray(sum(values[i][:, None] * poles[first + i] for i in range(4)))
+        first_hats, values = self.first[samples], self.values[:, samples]
+        return np.asarray(sum(values[i][:, None] * poles[first_hats + i] for i in range(4)))
 
     def sums(self, Q: Floats) -> Floats:
         """(n, d) sum over all samples of Q (k, d) times each hat."""
@@ -122,26 +122,28 @@ class LeastSquares:
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
         """(n, d) poles nearest to samples Q (k, d); start (n, d) holds the fixed poles, and 0 elsewhere."""
-        near = np.zeros(len(start), dtype=bool)
+        touches_fixed = np.zeros(len(start), dtype=bool)
         for i in range(4):
-            near[np.maximum(self.held - i, 0)] = True
-        some, rest = np.flatnonzero(near[self.first]), np.array(Q)
-        rest[some] -= self.at_samples(start, some)
-        return np.asarray(start + self.solved(self.sums(rest)))
+            touches_fixed[np.maximum(self.held - i, 0)] = True
+        affected, rest = np.flatnonzero(touches_fixed[self.first]), np.array(Q)
+        rest[affected] -= self.values_at_samples(start, affected)
+        return np.asarray(start + self.solve(self.sums(rest)))
 
 
-def _band(values: Floats, first: Ints, begin: Ints, held: Ints, n: int) -> Floats:
+def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints, n: int) -> Floats:
     """(4, n) banded normal equations; rows of fixed poles are the identity."""
     band = np.zeros((4, n))
     for i in range(4):
         for j in range(i, 4):
-            band[j - i] += np.bincount(first + i, values[i] * values[j], n)
-    band[0, held] = 0.0
-    size = np.diff(np.append(begin, n))
-    band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], begin) / (size - 2), size)  # a span without a sample
-    band[0, held] = 1.0
+            band[j - i] += np.bincount(first_hats + i, values[i] * values[j], n)
+    band[0, fixed_poles] = 0.0
+    size = np.diff(np.append(first_poles, n))
+    band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)  # a span without a sample
+    band[0, fixed_poles] = 1.0
     for below in range(1, 4):
-        band[below, held] = band[below, held - below] = 0.0  # before the first pole: of the last, which is not used
+        band[below, fixed_poles] = band[below, fixed_poles - below] = (
+            0.0  # before the first pole: of the last, which is not used
+        )
     return band
 
 
@@ -164,16 +166,20 @@ class SplineRows:
     parts: int
 
     @classmethod
-    def of(cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int) -> "SplineRows":
+    def from_counts(
+        cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int
+    ) -> "SplineRows":
         """Return rows of count (r,) points each, from x (k,) and Q (k, d), with tolerances (r,)."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
-    def some(self, chosen: Bools) -> "SplineRows":
+    def subset(self, chosen: Bools) -> "SplineRows":
         """Return the chosen rows (r,)."""
-        mine = chosen[self.row]
+        chosen_samples = chosen[self.row]
         number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
-        return SplineRows.of(number, count, self.x[mine], self.Q[mine], tolerance, self.parts)
+        return SplineRows.from_counts(
+            number, count, self.x[chosen_samples], self.Q[chosen_samples], tolerance, self.parts
+        )
 
     @property
     def line(self) -> Floats:
@@ -181,14 +187,14 @@ class SplineRows:
         start, end = self.Q[self.first], self.Q[self.last]
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
-    def away(self, at: Floats) -> Floats:
+    def distances(self, points: Floats) -> Floats:
         """(k,) largest distance of each sample's points from points (k, d)."""
-        off = (at - self.Q).reshape(len(at), self.parts, -1)
-        return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", off, off).max(axis=0)))
+        offset = (points - self.Q).reshape(len(points), self.parts, -1)
+        return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
-    def most(self, away: Floats) -> Floats:
+    def row_maxima(self, distances: Floats) -> Floats:
         """(r,) largest value of each row of values (k,)."""
-        return np.asarray(np.maximum.reduceat(away, self.first))
+        return np.asarray(np.maximum.reduceat(distances, self.first))
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,16 +219,21 @@ class RowSpans:
         knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
         return knots
 
-    def halved(self, bad: Bools, going: Bools, rows: SplineRows) -> "RowSpans":
+    def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
         """Return the spans of unfinished rows (r,), with the bad spans (s,) halved."""
-        stays = going[self.row]
-        low, high, row, two = self.low[stays], self.high[stays], (np.cumsum(going) - 1)[self.row[stays]], bad[stays]
-        of = (np.cumsum(stays) - 1)[self.of[going[rows.row]]]
-        x, middle = rows.x[going[rows.row]], (low + high) / 2
-        left, times = np.cumsum(1 + two) - (1 + two), 1 + two
+        stays = unfinished[self.row]
+        low, high, row, two = (
+            self.low[stays],
+            self.high[stays],
+            (np.cumsum(unfinished) - 1)[self.row[stays]],
+            bad[stays],
+        )
+        span = (np.cumsum(stays) - 1)[self.of[unfinished[rows.row]]]
+        x, middle = rows.x[unfinished[rows.row]], (low + high) / 2
+        first_half, times = np.cumsum(1 + two) - (1 + two), 1 + two
         low, high, row = (np.repeat(values, times) for values in (low, high, row))
-        high[left[two]] = low[left[two] + 1] = middle[two]
-        return RowSpans(low, high, row, left[of] + (two[of] & (x >= middle[of])))
+        high[first_half[two]] = low[first_half[two] + 1] = middle[two]
+        return RowSpans(low, high, row, first_half[span] + (two[span] & (x >= middle[span])))
 
 
 SAMPLES_PER_SPAN = 6
@@ -245,17 +256,17 @@ def splines_through(
     points that the d coordinates hold, whose distances count separately. The result includes the largest distance,
     which exceeds the tolerance if the samples are too few for more spans.
     """
-    found = dict[int, Fitted]()
-    for some in _batches([len(x) for x, _ in samples]):
-        x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in some), strict=True))
-        count = np.array([len(samples[c][0]) for c in some])
-        rows = SplineRows.of(np.array(some), count, x, Q, np.array([tolerances[c] for c in some]), parts)
-        rows = _lines(rows, found)
+    fits = dict[int, Fitted]()
+    for batch in _batches([len(x) for x, _ in samples]):
+        x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))
+        count = np.array([len(samples[c][0]) for c in batch])
+        rows = SplineRows.from_counts(np.array(batch), count, x, Q, np.array([tolerances[c] for c in batch]), parts)
+        rows = _lines(rows, fits)
         if len(rows.number):
-            rows = _parabolas(rows, found)
+            rows = _parabolas(rows, fits)
         if len(rows.number):
-            _cubics(rows, found)
-    return [found[c] for c in range(len(samples))]
+            _cubics(rows, fits)
+    return [fits[c] for c in range(len(samples))]
 
 
 def _batches(counts: list[int]) -> Iterator[range]:
@@ -267,59 +278,59 @@ def _batches(counts: list[int]) -> Iterator[range]:
             start, total = c + 1, 0
 
 
-def _lines(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
+def _lines(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
     """Store the curves that lines can replace; return the remaining rows."""
-    off = rows.most(rows.away(rows.line))
-    good = off <= 0.5 * rows.tolerance
-    for r in np.flatnonzero(good):
-        found[int(rows.number[r])] = straight(rows.Q[rows.first[r]], rows.Q[rows.last[r]]), float(off[r])
-    return rows.some(~good)
+    errors = rows.row_maxima(rows.distances(rows.line))
+    accepted = errors <= 0.5 * rows.tolerance
+    for r in np.flatnonzero(accepted):
+        fits[int(rows.number[r])] = segment_spline(rows.Q[rows.first[r]], rows.Q[rows.last[r]]), float(errors[r])
+    return rows.subset(~accepted)
 
 
-def _parabolas(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
+def _parabolas(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
     """Store the curves that parabolas can replace; return the remaining rows."""
     line, bow = rows.line, 2 * rows.x * (1 - rows.x)
     bend = np.add.reduceat(bow[:, None] * (rows.Q - line), rows.first) / np.add.reduceat(bow * bow, rows.first)[:, None]
-    off = rows.most(rows.away(line + bow[:, None] * bend[rows.row]))
-    good = off <= rows.tolerance
+    errors = rows.row_maxima(rows.distances(line + bow[:, None] * bend[rows.row]))
+    accepted = errors <= rows.tolerance
     knots = np.array([0.0] * 3 + [1.0] * 3)
-    for r in np.flatnonzero(good):
+    for r in np.flatnonzero(accepted):
         start, end = rows.Q[rows.first[r]], rows.Q[rows.last[r]]
         poles = np.stack([start, (start + end) / 2 + bend[r], end])
-        found[int(rows.number[r])] = Spline(knots, poles, 2), float(off[r])
-    return rows.some(~good)
+        fits[int(rows.number[r])] = Spline(knots, poles, 2), float(errors[r])
+    return rows.subset(~accepted)
 
 
-def _cubics(rows: SplineRows, found: dict[int, Fitted]) -> None:
+def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
     """Store cubics; halve inaccurate spans until none is left or their samples are too few."""
     spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
     rounds = 14  # a span is at least 2^-14 of its curve
     for turn in range(rounds):
-        poles, away = _least_squares(rows, spans)
-        off, many = rows.most(away), np.bincount(spans.of, minlength=len(spans.row))
+        poles, distances = _least_squares(rows, spans)
+        errors, many = rows.row_maxima(distances), np.bincount(spans.of, minlength=len(spans.row))
         worst, used = np.zeros(len(many)), many > 0
-        worst[used] = np.maximum.reduceat(away, (np.cumsum(many) - many)[used])
+        worst[used] = np.maximum.reduceat(distances, (np.cumsum(many) - many)[used])
         bad = (worst > rows.tolerance[spans.row]) & (many >= 2 * SAMPLES_PER_SPAN) & (turn < rounds - 1)
-        going = np.zeros(len(off), dtype=bool)
-        going[spans.row[bad]] = True
+        unfinished = np.zeros(len(errors), dtype=bool)
+        unfinished[spans.row[bad]] = True
         knots, end = spans.knots, np.cumsum(spans.count)
         start = end - spans.count
-        for r in np.flatnonzero(~going):
-            t, own = knots[start[r] + 7 * r : end[r] + 7 * r + 7], poles[start[r] + 3 * r : end[r] + 3 * r + 3]
-            found[int(rows.number[r])] = Spline(t, own, 3), float(off[r])
-        if not going.any():
+        for r in np.flatnonzero(~unfinished):
+            t, row_poles = knots[start[r] + 7 * r : end[r] + 7 * r + 7], poles[start[r] + 3 * r : end[r] + 3 * r + 3]
+            fits[int(rows.number[r])] = Spline(t, row_poles, 3), float(errors[r])
+        if not unfinished.any():
             return
-        rows, spans = rows.some(going), spans.halved(bad, going, rows)
+        rows, spans = rows.subset(unfinished), spans.with_halves(bad, unfinished, rows)
 
 
 def _least_squares(rows: SplineRows, spans: RowSpans) -> tuple[Floats, Floats]:
     """Return poles (s + 3 r, d) of the nearest cubics with fixed ends, and the distance of each sample."""
     values, _ = hats_within(rows.x, spans.knots, spans.of + 7 * rows.row + 3)
-    first, size = spans.of + 3 * rows.row, spans.count + 3
+    first_hats, size = spans.of + 3 * rows.row, spans.count + 3
     begin, n = np.cumsum(size) - size, int(size.sum())
     ends = np.concatenate([begin, begin + size - 1])
     start = np.zeros((n, rows.Q.shape[1]))
     start[ends] = rows.Q[np.concatenate([rows.first, rows.last])]
-    system = LeastSquares.of(values, first, begin, n, ends)
+    system = LeastSquares.from_hats(values, first_hats, begin, n, ends)
     poles = system.poles(rows.Q, start)
-    return poles, rows.away(system.at_samples(poles))
+    return poles, rows.distances(system.values_at_samples(poles))

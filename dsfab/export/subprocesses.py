@@ -52,7 +52,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 
 @contextmanager
-def meanwhile(work: Callable[[], None]) -> Iterator[None]:
+def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
     """Run `work` once inside this context: as soon as a program runs, or at the end; not after an exception."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
@@ -68,7 +68,7 @@ def run_program(program: str, *arguments: str, seconds: float) -> str:
 
     Raises subprocess.TimeoutExpired after `seconds` of processor time, and ProgramError for an exit code other than 0.
     """
-    with _started(program, *arguments, stdin=None) as run:
+    with _start(program, *arguments, stdin=None) as run:
         try:
             return _answer(run, seconds)
         finally:
@@ -82,24 +82,26 @@ def last_line(program: str, *arguments: str, seconds: float) -> str:
     return _last(run_program(program, *arguments, seconds=seconds))
 
 
-class Ahead:
+class PreparedProgram:
     """A program that starts before its arguments are known, so that it imports its libraries in the meantime.
 
     It takes its arguments as one line of JSON, a list of strings. Leaving the `with` ends it.
     """
 
     def __init__(self, program: str) -> None:
-        self._run = _started(program, stdin=subprocess.PIPE)
+        self._run = _start(program, stdin=subprocess.PIPE)
 
-    def __enter__(self) -> "Ahead":
+    def __enter__(self) -> "PreparedProgram":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
         self._run.kill()
         with self._run:  # closes the pipes
             pass
 
-    def ask(self, *arguments: str) -> None:
+    def send(self, *arguments: str) -> None:
         """Send the arguments, once; `answer` returns the output."""
         if self._run.stdin:
             with suppress(BrokenPipeError):  # the program has ended, and its error output says more
@@ -110,53 +112,55 @@ class Ahead:
         """Return the last line of output after the arguments were sent; raises as `last_line`."""
         return _last(_answer(self._run, seconds))
 
-    def answer_and(self, there: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
+    def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
         """Return `answer`; run `work` as soon as `is_ready()` is true, while the program goes on."""
         with ThreadPoolExecutor(1) as reading:
-            said = reading.submit(_answer, self._run, seconds)
+            pending = reading.submit(_answer, self._run, seconds)
             try:
                 if waiting := _WAITING.get():
                     waiting.do()
-                while not (there() or said.done()):
-                    wait([said], 0.02)
-                if there():
+                while not (is_ready() or pending.done()):
+                    wait([pending], 0.02)
+                if is_ready():
                     work()
             except BaseException:  # else the pool would wait for the program
                 self._run.kill()
                 raise
-            return _last(said.result())
+            return _last(pending.result())
 
     def last_line(self, *arguments: str, seconds: float) -> str:
         """Send the arguments and return the last line of output; raises as `last_line`."""
-        self.ask(*arguments)
+        self.send(*arguments)
         return self.answer(seconds)
 
 
-def _started(program: str, *arguments: str, stdin: int | None) -> "subprocess.Popen[str]":
+def _start(program: str, *arguments: str, stdin: int | None) -> "subprocess.Popen[str]":
     command = [sys.executable, "-P", program, *arguments]
     return subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def _limited(run: "subprocess.Popen[str]", seconds: float) -> float:
+def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
     """End the program after `seconds` of processor time; return the limit on the clock."""
     if not hasattr(resource, "prlimit"):
         return seconds
-    most = max(1, round(seconds))
+    soft_limit = max(1, round(seconds))
     with suppress(OSError):  # the program has ended, or the system forbids the limit
         resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # the signal would write a core dump
-        _, hard = resource.prlimit(run.pid, resource.RLIMIT_CPU)
+        _, system_limit = resource.prlimit(run.pid, resource.RLIMIT_CPU)
         grace = 5  # seconds of the processor between the signal that a program can handle and the final one
-        last = most + grace if hard == resource.RLIM_INFINITY else min(most + grace, hard)
-        resource.prlimit(run.pid, resource.RLIMIT_CPU, (min(most, last), last))
+        hard_limit = (
+            soft_limit + grace if system_limit == resource.RLIM_INFINITY else min(soft_limit + grace, system_limit)
+        )
+        resource.prlimit(run.pid, resource.RLIMIT_CPU, (min(soft_limit, hard_limit), hard_limit))
     return 10.0 * seconds  # a busy machine needs more time on the clock
 
 
 def _answer(run: "subprocess.Popen[str]", seconds: float) -> str:
-    begin, clock = time.monotonic(), _limited(run, seconds)
+    begin, clock = time.monotonic(), _limit_time(run, seconds)
     if waiting := _WAITING.get():
         waiting.do()
-    left = clock - (time.monotonic() - begin)
-    out, complaint = run.communicate(timeout=left if left > 0 else 1.0)
+    remaining = clock - (time.monotonic() - begin)
+    out, complaint = run.communicate(timeout=remaining if remaining > 0 else 1.0)
     if run.returncode == -getattr(signal, "SIGXCPU", 0):
         raise subprocess.TimeoutExpired(run.args, seconds)
     if run.returncode:

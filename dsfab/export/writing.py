@@ -32,7 +32,7 @@ def rows(template: str, *columns: Any) -> Iterator[str]:
         yield (template * len(pieces[0])) % tuple(chain.from_iterable(zip(*pieces, strict=True)))
 
 
-def listed_rows(template: str, *columns: Any) -> Iterator[str]:
+def comma_separated_rows(template: str, *columns: Any) -> Iterator[str]:
     """Format rows as `rows` does, without the last comma and without zeros at the end of decimals."""
     before = ""
     for text in rows(template, *columns):
@@ -60,21 +60,21 @@ def partial_name(suffix: str = "") -> str:
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
     """Return a temporary folder of this process; remove those of ended processes with the same word."""
-    for path in abandoned_in(Path(tempfile.gettempdir()), word):
+    for path in abandoned_paths(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
 
 
-def abandoned(name: str, word: str = PARTIAL) -> bool:
+def is_abandoned(name: str, word: str = PARTIAL) -> bool:
     """Return True if an ended process on this machine left a file of this name."""
-    found = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
-    return found is not None and found[1] == _host() and not _alive(int(found[2]), int(found[3]))
+    match = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
+    return match is not None and match[1] == _host() and not _alive(int(match[2]), int(match[3]))
 
 
-def abandoned_in(folder: Path, word: str = PARTIAL) -> list[Path]:
+def abandoned_paths(folder: Path, word: str = PARTIAL) -> list[Path]:
     """Return the paths that ended processes left in a folder."""
     try:
-        return sorted(path for path in folder.iterdir() if abandoned(path.name, word))
+        return sorted(path for path in folder.iterdir() if is_abandoned(path.name, word))
     except OSError:
         return []
 
@@ -91,7 +91,7 @@ def remove(path: Path) -> None:
 @cache
 def remove_abandoned_files(folder: Path) -> None:
     """Remove files that ended processes left in a folder; once per folder, because it may hold thousands."""
-    for path in abandoned_in(folder):
+    for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)
 
@@ -149,7 +149,7 @@ _ADVICE = {
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a temporary name in the folder of `path` with its suffix; its file replaces `path` at the end.
 
     A failure or an interrupt removes the temporary file and leaves an older `path` as it was.
@@ -159,7 +159,7 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = target.with_name(partial_name(target.suffix))
     remove_abandoned_files(target.parent)
     try:
-        _ask(target, temporary)
+        _try_file(target, temporary)
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
@@ -175,9 +175,9 @@ def require_writable_file(path: Path) -> None:
     For a folder that does not exist yet, the trial uses the nearest existing folder above it.
     """
     target = Path(os.path.realpath(path))
-    there = next(folder for folder in target.parents if os.path.lexists(folder))
+    existing = next(folder for folder in target.parents if os.path.lexists(folder))
     try:
-        _ask(target, there / partial_name(target.suffix))
+        _try_file(target, existing / partial_name(target.suffix))
     except OSError as error:
         raise _refusal(path, error) from error
 
@@ -187,7 +187,7 @@ def _refusal(path: Path, error: OSError) -> ExportError:
     return ExportError(f"{path} could not be written: {reason}")
 
 
-def _ask(target: Path, temporary: Path) -> None:
+def _try_file(target: Path, temporary: Path) -> None:
     """Raise OSError if no file, or none of that name, can be created."""
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
@@ -220,7 +220,7 @@ Outdated = Callable[[Path, Path], set[str]]
 
 
 @contextmanager
-def whole_or_nothing(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
+def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
     """Yield a folder whose files move into `folder` at the end; after a failure `folder` is as it was.
 
     outdated : selects old files to remove; by default those of the old manifest, if a new one comes.
@@ -229,7 +229,7 @@ def whole_or_nothing(folder: Path, outdated: Outdated | None = None) -> Iterator
     target = Path(os.path.realpath(folder))  # a link stays a link
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
     try:
-        complete(target)
+        complete_folder(target)
         partial = _partial_of(target)
     except OSError as error:
         raise ExportError(f"cannot write to {folder}: {error.strerror}; choose another folder with -o") from None
@@ -238,7 +238,7 @@ def whole_or_nothing(folder: Path, outdated: Outdated | None = None) -> Iterator
             yield partial
         except ExportError as error:  # the message must name the user's folder
             raise ExportError(str(error).replace(str(partial), str(folder))) from None
-        _put_in_place(partial, target, outdated or _outdated)
+        _put_in_place(partial, target, outdated or _outdated_files)
         missing = []
     except OSError as error:
         raise ExportError(
@@ -258,7 +258,7 @@ class _TriedError(Exception):
 
 def require_writable(folder: Path) -> None:
     """Raise ExportError before minutes of work if a folder cannot be written; the folder stays as it is."""
-    with suppress(_TriedError), whole_or_nothing(folder):
+    with suppress(_TriedError), atomic_folder(folder):
         raise _TriedError
 
 
@@ -268,12 +268,12 @@ def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
     return {path.name: {"bytes": path.stat().st_size, "sha256": _sha256(path)} for path in files}
 
 
-def complete(folder: Path) -> None:
+def complete_folder(folder: Path) -> None:
     """Finish moves into a folder that ended processes began, and remove their remains in it and beside it."""
-    for partial in abandoned_in(folder):
+    for partial in abandoned_paths(folder):
         if (partial / JOURNAL).is_file():
             _follow_journal(partial, folder)
-    for path in (*abandoned_in(folder), *abandoned_in(folder.parent)):
+    for path in (*abandoned_paths(folder), *abandoned_paths(folder.parent)):
         remove(path)
 
 
@@ -285,8 +285,8 @@ def _partial_of(target: Path) -> Path:
             raise NotADirectoryError(0, "a file has that name")
         if not os.access(target, os.W_OK):
             raise PermissionError(0, "there is no permission to write there")
-    beside = not target.exists() or (_exchangeable(target) and os.access(target.parent, os.W_OK))
-    partial = (target.parent if beside else target) / partial_name()
+    is_sibling = not target.exists() or (_exchangeable(target) and os.access(target.parent, os.W_OK))
+    partial = (target.parent if is_sibling else target) / partial_name()
     partial.mkdir()
     return partial
 
@@ -341,19 +341,19 @@ def _exchangeable(target: Path) -> bool:
 def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
     """Exchange the folders in one step and return True, or return False; the user's own files are then in both."""
     fresh = {path.name for path in partial.iterdir()}
-    known = {path.name for path in target.iterdir()}
-    own = known - fresh - outdated
-    if not (_link(target, partial, own) and _exchange(partial, target)):
-        for name in own:
+    old_names = {path.name for path in target.iterdir()}
+    user_names = old_names - fresh - outdated
+    if not (_link(target, partial, user_names) and _exchange(partial, target)):
+        for name in user_names:
             (partial / name).unlink(missing_ok=True)
         return False
-    _rescue(partial, target, own, known)
+    _rescue(partial, target, user_names, old_names)
     return True
 
 
-def _link(target: Path, partial: Path, own: set[str]) -> bool:
+def _link(target: Path, partial: Path, user_names: set[str]) -> bool:
     try:
-        for name in own:
+        for name in user_names:
             os.link(target / name, partial / name)
         shutil.copymode(target, partial)
     except OSError:
@@ -361,43 +361,43 @@ def _link(target: Path, partial: Path, own: set[str]) -> bool:
     return True
 
 
-def _rescue(old: Path, target: Path, own: set[str], known: set[str]) -> None:
+def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set[str]) -> None:
     """Take over files that the user saved during the exchange."""
-    for path in old.iterdir():
-        there = target / path.name
-        replaced = path.name in own and there.exists() and not path.samefile(there)
-        if replaced or path.name not in known:
-            os.replace(path, there)
+    for path in old_folder.iterdir():
+        new_path = target / path.name
+        replaced = path.name in user_names and new_path.exists() and not path.samefile(new_path)
+        if replaced or path.name not in old_names:
+            os.replace(path, new_path)
 
 
-def _exchange(one: Path, other: Path) -> bool:
+def _exchange(folder_a: Path, folder_b: Path) -> bool:
     try:
         call = ctypes.CDLL(None, use_errno=True).renameat2
     except (AttributeError, OSError, TypeError):
         return False
-    done: int = call(_HERE, os.fsencode(one), _HERE, os.fsencode(other), _EXCHANGE)
-    return done == 0
+    status: int = call(_HERE, os.fsencode(folder_a), _HERE, os.fsencode(folder_b), _EXCHANGE)
+    return status == 0
 
 
-def _outdated(target: Path, partial: Path) -> set[str]:
+def _outdated_files(target: Path, partial: Path) -> set[str]:
     """Unchanged files of the target's manifest that a new design does not have."""
     if not (partial / DESIGN).is_file():
         return set()
     fresh, before = {path.name for path in partial.iterdir()}, _manifest_of(target)
-    return {name for name, known in before.items() if name not in fresh and _unchanged(target / name, known)}
+    return {name for name, entry in before.items() if name not in fresh and _is_unchanged(target / name, entry)}
 
 
 def _manifest_of(folder: Path) -> Mapping[str, Mapping[str, int | str]]:
     try:
-        told = json.loads((folder / DESIGN).read_text(encoding="utf-8"))
-        return {name: dict(known) for name, known in told[MANIFEST].items() if name == Path(name).name}
+        content = json.loads((folder / DESIGN).read_text(encoding="utf-8"))
+        return {name: dict(entry) for name, entry in content[MANIFEST].items() if name == Path(name).name}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
 
 
-def _unchanged(path: Path, known: Mapping[str, int | str]) -> bool:
+def _is_unchanged(path: Path, entry: Mapping[str, int | str]) -> bool:
     try:
-        return path.stat().st_size == known.get("bytes") and _sha256(path) == known.get("sha256")
+        return path.stat().st_size == entry.get("bytes") and _sha256(path) == entry.get("sha256")
     except OSError:
         return False
 

@@ -10,7 +10,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, Ints, along_segments, lock, locked, unit_vectors
+from dsfab.core.arrays import Floats, Ints, lock, positions_on_segments, read_only_copy, unit_vectors
 from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
@@ -57,20 +57,20 @@ class MiddleLine:
     def place(self, point: Floats) -> float:
         """Return the arc length (m) of the point on the line that is nearest to a point (3,)."""
         a, b = self.points[:-1], self.points[1:]
-        t = along_segments(point, a, b)
-        near = int(np.linalg.norm(a + t[:, None] * (b - a) - point, axis=1).argmin())
-        return float(self.s[near] + t[near] * (self.s[near + 1] - self.s[near]))
+        t = positions_on_segments(point, a, b)
+        nearest = int(np.linalg.norm(a + t[:, None] * (b - a) - point, axis=1).argmin())
+        return float(self.s[nearest] + t[nearest] * (self.s[nearest + 1] - self.s[nearest]))
 
-    def opened(self, at: int) -> "MiddleLine":
+    def opened_at(self, index: int) -> "MiddleLine":
         """Return the closed line with another of its points as begin and end."""
-        around = np.concatenate([np.arange(at, len(self.points)), np.arange(1, at + 1)])
-        return MiddleLine(self.points[around], self.normals[around], np.roll(self.cells, -at))
+        around = np.concatenate([np.arange(index, len(self.points)), np.arange(1, index + 1)])
+        return MiddleLine(self.points[around], self.normals[around], np.roll(self.cells, -index))
 
-    def between(self, first: int, last: int) -> "MiddleLine":
+    def section(self, first: int, last: int) -> "MiddleLine":
         """Return the part of the line from one of its points to another."""
         return MiddleLine(self.points[first : last + 1], self.normals[first : last + 1], self.cells[first:last])
 
-    def turned(self) -> "MiddleLine":
+    def reverse(self) -> "MiddleLine":
         """Return the line in the opposite direction."""
         return MiddleLine(self.points[::-1], self.normals[::-1], self.cells[::-1])
 
@@ -97,14 +97,14 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
     p, q = surface.edges.ends[key % len(surface.edges.ends)].T
     points, along = (x[p] + t[:, None] * (x[q] - x[p]) for x in (surface.V, normals))
     along = unit_vectors(along)
-    found: dict[int, list[MiddleLine]] = {}
+    by_stripe: dict[int, list[MiddleLine]] = {}
     for order, chord in chains(node[:, 0], node[:, 1], len(key)):
         moved = (np.diff(points[order], axis=0) != 0).any(axis=1)
         if moved.any():
             order = order[np.concatenate([[True], moved])]
             line = MiddleLine(points[order], along[order], live[chord][moved])
-            found.setdefault(int(part[line.cells[0]]), []).append(line)
-    return {stripe: sorted(lines, key=lambda one: -one.length) for stripe, lines in found.items()}
+            by_stripe.setdefault(int(part[line.cells[0]]), []).append(line)
+    return {stripe: sorted(lines, key=lambda one: -one.length) for stripe, lines in by_stripe.items()}
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
@@ -113,8 +113,8 @@ def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats
     """
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
-    first = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
-    share = np.where(first, a, b) / (a + b)
+    ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
+    share = np.where(ascending, a, b) / (a + b)
     return np.where(share < 1e-6, 0.0, np.where(share > 1 - 1e-6, 1.0, share))
 
 
@@ -144,9 +144,9 @@ def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLi
         return [line]
     closed = line.closed
     if closed:
-        line, cuts = line.opened(cuts[0]), [cut - cuts[0] for cut in cuts[1:]]
+        line, cuts = line.opened_at(cuts[0]), [cut - cuts[0] for cut in cuts[1:]]
     ends = [0, *cuts, len(line.points) - 1]
-    parts = [line.between(a, b) for a, b in pairwise(ends) if b > a]
+    parts = [line.section(a, b) for a, b in pairwise(ends) if b > a]
     return parts if closed else _without_hooks(parts, width)
 
 
@@ -168,9 +168,9 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
     turn = _turning(np.diff(points, axis=0), normals, line.closed)
     around = np.concatenate([turn[-STEPS:], turn, turn[:STEPS]]) if line.closed else np.pad(turn, STEPS)
     summed = np.convolve(around, np.ones(STEPS + 1), mode="same")[STEPS:-STEPS]
-    found = np.zeros(len(x))
-    found[np.arange(len(turn)) + (0 if line.closed else 1)] = np.abs(summed)
-    return found
+    angles = np.zeros(len(x))
+    angles[np.arange(len(turn)) + (0 if line.closed else 1)] = np.abs(summed)
+    return angles
 
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
@@ -190,8 +190,8 @@ def _corner(line: MiddleLine, begin: float, end: float) -> int:
     inner = np.flatnonzero((line.s[1:-1] >= begin) & (line.s[1:-1] <= end)) + 1
     if len(inner) < 2:
         return int(np.clip(np.searchsorted(line.s, (begin + end) / 2), 1, len(line.points) - 2))
-    some = slice(inner[0] - 1, inner[-1] + 2)
-    turned = np.cumsum(_turning(np.diff(line.points[some], axis=0), line.normals[some], closed=False))
+    stretch = slice(inner[0] - 1, inner[-1] + 2)
+    turned = np.cumsum(_turning(np.diff(line.points[stretch], axis=0), line.normals[stretch], closed=False))
     return int(inner[np.argmax(np.abs(turned) >= np.abs(turned[-1]) / 2)])
 
 
@@ -244,9 +244,9 @@ class MemberAxis:
     @cached_property
     def B(self) -> Floats:  # noqa: N802 - its name in the field
         """(k, 3) unit vectors to the left in the surface, N x T."""
-        return locked(np.cross(self.N, self.T), np.float64, (None, 3))
+        return read_only_copy(np.cross(self.N, self.T), np.float64, (None, 3))
 
-    def at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
+    def frames_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return points, tangents and normals (q, 3) each at arc lengths (q,), interpolated between the stations."""
         P, T, N = (np.stack([np.interp(s, self.s, x) for x in y.T], axis=-1) for y in (self.P, self.T, self.N))
         return P, unit_vectors(T), unit_vectors(N)
@@ -260,23 +260,23 @@ def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
     """Fit an axis to the middle line of a member of a width (m), on a mesh with a mean edge (m)."""
     step = max(KNOTS * width, COARSE * edge)
     # on meshes finer than the member is wide the tolerance shrinks, as the mesh's own error does with edge^2
-    axis, close = _fitted(line, step), 0.05 * edge * edge / max(edge, width)
-    while axis.strayed > close and step >= 2 * edge:
+    axis, tolerance = _axis_with_knots(line, step), 0.05 * edge * edge / max(edge, width)
+    while axis.strayed > tolerance and step >= 2 * edge:
         step /= 2
-        axis = _fitted(line, step)
+        axis = _axis_with_knots(line, step)
     return axis
 
 
-def _fitted(line: MiddleLine, step: float) -> MemberAxis:
+def _axis_with_knots(line: MiddleLine, step: float) -> MemberAxis:
     L = line.length
     spans = max(4 if line.closed else 1, round(L / step))
     count = max(16, 8 * spans)
     sampled = np.linspace(0, L, 4 * count + 1)
-    given = np.concatenate([line.points, line.normals], axis=1)
-    given = np.stack([np.interp(sampled, line.s, column) for column in given.T], axis=1)
-    both = _spline(sampled, given, L / spans, spans, line.closed)
+    samples = np.concatenate([line.points, line.normals], axis=1)
+    samples = np.stack([np.interp(sampled, line.s, column) for column in samples.T], axis=1)
+    spline = _spline(sampled, samples, L / spans, spans, line.closed)
     x = np.linspace(0, L, count + 1)
-    (P, n), (d1, dn), (d2, _) = (np.split(both(x, order), 2, axis=1) for order in range(3))
+    (P, n), (d1, dn), (d2, _) = (np.split(spline(x, order), 2, axis=1) for order in range(3))
     speed = np.linalg.norm(d1, axis=1)
     T = d1 / speed[:, None]
     N = unit_vectors(n - np.einsum("ki,ki->k", n, T)[:, None] * T)
@@ -285,7 +285,7 @@ def _fitted(line: MiddleLine, step: float) -> MemberAxis:
     kg, kn = np.einsum("ki,ki->k", bent, B), np.einsum("ki,ki->k", bent, N)
     tg = -np.einsum("ki,ki->k", dn, B) / (np.linalg.norm(n, axis=1) * speed)
     s = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(x))])
-    strayed = float(np.linalg.norm((both(sampled) - given)[:, :3], axis=1).max())
+    strayed = float(np.linalg.norm((spline(sampled) - samples)[:, :3], axis=1).max())
     return MemberAxis(s, P, T, N, kg, kn, tg, line.closed, x, strayed)
 
 
@@ -307,21 +307,21 @@ def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpl
 def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
     """(k, 2) distances (m) from the stations of an axis to the outline of cells (c,), to the left and to the right."""
     a, b = _outline(surface, cells)
-    middle, way = (a + b) / 2, b - a
-    near = np.asarray(cKDTree(axis.P).query(middle)[1])
-    cosine = np.abs(np.einsum("ei,ei->e", way, axis.T[near])) / np.linalg.norm(way, axis=1)
-    left = np.einsum("ei,ei->e", middle - axis.P[near], axis.B[near]) >= 0
-    found = np.zeros((len(axis.s), 2))
-    for column, side in enumerate((left, ~left)):
-        here = np.flatnonzero(side & (cosine > 0.5))  # other edges end the member
-        if len(here):
-            off = np.concatenate([a[here], b[here]]) - np.tile(axis.P[near[here]], (2, 1))
-            T, B = (np.tile(x[near[here]], (2, 1)) for x in (axis.T, axis.B))
-            s = np.tile(axis.s[near[here]], 2) + np.einsum("ei,ei->e", off, T)
-            y = np.abs(np.einsum("ei,ei->e", off, B))
+    middle, direction = (a + b) / 2, b - a
+    station = np.asarray(cKDTree(axis.P).query(middle)[1])
+    cosine = np.abs(np.einsum("ei,ei->e", direction, axis.T[station])) / np.linalg.norm(direction, axis=1)
+    is_left = np.einsum("ei,ei->e", middle - axis.P[station], axis.B[station]) >= 0
+    widths = np.zeros((len(axis.s), 2))
+    for column, side in enumerate((is_left, ~is_left)):
+        rows = np.flatnonzero(side & (cosine > 0.5))  # other edges end the member
+        if len(rows):
+            offset = np.concatenate([a[rows], b[rows]]) - np.tile(axis.P[station[rows]], (2, 1))
+            T, B = (np.tile(x[station[rows]], (2, 1)) for x in (axis.T, axis.B))
+            s = np.tile(axis.s[station[rows]], 2) + np.einsum("ei,ei->e", offset, T)
+            y = np.abs(np.einsum("ei,ei->e", offset, B))
             order = np.argsort(s, kind="stable")
-            found[:, column] = np.interp(axis.s, s[order], y[order], period=axis.length if axis.closed else None)
-    return found
+            widths[:, column] = np.interp(axis.s, s[order], y[order], period=axis.length if axis.closed else None)
+    return widths
 
 
 def _outline(surface: Surface, cells: Ints) -> tuple[Floats, Floats]:

@@ -10,8 +10,8 @@ from scipy.sparse.csgraph import dijkstra
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.members.axes import SPECK, MiddleLine, middle_lines, straight_parts, without_specks
 from dsfab.results import PatternResult
-from dsfab.slicing import DrawnBand, Overlay, Sheet, divided_at_vertices, overlaid
-from dsfab.surface import CornerField, DividedField, Surface, connected
+from dsfab.slicing import DrawnBand, Overlay, Sheet, divided_field_values, stripe_overlay
+from dsfab.surface import CornerField, DividedField, Surface, link_components
 
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 """Kinds of members, see `dsfab.members.graph.Member`; kept material is a "keep" before its shape is known."""
@@ -31,19 +31,19 @@ class NamedBand(NamedTuple):
 
 def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> list[NamedBand]:
     """Return a band for each field by which the sheet was cut from `surface`, in their order."""
-    found = []
+    bands = []
     for k, (name, field, levels) in enumerate(zip(pattern.names, pattern.fields, pattern.levels, strict=True)):
         if name in FAMILIES:
-            found.append(NamedBand("strip", name, _striped(sheet, pattern, k)))
+            bands.append(NamedBand("strip", name, _stripe_band(sheet, pattern, k)))
             continue
         assert not isinstance(field, CornerField)
-        x = divided_at_vertices(sheet, surface, field) if isinstance(field, DividedField) else sheet.carry(field)
-        kind, drawn = _kept(f"{name} {k}", x, float(levels[0]))
-        found.append(NamedBand(name if kind == "reach" else kind, name, drawn))
-    return found
+        x = divided_field_values(sheet, surface, field) if isinstance(field, DividedField) else sheet.carry(field)
+        kind, band = _kept_band(f"{name} {k}", x, float(levels[0]))
+        bands.append(NamedBand(name if kind == "reach" else kind, name, band))
+    return bands
 
 
-def _striped(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
+def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
     """The stripes of a family between integer values of a phase, with the width of the pattern."""
     name, field, levels = pattern.names[k], pattern.fields[k], pattern.levels[k]
     if isinstance(field, CornerField):
@@ -55,11 +55,11 @@ def _striped(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
     if (d >= 0.5).all():  # stripes touch: the sheet has no members
         return DrawnBand(name, np.tile([1.0, -1.0], (sheet.surface.n, 1)), np.zeros(1), NOWHERE)
     z = pattern.frequency[which] * field + pattern.phase[which]
-    whole = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
-    return DrawnBand(name, sheet.carry(np.stack([z + d, z - d], axis=1)), whole)
+    whole_numbers = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
+    return DrawnBand(name, sheet.carry(np.stack([z + d, z - d], axis=1)), whole_numbers)
 
 
-def _kept(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
+def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """The band of kept material from values at the vertices, and its shape: within "reach" of a place (n,), a "plate"
     (n,), or a "band" along an outline (n, 2).
     """
@@ -69,8 +69,8 @@ def _kept(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
     if level == 0:
-        both = np.stack([x, np.full(len(x), -2.0)], axis=1)
-        return "plate", DrawnBand(name, both, zero, NOWHERE, hides=True)
+        fields = np.stack([x, np.full(len(x), -2.0)], axis=1)
+        return "plate", DrawnBand(name, fields, zero, NOWHERE, hides=True)
     reach = -level
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
@@ -108,11 +108,11 @@ class Component:
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
-    def along(self, more: Ints, core: bool) -> "Component":
+    def with_cells(self, extra_cells: Ints, core: bool) -> "Component":
         """Return the component with extra cells (k,)."""
-        cells = np.concatenate([self.cells, more])
+        cells = np.concatenate([self.cells, extra_cells])
         order = np.argsort(cells, kind="stable")
-        marks = np.concatenate([self.core, np.full(len(more), core)])
+        marks = np.concatenate([self.core, np.full(len(extra_cells), core)])
         return replace(self, cells=cells[order], core=marks[order])
 
 
@@ -121,7 +121,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : of the uncut mesh, metres.
     """
-    found = list[Component]()
+    pieces = list[Component]()
     round_ = roundness(overlay)
     for k, band in enumerate(bands):
         lines = _lines(overlay, k, normals)
@@ -130,11 +130,11 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
             if band.drawn.centre < NOWHERE and _is_sliver(overlay, k, cells, lines.get(stripe, [])):
                 continue
             kind = _kind(band.kind, round_[stripe], lines.get(stripe, []))
-            whole = Component(
+            component = Component(
                 kind, band.family, int(overlay.level[stripe]), cells, np.ones(len(cells), bool), None, k, stripe
             )
-            found += _parts(overlay, whole, lines.get(stripe, []), edge)
-    return _visible(overlay, found)
+            pieces += _parts(overlay, component, lines.get(stripe, []), edge)
+    return _visible(overlay, pieces)
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
@@ -151,11 +151,11 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
     area, away = overlay.sheet.surface.areas[cells], np.abs(offset[cells])
     total = np.bincount(part[cells], area, len(overlay.of))
     mean = np.bincount(part[cells], area * away.mean(axis=1), len(overlay.of)) / np.where(total > 0, total, 1)
-    other = np.full_like(offset, np.nan)
-    other[cells] = away - mean[part[cells], None]
-    other[other == 0] = np.finfo(float).tiny
+    shifted = np.full_like(offset, np.nan)
+    shifted[cells] = away - mean[part[cells], None]
+    shifted[shifted == 0] = np.finfo(float).tiny
     flat = np.ptp(away, axis=1).max(initial=0) < 1e-12
-    return lines if flat else lines | middle_lines(overlay, k, other, normals)
+    return lines if flat else lines | middle_lines(overlay, k, shifted, normals)
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
@@ -168,8 +168,8 @@ def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
     away, length = np.abs(offset), lines[0].length
-    own = float(surface.areas[cells].sum()) / length
-    return bool(length < SPECK * own * 2 * away.max() / np.ptp(away))
+    width = float(surface.areas[cells].sum()) / length
+    return bool(length < SPECK * width * 2 * away.max() / np.ptp(away))
 
 
 def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:
@@ -182,9 +182,9 @@ def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:
 
 def roundness(overlay: Overlay) -> Floats:
     """(k,) 4 pi area / outline^2 of each stripe: 1 for a disc."""
-    surface, found = overlay.sheet.surface, np.zeros(len(overlay.of))
+    surface, result = overlay.sheet.surface, np.zeros(len(overlay.of))
     size = surface.edge_lengths
-    f, g = overlay.linked.T
+    f, g = overlay.adjacent_cells.T
     pair = surface.edges.of.ravel()[surface.edges.pairs[:, 0]]
     alone = surface.edges.boundary
     single = surface.edges.order[surface.edges.start[:-1][alone]] // 3
@@ -193,30 +193,30 @@ def roundness(overlay: Overlay) -> Floats:
         around = np.zeros(len(overlay.of))
         differ = part[f] != part[g]
         for side, length in ((f[differ], size[pair[differ]]), (g[differ], size[pair[differ]]), (single, size[alone])):
-            here = part[side] >= 0
-            around += np.bincount(part[side][here], length[here], len(around))
-        here = part >= 0
-        area = np.bincount(part[here], surface.areas[here], len(around))
-        mine = overlay.of == k
-        found[mine] = 4 * np.pi * area[mine] / around[mine] ** 2
-    return found
+            inside = part[side] >= 0
+            around += np.bincount(part[side][inside], length[inside], len(around))
+        inside = part >= 0
+        area = np.bincount(part[inside], surface.areas[inside], len(around))
+        of_field = overlay.of == k
+        result[of_field] = 4 * np.pi * area[of_field] / around[of_field] ** 2
+    return result
 
 
-def _parts(overlay: Overlay, whole: Component, lines: list[MiddleLine], edge: float) -> list[Component]:
+def _parts(overlay: Overlay, component: Component, lines: list[MiddleLine], edge: float) -> list[Component]:
     if not lines:
-        kind = "plate" if whole.kind in ("strip", "disc") else whole.kind
-        return [replace(whole, kind=kind)]
-    if whole.kind == "disc":
-        return [replace(whole, line=lines[0])]
-    width = float(overlay.sheet.surface.areas[whole.cells].sum()) / sum(line.length for line in lines)
+        kind = "plate" if component.kind in ("strip", "disc") else component.kind
+        return [replace(component, kind=kind)]
+    if component.kind == "disc":
+        return [replace(component, line=lines[0])]
+    width = float(overlay.sheet.surface.areas[component.cells].sum()) / sum(line.length for line in lines)
     parts = [part for line in without_specks(lines, width) for part in straight_parts(line, width, edge)]
-    owner = nearest_line(overlay, whole.cells, parts)
-    found = []
+    owner = nearest_line(overlay, component.cells, parts)
+    pieces = []
     for number, line in enumerate(parts):
-        cells = whole.cells[owner == number]
+        cells = component.cells[owner == number]
         if len(cells):
-            found.append(replace(whole, cells=cells, core=np.ones(len(cells), bool), line=line))
-    return found
+            pieces.append(replace(component, cells=cells, core=np.ones(len(cells), bool), line=line))
+    return pieces
 
 
 def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
@@ -225,29 +225,32 @@ def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints
         return np.zeros(len(cells), dtype=np.int64)
     place = np.full(overlay.sheet.surface.m, -1)
     place[cells] = np.arange(len(cells))
-    f, g = place[overlay.linked.T]
-    both = (f >= 0) & (g >= 0)
-    f, g = f[both], g[both]
+    f, g = place[overlay.adjacent_cells.T]
+    inside = (f >= 0) & (g >= 0)
+    f, g = f[inside], g[inside]
     middle = overlay.sheet.surface.centroids[cells]
     metres = np.linalg.norm(middle[f] - middle[g], axis=1)
     graph = coo_array((metres, (f, g)), shape=(len(cells),) * 2).tocsr()
-    of = np.full(len(cells), -1)
+    line_number = np.full(len(cells), -1)
     for number, line in reversed(list(enumerate(lines))):
-        of[place[line.cells]] = number
-    starts = np.flatnonzero(of >= 0)
+        line_number[place[line.cells]] = number
+    starts = np.flatnonzero(line_number >= 0)
     _, _, source = dijkstra(graph, directed=False, indices=starts, min_only=True, return_predecessors=True)
-    return np.asarray(of[np.where(source >= 0, source, starts[0])])
+    return np.asarray(line_number[np.where(source >= 0, source, starts[0])])
 
 
-def _visible(overlay: Overlay, found: list[Component]) -> list[Component]:
+def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
     """Drop components below others all along, as a rim below the material that is kept around supports."""
-    made, areas = overlay.sheet.family, overlay.sheet.surface.areas
-    shares = [areas[one.cells[made[one.cells] == one.field]].sum() / areas[one.cells].sum() for one in found]
-    least = [HIDDEN if one.kind == "strip" else COVERED for one in found]
-    return [one for one, share, limit in zip(found, shares, least, strict=True) if share > limit]
+    made_by, areas = overlay.sheet.family, overlay.sheet.surface.areas
+    shares = [
+        areas[component.cells[made_by[component.cells] == component.field]].sum() / areas[component.cells].sum()
+        for component in pieces
+    ]
+    least = [HIDDEN if component.kind == "strip" else COVERED for component in pieces]
+    return [component for component, share, limit in zip(pieces, shares, least, strict=True) if share > limit]
 
 
-class StripedCells(NamedTuple):
+class CellsByStripes(NamedTuple):
     """Cells labelled by their stripes.
 
     sheet : m cells, divided along hidden edges too.   label : (m,) equal for cells of the same stripes.
@@ -259,13 +262,13 @@ class StripedCells(NamedTuple):
     loose: Bools
 
 
-def striped_cells(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedCells:
+def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> CellsByStripes:
     """Return the cells of a sheet that was cut from `surface` along a pattern, labelled by their stripes.
 
     A disc around a point is one region, because stripes that end below it would cut it to pieces.
     """
     bands = pattern_bands(surface, sheet, pattern)
-    overlay = overlaid(sheet, surface, [band.drawn for band in bands])
+    overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     part, round_ = overlay.part.copy(), roundness(overlay)
     for k, band in enumerate(bands):
         disc = part[:, k] >= 0
@@ -275,17 +278,17 @@ def striped_cells(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
     return _without_slivers(overlay.sheet, label.astype(np.int64), np.asarray((part < 0).all(axis=1)))
 
 
-def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> StripedCells:
+def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
     """Give connected loose cells the label of their neighbours if these have a single one; fairing of walls leaves
     them.
     """
     f, g = sheet.surface.edges.pairs.T // 3
-    both = loose[f] & loose[g]
-    count, part = connected(len(label), f[both], g[both])
+    both_loose = loose[f] & loose[g]
+    count, part = link_components(len(label), f[both_loose], g[both_loose])
     f, g = np.concatenate([f, g]), np.concatenate([g, f])
-    beside = loose[f] & ~loose[g]
+    touching = loose[f] & ~loose[g]
     low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
-    np.minimum.at(low, part[f[beside]], label[g[beside]])
-    np.maximum.at(high, part[f[beside]], label[g[beside]])
+    np.minimum.at(low, part[f[touching]], label[g[touching]])
+    np.maximum.at(high, part[f[touching]], label[g[touching]])
     sliver = loose & (low == high)[part]
-    return StripedCells(sheet, np.where(sliver, low[part], label), loose & ~sliver)
+    return CellsByStripes(sheet, np.where(sliver, low[part], label), loose & ~sliver)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, from_segments, lock
+from dsfab.core.arrays import Floats, Ints, distances_from_segments, lock
 from dsfab.members.axes import MemberAxis
 from dsfab.members.components import Component, Kind
 from dsfab.slicing import Overlay, Sheet
-from dsfab.surface import Surface, connected, require_compas
+from dsfab.surface import Surface, link_components, require_compas
 
 if TYPE_CHECKING:
     import compas.datastructures
@@ -35,7 +35,7 @@ class SharedPatch(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Shared:
+class _SharedCells:
     """Cells (c,) that fields `one` and `two` share, the members a, b (c,) there, and the patch (c,) of each."""
 
     one: int
@@ -46,19 +46,19 @@ class _Shared:
     patch: Ints
 
     @classmethod
-    def of(cls, overlay: Overlay, member: Ints, one: int, two: int) -> "_Shared | None":
-        both = (member[:, one] >= 0) & (member[:, two] >= 0) & (member[:, one] != member[:, two])
-        cells = np.flatnonzero(both)
+    def from_fields(cls, overlay: Overlay, member: Ints, field_a: int, field_b: int) -> "_SharedCells | None":
+        in_both = (member[:, field_a] >= 0) & (member[:, field_b] >= 0) & (member[:, field_a] != member[:, field_b])
+        cells = np.flatnonzero(in_both)
         if not len(cells):
             return None
-        place = np.full(len(both), -1)
+        place = np.full(len(in_both), -1)
         place[cells] = np.arange(len(cells))
-        f, g = place[overlay.linked.T]
-        near = (f >= 0) & (g >= 0)
-        f, g = f[near], g[near]
-        a, b = member[cells, one], member[cells, two]
-        same = (a[f] == a[g]) & (b[f] == b[g])
-        return cls(one, two, cells, a, b, connected(len(cells), f[same], g[same])[1])
+        f, g = place[overlay.adjacent_cells.T]
+        inside = (f >= 0) & (g >= 0)
+        f, g = f[inside], g[inside]
+        a, b = member[cells, field_a], member[cells, field_b]
+        same_pair = (a[f] == a[g]) & (b[f] == b[g])
+        return cls(field_a, field_b, cells, a, b, link_components(len(cells), f[same_pair], g[same_pair])[1])
 
 
 def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
@@ -66,48 +66,50 @@ def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
 
     member : (m, f) member of each cell for each field, -1 for none.
     """
-    found = []
+    patches = []
     count = member.shape[1]
     for k in range(count):
-        for other in range(k + 1, count):
-            if (shared := _Shared.of(overlay, member, k, other)) is not None:
-                found += _patches(overlay, shared)
-    return found
+        for second in range(k + 1, count):
+            if (shared := _SharedCells.from_fields(overlay, member, k, second)) is not None:
+                patches += _patches(overlay, shared)
+    return patches
 
 
-def _patches(overlay: Overlay, shared: _Shared) -> list[SharedPatch]:
+def _patches(overlay: Overlay, shared: _SharedCells) -> list[SharedPatch]:
     row, points = _crossings(overlay, shared)
     order = np.argsort(shared.patch, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(shared.patch))[:-1])
-    of = shared.patch[row]
-    found = []
+    patch = shared.patch[row]
+    patches = []
     for number, group in enumerate(groups):
-        here = of == number
-        first = group[0]
+        in_patch = patch == number
+        cell_row = group[0]
         cells = shared.cells[group]
-        found.append(
-            SharedPatch(int(shared.a[first]), int(shared.b[first]), cells, points[here], shared.cells[row[here]])
+        patches.append(
+            SharedPatch(
+                int(shared.a[cell_row]), int(shared.b[cell_row]), cells, points[in_patch], shared.cells[row[in_patch]]
+            )
         )
-    return found
+    return patches
 
 
-def _crossings(overlay: Overlay, shared: _Shared) -> tuple[Ints, Floats]:
+def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
     """The shared cells in which both middle lines cross (q,), and the points (q, 3)."""
     surface, cells = overlay.sheet.surface, shared.cells
-    one, two = (overlay.offset[cells, :, field] for field in (shared.one, shared.two))
-    crossed = np.sign(one) * np.roll(np.sign(one), -1, axis=1) < 0
+    offset_a, offset_b = (overlay.offset[cells, :, field] for field in (shared.one, shared.two))
+    crossed = np.sign(offset_a) * np.roll(np.sign(offset_a), -1, axis=1) < 0
     row = np.flatnonzero(crossed.sum(axis=1) == 2)
     side = np.nonzero(crossed[row])[1].reshape(-1, 2)
-    F, one, two = surface.F[cells[row]], one[row], two[row]
-    here, there, t = _places_on_sides(one, F, side)
+    F, offset_a, offset_b = surface.F[cells[row]], offset_a[row], offset_b[row]
+    begin, end, t = _places_on_sides(offset_a, F, side)
     every = np.arange(len(row))[:, None]
-    other = two[every, here] + t * (two[every, there] - two[every, here])
-    other = np.where(np.abs(other) < EXACT, np.copysign(EXACT, two[every, here]), other)
-    meets = np.sign(other[:, 0]) * np.sign(other[:, 1]) < 0
-    a, b = surface.V[F[every, here]], surface.V[F[every, there]]
-    at, other = (a + t[..., None] * (b - a))[meets], np.abs(other[meets])
-    t = other[:, :1] / other.sum(axis=1, keepdims=True)
-    return row[meets], at[:, 0] + t * (at[:, 1] - at[:, 0])
+    values = offset_b[every, begin] + t * (offset_b[every, end] - offset_b[every, begin])
+    values = np.where(np.abs(values) < EXACT, np.copysign(EXACT, offset_b[every, begin]), values)
+    meets = np.sign(values[:, 0]) * np.sign(values[:, 1]) < 0
+    a, b = surface.V[F[every, begin]], surface.V[F[every, end]]
+    points, values = (a + t[..., None] * (b - a))[meets], np.abs(values[meets])
+    t = values[:, :1] / values.sum(axis=1, keepdims=True)
+    return row[meets], points[:, 0] + t * (points[:, 1] - points[:, 0])
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
@@ -221,30 +223,32 @@ class MemberGraph:
         return {member.id: member for member in self.members}
 
     @cached_property
-    def along(self) -> dict[str, tuple[Node, ...]]:
+    def nodes_along(self) -> dict[str, tuple[Node, ...]]:
         """Nodes of each member along its axis, by the member's name, without grazing ones."""
-        found: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in self.members}
+        nodes: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in self.members}
         for node in self.nodes:
             if node.kind != "grazing":
                 for name, s in zip(node.members, node.at, strict=True):
-                    found[name].append((s, node))
-        return {name: tuple(node for _, node in sorted(some, key=lambda one: one[0])) for name, some in found.items()}
+                    nodes[name].append((s, node))
+        return {
+            name: tuple(node for _, node in sorted(entries, key=lambda one: one[0])) for name, entries in nodes.items()
+        }
 
     @cached_property
     def owner(self) -> Ints:
         """(m,) number of the member that each cell is counted with: the widest of its members, then the first. The
         areas of all members add up to that of the sheet.
         """
-        found = np.full(self.sheet.surface.m, -1)
+        numbers = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
-            found[self.members[k].cells] = k
-        return found
+            numbers[self.members[k].cells] = k
+        return numbers
 
     def bays(self, name: str) -> Floats:
         """Return arc lengths (b,) from node to node along a member (m); the last bay of a closed member ends at its
         first node.
         """
-        axis, nodes = self.by_id[name].axis, self.along[name]
+        axis, nodes = self.by_id[name].axis, self.nodes_along[name]
         if axis is None or not nodes:
             return np.empty(0)
         s = np.array([node.at[node.members.index(name)] for node in nodes])
@@ -266,15 +270,17 @@ class MemberGraph:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on stubs and grazing members, to read before building."""
-        found = []
+        sentences = []
         stubs, grazing = self._of_kind("stub"), [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
-            found.append(
+            sentences.append(
                 f"{len(stubs)} stubs, under twice as long as they are wide, hold {self.stub_share:.1%} of the sheet"
             )
         if grazing:
-            found.append(f"{len(grazing)} overlaps are no nodes: members graze there, and their middles do not meet")
-        return tuple(found)
+            sentences.append(
+                f"{len(grazing)} overlaps are no nodes: members graze there, and their middles do not meet"
+            )
+        return tuple(sentences)
 
     def _of_kind(self, kind: Kind) -> list[Member]:
         return [member for member in self.members if member.kind == kind]
@@ -285,19 +291,23 @@ def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
     require_compas()
     from compas.datastructures import Graph
 
-    made = Graph(name="members")
+    result = Graph(name="members")
     for node in graph.nodes:
         x, y, z = node.point.tolist()
         facts = {"kind": node.kind, "members": list(node.members), "angle": node.angle}
-        made.add_node(node.id, x=x, y=y, z=z, attr_dict=facts)
+        result.add_node(node.id, x=x, y=y, z=z, attr_dict=facts)
     for member in graph.members:
-        nodes = graph.along[member.id]
+        nodes = graph.nodes_along[member.id]
         after = (*nodes[1:], nodes[0]) if nodes and member.axis and member.axis.closed else nodes[1:]
-        for bay, (one, other) in zip(graph.bays(member.id).tolist(), zip(nodes, after, strict=False), strict=False):
-            known = made.edge_attribute((one.id, other.id), "length") if made.has_edge((one.id, other.id)) else None
-            if one.id != other.id and (known is None or bay < known):
-                made.add_edge(one.id, other.id, attr_dict={"member": member.id, "length": bay})
-    return made
+        for bay, (node_a, node_b) in zip(graph.bays(member.id).tolist(), zip(nodes, after, strict=False), strict=False):
+            shortest = (
+                result.edge_attribute((node_a.id, node_b.id), "length")
+                if result.has_edge((node_a.id, node_b.id))
+                else None
+            )
+            if node_a.id != node_b.id and (shortest is None or bay < shortest):
+                result.add_edge(node_a.id, node_b.id, attr_dict={"member": member.id, "length": bay})
+    return result
 
 
 ENDS = 1.0
@@ -322,8 +332,17 @@ class Joints:
             area = float(self.overlay.sheet.surface.areas[overlap.cells].sum()) / max(len(points), 1)
             if not len(points):
                 listed.append((pair, self._grazing(pair, overlap.cells, area)))
-            listed += [(pair, self._meeting(pair, *one, area)) for one in zip(points, cells.tolist(), strict=True)]
-        listed.sort(key=lambda one: (one[0][0], np.nan_to_num(one[1].at[0]), one[0][1], one[1].point.tolist()))
+            listed += [
+                (pair, self._meeting(pair, *crossing, area)) for crossing in zip(points, cells.tolist(), strict=True)
+            ]
+        listed.sort(
+            key=lambda crossing: (
+                crossing[0][0],
+                np.nan_to_num(crossing[1].at[0]),
+                crossing[0][1],
+                crossing[1].point.tolist(),
+            )
+        )
         digits = len(str(max(len(listed), 100)))
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
@@ -331,9 +350,9 @@ class Joints:
         """(k, 3) end of a line inside of the material shared with another member, and (k,) its cell: there the members
         meet, as two edges of a surface do at its corner.
         """
-        for k, other in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
+        for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
-            if line is None or line.closed or self.parts[other].line is None:
+            if line is None or line.closed or self.parts[neighbour].line is None:
                 continue
             for point, cell in ((line.points[0], line.cells[0]), (line.points[-1], line.cells[-1])):
                 if cell in overlap.cells:
@@ -345,25 +364,31 @@ class Joints:
         return axis.station(line.place(point)) if axis and line else float("nan")
 
     def _meeting(self, pair: tuple[int, int], point: Floats, cell: int, area: float) -> Node:
-        one, two = (self.members[k] for k in pair)
-        at = self._station(pair[0], point), self._station(pair[1], point)
-        (T, w), (other, width) = (tangent_and_width(*there) for there in zip((one, two), at, strict=True))
-        ends = (_beyond(one, at[0]) < ENDS * width) + (_beyond(two, at[1]) < ENDS * w)
+        member_a, member_b = (self.members[k] for k in pair)
+        places = self._station(pair[0], point), self._station(pair[1], point)
+        (T, w), (tangent, width) = (
+            tangent_and_width(*place) for place in zip((member_a, member_b), places, strict=True)
+        )
+        ends = (_length_beyond(member_a, places[0]) < ENDS * width) + (_length_beyond(member_b, places[1]) < ENDS * w)
         kinds: tuple[NodeKind, ...] = ("crossing", "branch", "end")
-        return Node("", kinds[ends], (one.id, two.id), at, _angle(T, other), point, self._normal(cell), area)
+        return Node(
+            "", kinds[ends], (member_a.id, member_b.id), places, _angle(T, tangent), point, self._normal(cell), area
+        )
 
     def _grazing(self, pair: tuple[int, int], cells: Ints, area: float) -> Node:
         surface = self.overlay.sheet.surface
         areas, places = surface.areas[cells], surface.centroids[cells]
         middle = int(np.linalg.norm(places - areas @ places / areas.sum(), axis=1).argmin())
-        one, two = (self.members[k] for k in pair)
-        at = self._station(pair[0], places[middle]), self._station(pair[1], places[middle])
+        member_a, member_b = (self.members[k] for k in pair)
+        lengths = self._station(pair[0], places[middle]), self._station(pair[1], places[middle])
         angle = float("nan")
-        if one.axis and two.axis:
-            (T, _), (other, _) = (tangent_and_width(*there) for there in zip((one, two), at, strict=True))
-            angle = _angle(T, other)
+        if member_a.axis and member_b.axis:
+            (T, _), (tangent, _) = (
+                tangent_and_width(*place) for place in zip((member_a, member_b), lengths, strict=True)
+            )
+            angle = _angle(T, tangent)
         normal = self._normal(int(cells[middle]))
-        return Node("", "grazing", (one.id, two.id), at, angle, places[middle], normal, area)
+        return Node("", "grazing", (member_a.id, member_b.id), lengths, angle, places[middle], normal, area)
 
     def _normal(self, cell: int) -> Floats:
         total = self.normals[self.overlay.sheet.surface.F[cell]].sum(axis=0)
@@ -373,15 +398,15 @@ class Joints:
 def tangent_and_width(member: Member, s: float) -> tuple[Floats, float]:
     """Return the unit tangent (3,) of a member's axis at an arc length, and its width there, metres."""
     assert member.axis is not None
-    return member.axis.at(np.array([s]))[1][0], float(np.interp(s, member.axis.s, member.width))
+    return member.axis.frames_at(np.array([s]))[1][0], float(np.interp(s, member.axis.s, member.width))
 
 
-def _beyond(member: Member, s: float) -> float:
+def _length_beyond(member: Member, s: float) -> float:
     return np.inf if member.axis is None or member.axis.closed else min(s, member.length - s)
 
 
-def _angle(one: Floats, two: Floats) -> float:
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two)), abs(one @ two))))
+def _angle(a: Floats, b: Floats) -> float:
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), abs(a @ b))))
 
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
@@ -392,42 +417,42 @@ def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) 
     """
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}
-    on: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
+    nodes_on: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
     for node in nodes:
         if node.kind != "grazing":
             for name, s in zip(node.members, node.at, strict=True):
-                on[name].append((s, node))
+                nodes_on[name].append((s, node))
     begins: dict[bytes, list[int]] = {}
     for k, part in enumerate(parts):
         if part.line and not part.line.closed:
             for point in part.line.points[[0, -1]]:
                 begins.setdefault(point.tobytes(), []).append(k)
     boundary = surface.V[surface.edges.ends[surface.edges.boundary]]
-    found = []
+    result = []
     for k, member in enumerate(members):
         line = parts[k].line
         if member.axis is None or line is None or line.closed:
-            found.append(member)
+            result.append(member)
             continue
         ends = []
         for s, side in ((0.0, 0), (member.length, -1)):
-            name = _node_at(member, s, on[member.id], by_id)
-            others = [*begins[line.points[side].tobytes()], *owner[line.cells[side]].tolist()]
-            name = name or next((members[other].id for other in others if other not in (k, -1)), "")
+            name = _node_at(member, s, nodes_on[member.id], by_id)
+            numbers = [*begins[line.points[side].tobytes()], *owner[line.cells[side]].tolist()]
+            name = name or next((members[number].id for number in numbers if number not in (k, -1)), "")
             ends.append(name or _edge_or_free(line.points[side], boundary, 0.05 * member.mean_width))
-        found.append(replace(member, ends=tuple(ends)))
-    return found
+        result.append(replace(member, ends=tuple(ends)))
+    return result
 
 
-def _node_at(member: Member, s: float, on: list[tuple[float, Node]], by_id: dict[str, Member]) -> str:
-    at, node = min(on, key=lambda one: abs(one[0] - s), default=(0.0, None))
+def _node_at(member: Member, s: float, nodes_on: list[tuple[float, Node]], by_id: dict[str, Member]) -> str:
+    place, node = min(nodes_on, key=lambda one: abs(one[0] - s), default=(0.0, None))
     if node is None:
         return ""
-    other = 1 - node.members.index(member.id)
-    _, width = tangent_and_width(by_id[node.members[other]], node.at[other])
-    return node.id if abs(at - s) < ENDS * width else ""
+    neighbour = 1 - node.members.index(member.id)
+    _, width = tangent_and_width(by_id[node.members[neighbour]], node.at[neighbour])
+    return node.id if abs(place - s) < ENDS * width else ""
 
 
-def _edge_or_free(point: Floats, boundary: Floats, near: float) -> str:
-    on = len(boundary) and from_segments(point, boundary[:, 0], boundary[:, 1]).min() < near
-    return "edge" if on else "free"
+def _edge_or_free(point: Floats, boundary: Floats, tolerance: float) -> str:
+    is_on_edge = len(boundary) and distances_from_segments(point, boundary[:, 0], boundary[:, 1]).min() < tolerance
+    return "edge" if is_on_edge else "free"

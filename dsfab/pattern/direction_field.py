@@ -11,7 +11,7 @@ from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import PatternError
 from dsfab.pattern.frames import Frames, corner_sums, dots
 from dsfab.pattern.guides import Guidance
-from dsfab.surface import connected
+from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
@@ -28,19 +28,19 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
     moment = np.zeros((surface.n, 3, 3))
     for k in (0, 1):
         np.add.at(moment, ends[:, k], step[:, :, None] * step[:, None, :])
-    on = np.zeros(surface.n, dtype=bool)
-    on[ends] = True
-    at = np.flatnonzero(on)
-    tangent = np.linalg.eigh(moment[at])[1][:, :, 2]
-    found = np.zeros(surface.n, dtype=bool)
-    found[at] = np.abs(np.einsum("ni,ni->n", tangent, g[at])) < ALONG
-    both = found[ends].all(axis=1)
-    count, run = connected(surface.n, *ends[both].T)
-    length = np.bincount(run[ends[both, 0]], np.linalg.norm(step[both], axis=1), count)
-    return np.asarray(found & (length[run] >= shortest))
+    on_boundary = np.zeros(surface.n, dtype=bool)
+    on_boundary[ends] = True
+    boundary_vertices = np.flatnonzero(on_boundary)
+    tangent = np.linalg.eigh(moment[boundary_vertices])[1][:, :, 2]
+    is_line = np.zeros(surface.n, dtype=bool)
+    is_line[boundary_vertices] = np.abs(np.einsum("ni,ni->n", tangent, g[boundary_vertices])) < ALONG
+    on_line = is_line[ends].all(axis=1)
+    count, run = link_components(surface.n, *ends[on_line].T)
+    length = np.bincount(run[ends[on_line, 0]], np.linalg.norm(step[on_line], axis=1), count)
+    return np.asarray(is_line & (length[run] >= shortest))
 
 
-def crossed_over(frames: Frames, along: Floats) -> Bools:
+def family_crossings(frames: Frames, along: Floats) -> Bools:
     """Return vertices (n,) where the other family continues in the direction along (n, 3), a unit tangent up to sign.
 
     In a region the direction rotates by less than 45 degrees from vertex to vertex. The largest region keeps its name,
@@ -49,25 +49,27 @@ def crossed_over(frames: Frames, along: Floats) -> Bools:
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
-    count, region = connected(surface.n, i[~turned], j[~turned])
+    count, region = link_components(surface.n, i[~turned], j[~turned])
     if count == 1:
         return np.zeros(surface.n, dtype=bool)
     metres = np.linalg.norm(surface.V[i] - surface.V[j], axis=1)
-    one, two = region[i], region[j]
-    apart = one != two
-    border = coo_array((metres[apart], (one[apart], two[apart])), shape=(count, count)).tocsr()
+    region_i, region_j = region[i], region[j]
+    is_border = region_i != region_j
+    border = coo_array((metres[is_border], (region_i[is_border], region_j[is_border])), shape=(count, count)).tocsr()
     border = csr_array(border + border.T)
     border.data = -border.data  # families continue across the longest borders
     tree = minimum_spanning_tree(border)
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
-    odd, todo = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
-    while todo.any():
-        root = int(np.argmax(np.where(todo, np.rint(area / 1e-6), -1)))  # a millionth of the surface decides nothing
-        order, before = breadth_first_order(tree, root, directed=False)
-        todo[order] = False
+    crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
+    while unvisited.any():
+        root = int(
+            np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1))
+        )  # a millionth of the surface decides nothing
+        order, predecessor = breadth_first_order(tree, root, directed=False)
+        unvisited[order] = False
         for child in order[1:].tolist():
-            odd[child] = not odd[before[child]]
-    return np.asarray(odd[region])
+            crossed[child] = not crossed[predecessor[child]]
+    return np.asarray(crossed[region])
 
 
 def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
@@ -75,83 +77,85 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
     surface, (i, j) = frames.surface, frames.ends.T
     against = frames.sides(along, i, j) < 0
     singular = np.logical_xor.reduce(against[surface.edges.of], axis=1)
-    return _carried(surface, against, _crossed(surface, singular))
+    return _propagated_signs(surface, against, _cut_edges(surface, singular))
 
 
-def _crossed(surface: Surface, singular: Bools) -> Bools:
+def _cut_edges(surface: Surface, singular: Bools) -> Bools:
     """Return edges (e,) that a tree of paths over faces crosses between singular faces (m,) and boundaries."""
     edges = surface.edges
-    crossed = np.zeros(len(edges.ends), dtype=bool)
+    is_cut = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
-        return crossed
-    name = _ends(surface, singular)
+        return is_cut
+    name = _path_ends(surface, singular)
     h0, h1 = edges.pairs.T
     f, g, edge = h0 // 3, h1 // 3, edges.of.ravel()[h0]
     link = csr_array((np.ones(len(f), dtype=np.int8), (f, g)), shape=(surface.m, surface.m))
-    far, preceding, source = dijkstra(
+    steps_from, preceding, source = dijkstra(
         link, directed=False, unweighted=True, indices=np.flatnonzero(name), return_predecessors=True, min_only=True
     )
-    reached = np.isfinite(far[f]) & np.isfinite(far[g])
-    one, two = name[source[f]], name[source[g]]
-    meeting = np.flatnonzero(reached & (one != two))
-    meeting = meeting[np.argsort(far[f[meeting]] + far[g[meeting]], kind="stable")]
-    low, high = np.minimum(one, two)[meeting], np.maximum(one, two)[meeting]
-    _, first = np.unique(low * (name.max() + 1) + high, return_index=True)
-    steps = far[f[meeting]] + far[g[meeting]] + 1
+    reached = np.isfinite(steps_from[f]) & np.isfinite(steps_from[g])
+    end_f, end_g = name[source[f]], name[source[g]]
+    meeting = np.flatnonzero(reached & (end_f != end_g))
+    meeting = meeting[np.argsort(steps_from[f[meeting]] + steps_from[g[meeting]], kind="stable")]
+    low, high = np.minimum(end_f, end_g)[meeting], np.maximum(end_f, end_g)[meeting]
+    _, shortest = np.unique(low * (name.max() + 1) + high, return_index=True)
+    steps = steps_from[f[meeting]] + steps_from[g[meeting]] + 1
     count = int(name.max()) + 1
-    tree = minimum_spanning_tree(coo_array((steps[first], (low[first], high[first])), shape=(count, count)).tocsr())
-    number = csr_array((first + 1, (low[first], high[first])), shape=(count, count))
-    before = preceding.astype(np.int64)
-    for at in meeting[np.asarray(number[tree.nonzero()]).ravel() - 1].tolist():
-        crossed[edge[at]] = True
-        for face in (int(f[at]), int(g[at])):
-            crossed[_on_path(surface, face, before, singular)] = True
-    return crossed
+    tree = minimum_spanning_tree(
+        coo_array((steps[shortest], (low[shortest], high[shortest])), shape=(count, count)).tocsr()
+    )
+    number = csr_array((shortest + 1, (low[shortest], high[shortest])), shape=(count, count))
+    predecessor = preceding.astype(np.int64)
+    for pair in meeting[np.asarray(number[tree.nonzero()]).ravel() - 1].tolist():
+        is_cut[edge[pair]] = True
+        for face in (int(f[pair]), int(g[pair])):
+            is_cut[_path_edges(surface, face, predecessor, singular)] = True
+    return is_cut
 
 
-def _on_path(surface: Surface, face: int, before: Ints, singular: Bools) -> list[int]:
+def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools) -> list[int]:
     """Return the edges between a face and the start of its path: a singular face, or the boundary, which it crosses."""
-    edges, crossed = surface.edges, []
-    while before[face] >= 0:
-        crossed.append(int(np.intersect1d(edges.of[face], edges.of[before[face]])[0]))
-        face = int(before[face])
+    edges, path_edges = surface.edges, []
+    while predecessor[face] >= 0:
+        path_edges.append(int(np.intersect1d(edges.of[face], edges.of[predecessor[face]])[0]))
+        face = int(predecessor[face])
     if not singular[face]:
-        crossed.append(next(k for k in edges.of[face].tolist() if edges.boundary[k]))
-    return crossed
+        path_edges.append(next(k for k in edges.of[face].tolist() if edges.boundary[k]))
+    return path_edges
 
 
-def _ends(surface: Surface, singular: Bools) -> Ints:
+def _path_ends(surface: Surface, singular: Bools) -> Ints:
     """Return the possible ends (m,) of paths: a number for each singular face and for each boundary; 0 elsewhere."""
     edges = surface.edges
-    count, loop = connected(surface.n, *edges.ends[edges.boundary].T)
+    count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
-    at = edges.order[edges.start[:-1][edges.boundary]]  # half-edges
-    name[at // 3] = 1 + loop[edges.ends[edges.boundary, 0]]
+    half_edge = edges.order[edges.start[:-1][edges.boundary]]  # half-edges
+    name[half_edge // 3] = 1 + loop[edges.ends[edges.boundary, 0]]
     name[singular] = 1 + count + np.arange(singular.sum())
     return np.unique(np.append(name, 0), return_inverse=True)[1][:-1].astype(np.int64)
 
 
-def _carried(surface: Surface, against: Bools, crossed: Bools) -> Floats:
+def _propagated_signs(surface: Surface, against: Bools, crossed: Bools) -> Floats:
     """Return signs (n,) that spread from vertex to vertex along uncut edges, and change where edges are `against`."""
     i, j = surface.edges.ends[~crossed].T
     link = csr_array((np.where(against[~crossed], -1, 1), (i, j)), shape=(surface.n, surface.n))
     link = csr_array(link + link.T)
-    signs, todo = np.ones(surface.n), np.ones(surface.n, dtype=bool)
-    while todo.any():
-        order, before = breadth_first_order(link, int(np.argmax(todo)), directed=False)
-        todo[order] = False
+    signs, unvisited = np.ones(surface.n), np.ones(surface.n, dtype=bool)
+    while unvisited.any():
+        order, predecessor = breadth_first_order(link, int(np.argmax(unvisited)), directed=False)
+        unvisited[order] = False
         if len(order) > 1:
-            signs[order] = _along_paths(link, order.astype(np.int64), before.astype(np.int64))
+            signs[order] = _path_products(link, order.astype(np.int64), predecessor.astype(np.int64))
     return signs
 
 
-def _along_paths(link: csr_array, order: Ints, before: Ints) -> Floats:
+def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     """Return products (k,) of the signs of links along the paths of a search; each round halves the paths to its
     root.
     """
-    parent = before[order[1:]]
+    parent = predecessor[order[1:]]
     sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
-    place = np.empty(len(before), dtype=np.int64)
+    place = np.empty(len(predecessor), dtype=np.int64)
     place[order] = np.arange(len(order))
     earlier = np.concatenate([[0], place[parent]])
     while earlier.any():
@@ -188,7 +192,7 @@ class StressDirections:
 
 
 def cross_field(
-    frames: Frames, given: StressDirections, length: float, turn: float = 0.0, guidance: Sequence[Guidance] = ()
+    frames: Frames, directions: StressDirections, length: float, turn: float = 0.0, guidance: Sequence[Guidance] = ()
 ) -> Floats:
     """Return unit directions (n, 3) at the vertices, along the major stripes, without a meaning of their sign.
 
@@ -201,9 +205,9 @@ def cross_field(
     `Guidance`. Raises PatternError if the stress is zero.
     """
     surface = frames.surface
-    share = (surface.areas * given.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
-    e = given.direction[:, 0]
-    z = np.stack([_complex(frames, surface.F[:, c], e) ** 2 for c in range(3)], axis=1)
+    share = (surface.areas * directions.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
+    e = directions.direction[:, 0]
+    z = np.stack([_frame_numbers(frames, surface.F[:, c], e) ** 2 for c in range(3)], axis=1)
     z = z * np.exp(2j * turn) if turn else z
     right = corner_sums(surface, share * z.real) + 1j * corner_sums(surface, share * z.imag)
     weight = corner_sums(surface, share) + FLOOR * surface.vertex_areas
@@ -211,24 +215,24 @@ def cross_field(
         right += surface.vertex_areas * guide.square
         weight += surface.vertex_areas * guide.weight
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
-    x = frames.twisted.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
+    x = frames.twisted_factors.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
     # a smaller number is rounding, as at the pole of a symmetric mesh: an edge is a direction that follows the surface
-    angle = np.where(size > 1e-6 * size.max(), np.angle(x) / 2, _along_an_edge(frames))
+    angle = np.where(size > 1e-6 * size.max(), np.angle(x) / 2, _first_edge_angles(frames))
     return frames.direction(angle)
 
 
-def _along_an_edge(frames: Frames) -> Floats:
+def _first_edge_angles(frames: Frames) -> Floats:
     """Return the angle (n,) of the edge from each vertex to its lowest neighbour; 0 without any."""
     ends = np.concatenate([frames.ends, frames.ends[:, ::-1]])
     ends = ends[np.lexsort((ends[:, 1], ends[:, 0]))]
-    at, begins = np.unique(ends[:, 0], return_index=True)
-    step = frames.surface.V[ends[begins, 1]] - frames.surface.V[at]
+    vertices, begins = np.unique(ends[:, 0], return_index=True)
+    step = frames.surface.V[ends[begins, 1]] - frames.surface.V[vertices]
     angle = np.zeros(frames.surface.n)
-    angle[at] = np.angle(_complex(frames, at, step))
+    angle[vertices] = np.angle(_frame_numbers(frames, vertices, step))
     return angle
 
 
-def _complex(frames: Frames, vertex: Ints, e: Floats) -> Floats:
+def _frame_numbers(frames: Frames, vertex: Ints, e: Floats) -> Floats:
     """Return directions e (m, 3) as complex numbers in the frames of vertices (m,)."""
     return np.asarray(dots(e, frames.t1[vertex]) + 1j * dots(e, frames.t2[vertex]))

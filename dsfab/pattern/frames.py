@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from dsfab.core.arrays import Bools, Complexes, Floats, Ints, cross, unit_vectors
-from dsfab.core.sparse import OnePattern, one_blas_thread
+from dsfab.core.sparse import SamePatternFactors, one_blas_thread
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
@@ -25,7 +25,7 @@ class TwistedFactors:
     """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), from one analysis of their common pattern."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
-        self._V, self._ends, self._one_pattern = V, ends, OnePattern(V)
+        self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
         """Return b -> (K + diagonal)^-1 b, (n,) complex, valid until the next factor.
@@ -35,20 +35,22 @@ class TwistedFactors:
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
-            return self._doubled(coupling, diagonal, turned)
+            return self._real_factor(coupling, diagonal, turned)
         solve = self.hermitian(np.where(turned, 0.0, -coupling), self._sizes(coupling) + diagonal)
         if not len(across):
             return solve
         (i, j), (at_i, at_j) = self._ends[turned].T, np.searchsorted(across, self._ends[turned]).T
         W = np.zeros((len(self._V), len(across)), dtype=complex)
         W[i, at_j] = W[j, at_i] = coupling[turned]
-        return _put_back(solve, across, W)
+        return _corrected_solver(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
         """Return the same for a matrix with coupling (e,) from the second end of each edge to the first, diagonal
         (n,).
         """
-        solve: Any = self._one_pattern.factor(self._one.matrix(np.concatenate([coupling, coupling.conj(), diagonal])))
+        solve: Any = self._one_pattern.factor(
+            self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
+        )
         return lambda b: np.asarray(solve(b))
 
     def _sizes(self, coupling: Complexes) -> Floats:
@@ -56,34 +58,36 @@ class TwistedFactors:
         return np.bincount(self._ends.ravel(), np.repeat(np.abs(coupling), 2), len(self._V)).astype(np.float64)
 
     @cached_property
-    def _one(self) -> "_Places":
+    def _complex_pattern(self) -> "_EntryPositions":
         n, (i, j) = len(self._V), self._ends.T
         every = np.arange(n)
-        return _Places(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
+        return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
-    def _doubled(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
+    def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
         """Return the same for the real matrix, with both parts of a number side by side: solvers then use blocks of
         two.
         """
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
-        places, pattern = self._real
-        both = np.repeat(self._sizes(coupling) + diagonal, 2)
-        solve = pattern.factor(places.matrix(np.concatenate([values, values, both])))
+        places, pattern = self._real_pattern
+        doubled_diagonal = np.repeat(self._sizes(coupling) + diagonal, 2)
+        solve = pattern.factor(places.matrix(np.concatenate([values, values, doubled_diagonal])))
         return lambda b: np.asarray(solve(np.ascontiguousarray(b).view(np.float64)).view(np.complex128))
 
     @cached_property
-    def _real(self) -> "tuple[_Places, OnePattern]":
+    def _real_pattern(self) -> "tuple[_EntryPositions, SamePatternFactors]":
         n = len(self._V)
         i, j = 2 * self._ends.T
         parts = ((0, 0), (0, 1), (1, 0), (1, 1))
         every = np.arange(2 * n)
         rows = np.concatenate([i + a for a, _ in parts] + [j + b for _, b in parts] + [every])
         columns = np.concatenate([j + b for _, b in parts] + [i + a for a, _ in parts] + [every])
-        return _Places(rows, columns, 2 * n), OnePattern(self._V, np.repeat(np.arange(n), 2), many_solves=True)
+        return _EntryPositions(rows, columns, 2 * n), SamePatternFactors(
+            self._V, np.repeat(np.arange(n), 2), many_solves=True
+        )
 
 
-class _Places:
+class _EntryPositions:
     """Positions of values in a sparse matrix (N, N), from rows (k,) and columns (k,) in any order."""
 
     def __init__(self, rows: Ints, columns: Ints, N: int) -> None:
@@ -95,22 +99,24 @@ class _Places:
         return csr_array((values[self._place], self._indices, self._indptr), shape=(self._N, self._N))
 
 
-def _put_back(solve: Solve, across: Ints, W: Complexes) -> Solve:
+def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
     """Return b -> x with H x - W conj(x) = b by `solve` for H alone; W (n, s) couples conjugates at vertices (s,).
 
     x = H^-1 b + Z conj(x) with Z = H^-1 W: at these vertices 2 s real equations.
     """
     Z = solve(W)
-    own, one = Z[across], np.eye(len(across))
-    inverse = np.linalg.inv(np.block([[one - own.real, -own.imag], [-own.imag, one + own.real]]))
+    Z_across, identity = Z[across], np.eye(len(across))
+    inverse = np.linalg.inv(
+        np.block([[identity - Z_across.real, -Z_across.imag], [-Z_across.imag, identity + Z_across.real]])
+    )
 
-    def solved(b: Complexes) -> Complexes:
+    def solve_corrected(b: Complexes) -> Complexes:
         x = solve(b)
         with one_blas_thread():  # a few columns: two threads took a hundred times as long on a busy machine
             real, imaginary = np.split(inverse @ np.concatenate([x[across].real, x[across].imag]), 2)
             return np.asarray(x + Z @ (real - 1j * imaginary))
 
-    return solved
+    return solve_corrected
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +134,7 @@ class Frames:
     weight: Floats
 
     @classmethod
-    def of(cls, surface: Surface) -> Self:
+    def for_surface(cls, surface: Surface) -> Self:
         """Return frames whose first axis is that of x or y away from the normal; no result depends on that choice."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
@@ -170,7 +176,7 @@ class Frames:
         return np.asarray(self.weight * np.exp(1j * turn))
 
     @cached_property
-    def twisted(self) -> TwistedFactors:
+    def twisted_factors(self) -> TwistedFactors:
         """Factors of matrices that couple the numbers at both ends of every edge."""
         return TwistedFactors(self.surface.V, self.ends)
 

@@ -8,11 +8,11 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from annotated_types import Ge, Gt
 
-from dsfab.core.arrays import Bools, Complexes, Floats, Ints, from_segments, unit_vectors
+from dsfab.core.arrays import Bools, Complexes, Floats, Ints, distances_from_segments, unit_vectors
 from dsfab.core.errors import PatternError, SurfaceError
 from dsfab.pattern.frames import Frames, dots
 from dsfab.pattern.phases import CornerPhase
-from dsfab.surface import Picker, nearest
+from dsfab.surface import Picker, nearest_places
 from dsfab.surface.loads.pickers import STRICT, Real, Vector
 from dsfab.surface.mesh import Surface
 
@@ -78,30 +78,32 @@ class Guidance:
     square: Complexes
 
     @classmethod
-    def of(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
+    def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
         """Return the guidance of each guide with a weight.
 
         spacing : default reach of curves, metres.
 
         Raises PatternError for a guide that acts nowhere.
         """
-        asked = [(guide, _square(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
-        found = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in asked]
-        return tuple(cls(np.abs(square), square) for square in found if np.abs(square).any())
+        squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
+        weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
+        return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
         """Return symmetric tensors (n, 3, 3) in space, of trace 0, to compare vertices that lie apart.
 
         Their size is 1 for a guide that overrules stress: twice the weight then changes the field little.
         """
-        one, two = frames.t1[:, :, None], frames.t2[:, :, None]
-        x, y = one.transpose(0, 2, 1), two.transpose(0, 2, 1)
-        held = self.square / (1 + self.weight)
-        tensor = held.real[:, None, None] * (one * x - two * y) + held.imag[:, None, None] * (one * y + two * x)
+        axis_1, axis_2 = frames.t1[:, :, None], frames.t2[:, :, None]
+        x, y = axis_1.transpose(0, 2, 1), axis_2.transpose(0, 2, 1)
+        strength = self.square / (1 + self.weight)
+        tensor = strength.real[:, None, None] * (axis_1 * x - axis_2 * y) + strength.imag[:, None, None] * (
+            axis_1 * y + axis_2 * x
+        )
         return np.asarray(tensor / np.sqrt(2))
 
 
-def _square(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
+def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
     """Return the square of a guide's direction in the frames (n,), complex, at most 1 in size; 0 beyond its reach."""
     surface = frames.surface
     if guide.at is not None:
@@ -110,19 +112,20 @@ def _square(frames: Frames, number: int, guide: Guide, spacing: float) -> Comple
             inside = guide.at.vertices(surface)
         except SurfaceError as error:
             raise PatternError(f"pattern.guide.{number}: {error}") from None
-        found = np.where(inside, _tangent(frames, unit_vectors(np.array(guide.direction))) ** 2, 0.0)
+        square = np.where(inside, _tangent(frames, unit_vectors(np.array(guide.direction))) ** 2, 0.0)
     else:
-        found = _along_curve(frames, number, guide, guide.reach or spacing)
-    if np.abs(found).max() < 0.1**2:  # the sine of 6 degrees from the normal
-        what = "the direction is" if guide.at is not None else "the curve is"
+        square = _curve_squares(frames, number, guide, guide.reach or spacing)
+    if np.abs(square).max() < 0.1**2:  # the sine of 6 degrees from the normal
+        subject = "the direction is" if guide.at is not None else "the curve is"
         raise PatternError(
-            f"pattern.guide.{number}: {what} square to the surface wherever the guide acts, so it says nothing about "
+            f"pattern.guide.{number}: {subject} square to the surface wherever the guide acts, so it says nothing "
+            "about "
             "where stripes run; give one that lies along the surface"
         )
-    return np.asarray(found)
+    return np.asarray(square)
 
 
-def _along_curve(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
+def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return the square (n,), complex, of the nearest piece's direction, less with the distance from the curve.
 
     Pieces count if they are farther than the nearest by less than a tenth of the reach.
@@ -131,22 +134,22 @@ def _along_curve(frames: Frames, number: int, guide: Guide, reach: float) -> Com
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
     square, nearest = np.zeros(surface.n, dtype=np.complex128), np.inf
-    some = max(1_000_000 // len(step), 1)  # bounds the memory
-    for first in range(0, surface.n, some):
-        rows = np.arange(first, min(first + some, surface.n))
-        off = from_segments(surface.V[rows, None], start, start + step)
-        near = off.min(axis=1)
-        nearest = min(nearest, float(near.min()))
-        share = np.maximum(1 - (off - near[:, None]) / (0.1 * reach), 0.0)
+    chunk = max(1_000_000 // len(step), 1)  # bounds the memory
+    for start_row in range(0, surface.n, chunk):
+        rows = np.arange(start_row, min(start_row + chunk, surface.n))
+        distances = distances_from_segments(surface.V[rows, None], start, start + step)
+        nearest_piece = distances.min(axis=1)
+        nearest = min(nearest, float(nearest_piece.min()))
+        share = np.maximum(1 - (distances - nearest_piece[:, None]) / (0.1 * reach), 0.0)
         z = np.stack([_tangent(frames, t, rows) for t in unit_vectors(step)], axis=1)
         mean = (share * z**2).sum(axis=1) / share.sum(axis=1)
-        square[rows] = np.maximum(1 - (near / reach) ** 2, 0.0) ** 2 * mean
+        square[rows] = np.maximum(1 - (nearest_piece / reach) ** 2, 0.0) ** 2 * mean
     if not nearest < reach:
-        raise _too_far(surface, number, nearest, reach)
+        raise _too_far_error(surface, number, nearest, reach)
     return square
 
 
-def _too_far(surface: Surface, number: int, nearest: float, reach: float) -> PatternError:
+def _too_far_error(surface: Surface, number: int, nearest: float, reach: float) -> PatternError:
     return PatternError(
         f"pattern.guide.{number}: the curve is {nearest:.3g} m from the nearest vertex of the surface, and acts up to "
         f"{reach:.3g} m from it only; move it onto the surface, or raise reach (edges are {surface.mean_edge:.3g} m)"
@@ -175,83 +178,89 @@ class GuideLine:
     faces: Ints
 
     @classmethod
-    def of(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
+    def from_guides(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
         """Return the curves of guides that become members, on the surface and within its boundary.
 
         Raises PatternError for a curve off the surface.
         """
-        found = []
+        lines = []
         for k, guide in enumerate(guides):
             if not guide.member:
                 continue
-            points, faces = _on_surface(surface, np.array(guide.curve))
+            points, faces = _points_on_surface(surface, np.array(guide.curve))
             if len(points) < 2:
                 raise PatternError(
                     f"pattern.guide.{k}: the curve lies beyond the edge of the surface and cannot be a member; move it "
                     "onto the surface, or leave member out"
                 )
-            found.append(cls(k, guide.family, points, faces))
-        return found
+            lines.append(cls(k, guide.family, points, faces))
+        return lines
 
-    def aims(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
+    def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
         """Return vertices (v,) of the faces that it passes, and the target phases (v,) there, in periods, -1/2 to 1/2.
 
         g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre.
         """
         surface = frames.surface
-        at = np.unique(surface.F[self.faces])
-        first = np.arange(len(self.points) - 1)
-        found = nearest(surface.V[at], self.points, np.stack([first, first + 1], axis=1))
-        piece = found.simplex
-        left = np.cross(frames.normal[at], unit_vectors(np.diff(self.points, axis=0))[piece])
-        away = dots(surface.V[at] - found.place, left) * np.where(dots(left, g[at]) < 0, -1.0, 1.0)
+        vertices = np.unique(surface.F[self.faces])
+        piece_start = np.arange(len(self.points) - 1)
+        nearest_points = nearest_places(
+            surface.V[vertices], self.points, np.stack([piece_start, piece_start + 1], axis=1)
+        )
+        piece = nearest_points.simplex
+        left_direction = np.cross(frames.normal[vertices], unit_vectors(np.diff(self.points, axis=0))[piece])
+        away = dots(surface.V[vertices] - nearest_points.place, left_direction) * np.where(
+            dots(left_direction, g[vertices]) < 0, -1.0, 1.0
+        )
         F = surface.F[self.faces[piece]]
-        shares = _shares(surface.V[F], self.points[piece])
+        shares = _barycentric(surface.V[F], self.points[piece])
         phase = away * np.einsum("vc,vc->v", density[F], shares)
-        return at, phase - np.rint(phase)
+        return vertices, phase - np.rint(phase)
 
-    def followed(self, surface: Surface, phase: CornerPhase, every: int) -> float:
+    def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
         """Return the share of the curve on a centre line, within 5 % of a spacing, of a phase with a line at every
         `step`.
         """
         F = surface.F[self.faces]
-        weight = _shares(surface.V[F], self.points)
+        weight = _barycentric(surface.V[F], self.points)
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], weight)
-        off = np.abs(z - every * np.rint(z / every))
-        return float(((off < 0.05) & ~phase.singular[self.faces]).mean())
+        distance = np.abs(z - step * np.rint(z / step))
+        return float(((distance < 0.05) & ~phase.singular[self.faces]).mean())
 
-    def across(self, directions: Floats) -> bool:
+    def runs_across(self, directions: Floats) -> bool:
         """Return whether the curve runs mostly across directions (m, 3) on the faces, unit vectors."""
         step = unit_vectors(np.diff(self.points, axis=0))
         return bool((dots(step, directions[self.faces[:-1]]) ** 2).mean() < 0.5)
 
 
-def aimed(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
+def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
     """Return vertices (n,) beside the curves of guides, and target phases (n,) there, in periods; 0 elsewhere."""
     lock, aim = np.zeros(frames.surface.n, dtype=bool), np.zeros(frames.surface.n)
     for line in lines:
-        at, phase = line.aims(frames, g, density)
-        lock[at], aim[at] = True, phase
+        vertices, phase = line.target_phases(frames, g, density)
+        lock[vertices], aim[vertices] = True, phase
     return lock, aim
 
 
-def _on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
+def _points_on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
     """Return points (k, 3) along a polyline, moved onto the surface, and their faces."""
     step = surface.mean_edge / 8  # fine enough to miss few faces, at corners only
     points = [curve[:1]]
     for begin, end in pairwise(curve):
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)
         points.append(begin + np.linspace(0, 1, count + 1)[1:, None] * (end - begin))
-    found = nearest(np.concatenate(points), surface.V, surface.F)
+    projection = nearest_places(np.concatenate(points), surface.V, surface.F)
     edge = np.zeros((surface.m, 3), dtype=bool)  # by the corner that is across from it
     edge[:, [2, 0, 1]] = surface.edges.boundary[surface.edges.of]
-    beyond = ((_shares(surface.V[surface.F[found.simplex]], found.place) < ON_EDGE) & edge[found.simplex]).any(axis=1)
-    moved = np.append(True, np.linalg.norm(np.diff(found.place, axis=0), axis=1) > ON_EDGE * surface.size)
-    kept = moved & ~(beyond & (found.distance > ON_EDGE * surface.size))
-    return found.place[kept], found.simplex[kept]
+    beyond = (
+        (_barycentric(surface.V[surface.F[projection.simplex]], projection.place) < ON_EDGE) & edge[projection.simplex]
+    ).any(axis=1)
+    moved = np.append(True, np.linalg.norm(np.diff(projection.place, axis=0), axis=1) > ON_EDGE * surface.size)
+    is_kept = moved & ~(beyond & (projection.distance > ON_EDGE * surface.size))
+    return projection.place[is_kept], projection.simplex[is_kept]
 
 
-def _shares(corners: Floats, points: Floats) -> Floats:
+def _barycentric(corners: Floats, points: Floats) -> Floats:
     a, b, c = (corners[:, k] for k in range(3))
     normal = np.cross(b - a, c - a)
     sides = [np.cross(q - p, points - p) for p, q in ((b, c), (c, a), (a, b))]

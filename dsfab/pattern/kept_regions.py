@@ -8,9 +8,9 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import PatternError, SurfaceError
 from dsfab.pattern.layers import Layer
-from dsfab.surface import Distances, Origins, PatternRegion, Surface, geodesic_distances, nearest, region_key
-from dsfab.surface.fields import Divided, DividedField
-from dsfab.surface.topology import connected
+from dsfab.surface import Distances, Origins, PatternRegion, Surface, geodesic_distances, nearest_places, region_key
+from dsfab.surface.fields import DividedField, DividedSurface
+from dsfab.surface.topology import link_components
 
 EVEN = 0.01
 """Largest error of a region's edge by linear distances on faces, as a share of its reach."""
@@ -50,113 +50,118 @@ def curve_fields(
     `rounds` of halving and `most_parts` additional parts. Beyond the reach and the longest edge, values are bounds: too
     low, and finite.
     """
-    divided, reaches = Divided.nowhere(surface), [reach for _, reach in regions]
-    for left in reversed(range(rounds)):
-        found = [geodesic_distances(divided.surface, divided.carried(origins), reach) for origins, reach in regions]
-        marks = _marks(divided, found, reaches)
-        if not (left and marks.any()) or divided.surface.m > surface.m + most_parts:
+    divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
+    for rounds_left in reversed(range(rounds)):
+        distances_of = [
+            geodesic_distances(divided.surface, divided.origins_on_parts(origins), reach) for origins, reach in regions
+        ]
+        marks = _edges_to_halve(divided, distances_of, reaches)
+        if not (rounds_left and marks.any()) or divided.surface.m > surface.m + most_parts:
             break
-        divided = divided.halved(marks, _crossings(divided.surface, found, reaches))
+        divided = divided.with_halved_edges(marks, _crossings(divided.surface, distances_of, reaches))
     if divided.surface is surface:
-        return [_plain(surface, region, distances) for region, distances in zip(regions, found, strict=True)]
+        return [
+            _undivided_field(surface, region, distances)
+            for region, distances in zip(regions, distances_of, strict=True)
+        ]
     return [
-        DividedField(divided, -_snapped(divided.surface, _finite(distances.vertex, reach), reach))
-        for reach, distances in zip(reaches, found, strict=True)
+        DividedField(divided, -_snapped_distances(divided.surface, _finite_distances(distances.vertex, reach), reach))
+        for reach, distances in zip(reaches, distances_of, strict=True)
     ]
 
 
-def _marks(divided: Divided, found: Sequence[Distances], reaches: Sequence[float]) -> Bools:
+def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Bools:
     """Return edges (e',) to halve for one of the regions, except in regions before it."""
-    parts, whole = divided.surface, divided.whole
+    parts, uncut = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
-    finest, longest = np.zeros(len(size)), whole.edge_lengths[whole.edges.of].max(axis=1)
+    finest, longest = np.zeros(len(size)), uncut.edge_lengths[uncut.edges.of].max(axis=1)
     np.maximum.at(finest, sides.ravel(), np.repeat(FINEST * longest[divided.parent], 3))
     marks, open_ = np.zeros(len(size), dtype=bool), np.ones(parts.m, dtype=bool)
-    for distances, reach in zip(found, reaches, strict=True):
+    for distances, reach in zip(region_distances, reaches, strict=True):
         seen = np.zeros(len(size), dtype=bool)
         seen[sides[open_]] = True
-        marks |= seen & _uneven(parts, distances, reach) & (size > np.maximum(SHORT * reach, finest))
+        marks |= seen & _uneven_edges(parts, distances, reach) & (size > np.maximum(SHORT * reach, finest))
         open_ &= np.maximum(distances.vertex[parts.F], distances.middle[sides]).max(axis=1) > reach
     return marks
 
 
-def _crossings(surface: Surface, found: Sequence[Distances], reaches: Sequence[float]) -> Floats:
+def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
     """Return where to divide edges (e,), from 0 at their first end to 1.
 
     At the edge of a region if that crosses near the middle (see `ASIDE`), else in the middle; also if several cross.
     """
-    at, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
-    for distances, reach in zip(found, reaches, strict=True):
+    position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
+    for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
-        for end, way in zip(distances.vertex[surface.edges.ends].T, (-0.5, 0.5), strict=True):
+        for end, direction in zip(distances.vertex[surface.edges.ends].T, (-0.5, 0.5), strict=True):
             with np.errstate(invalid="ignore", divide="ignore"):
-                off = (reach - middle) / (end - middle)
-            close = (off > 0) & (off < 2 * ASIDE)
-            at[close], count = 0.5 + way * off[close], count + close
-    return np.where(count == 1, at, 0.5)
+                parameter = (reach - middle) / (end - middle)
+            is_close = (parameter > 0) & (parameter < 2 * ASIDE)
+            position[is_close], count = 0.5 + direction * parameter[is_close], count + is_close
+    return np.where(count == 1, position, 0.5)
 
 
-def _most_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats]:
+def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats]:
     """Return the growth of a distance along each edge (e,), and the largest along the edges at each vertex (n,)."""
-    ends, most = surface.edges.ends, np.zeros(surface.n)
+    ends, vertex_growth = surface.edges.ends, np.zeros(surface.n)
     growth = np.abs(np.diff(distance[ends], axis=1)[:, 0])
-    np.maximum.at(most, ends.ravel(), np.repeat(growth, 2))
-    return growth, most
+    np.maximum.at(vertex_growth, ends.ravel(), np.repeat(growth, 2))
+    return growth, vertex_growth
 
 
-def _snapped(surface: Surface, distance: Floats, reach: float) -> Floats:
+def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
     """Return distances (n,), moved onto the reach if close to it (see `NEAR`), except at faces with all corners
     close.
     """
-    _, most = _most_growth(surface, distance)
-    near = np.abs(distance - reach) <= np.minimum(NEAR * most, EVEN * reach)
-    near[surface.F[near[surface.F].all(axis=1)]] = False
-    return np.where(near, reach, distance)
+    _, vertex_growth = _distance_growth(surface, distance)
+    is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
+    is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
+    return np.where(is_near, reach, distance)
 
 
-def _plain(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
+def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
     """Return the field (n,) of a region on undivided faces, by straight lines if these give the same distances."""
     origins, reach = region
-    near = np.unique(surface.F[distances.reached])
-    straight = straight_distances(
+    near_vertices = np.unique(surface.F[distances.reached])
+    straight = euclidean_distances(
         surface, (surface.edges.ends[origins.edges], np.flatnonzero(origins.vertices)[:, None])
     )
-    alike = np.abs(straight[near] - distances.vertex[near]).max(initial=0.0) <= 1e-3 * reach
-    if alike and np.delete(straight, near).min(initial=np.inf) > reach:
+    is_straight = np.abs(straight[near_vertices] - distances.vertex[near_vertices]).max(initial=0.0) <= 1e-3 * reach
+    if is_straight and np.delete(straight, near_vertices).min(initial=np.inf) > reach:
         return -straight
-    return -_finite(distances.vertex, reach)
+    return -_finite_distances(distances.vertex, reach)
 
 
-def _finite(distance: Floats, reach: float) -> Floats:
+def _finite_distances(distance: Floats, reach: float) -> Floats:
     """Replace infinite distances by the largest finite one, which does not affect slopes."""
-    known = np.isfinite(distance)
-    return np.where(known, distance, max(2 * reach, distance[known].max(initial=0.0)))
+    is_finite = np.isfinite(distance)
+    return np.where(is_finite, distance, max(2 * reach, distance[is_finite].max(initial=0.0)))
 
 
-def _uneven(surface: Surface, distances: Distances, reach: float) -> Bools:
+def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
     """Return edges (e,) at the edge of a region along which the distance is not linear, or too steep."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
-    off = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
+    deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    off[farthest == 0] = reach  # all sides are on the boundary: the middle has no distance
-    found = np.zeros(len(ends), dtype=bool)
-    found[sides[(off > EVEN * reach) & (farthest + off.max(axis=1) >= reach)[:, None]]] = True
-    known = _finite(vertex, reach)
-    growth, most = _most_growth(surface, known)
-    off, most_off = np.abs(known - reach), 2 * EVEN * reach
-    moved = (off <= SNAP * most) & (off > most_off)
-    return np.asarray(found | (moved[ends].any(axis=1) & (SNAP * growth > most_off)))
+    deviation[farthest == 0] = reach  # all sides are on the boundary: the middle has no distance
+    is_uneven = np.zeros(len(ends), dtype=bool)
+    is_uneven[sides[(deviation > EVEN * reach) & (farthest + deviation.max(axis=1) >= reach)[:, None]]] = True
+    finite = _finite_distances(vertex, reach)
+    growth, vertex_growth = _distance_growth(surface, finite)
+    deviation, tolerance = np.abs(finite - reach), 2 * EVEN * reach
+    moved = (deviation <= SNAP * vertex_growth) & (deviation > tolerance)
+    return np.asarray(is_uneven | (moved[ends].any(axis=1) & (SNAP * growth > tolerance)))
 
 
-def straight_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
+def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
     """Return the straight distance (n,), metres, to the nearest of faces, edges and vertices, given by their
     corners.
     """
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
-            squared = np.minimum(squared, nearest(surface.V, surface.V, group).squared)
+            squared = np.minimum(squared, nearest_places(surface.V, surface.V, group).squared)
     return np.asarray(np.sqrt(squared))
 
 
@@ -178,12 +183,12 @@ class RegionBand:
         Two fields with a level at 0: material is where the first exceeds it and the second does not (see
         `dsfab.slicing.cutting.cut`).
         """
-        every = np.full(len(self.inside), np.inf)
+        half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
-            return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), every)
+            return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
         inside = np.asarray(field.divided.weights @ self.inside)
-        both = np.stack([inside, -field.x - self.width], axis=1)
-        return Layer("rim", DividedField(field.divided, both), np.zeros(1), every)
+        fields = np.stack([inside, -field.x - self.width], axis=1)
+        return Layer("rim", DividedField(field.divided, fields), np.zeros(1), half_width)
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
@@ -191,8 +196,11 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
     Raises PatternError for a region off the surface.
     """
-    every = np.full(surface.n, np.inf)
-    return [Layer("keep", sides(surface, faces), np.zeros(1), every) for _, faces in _faces(surface, regions, "keep")]
+    half_width = np.full(surface.n, np.inf)
+    return [
+        Layer("keep", region_sides(surface, faces), np.zeros(1), half_width)
+        for _, faces in _faces(surface, regions, "keep")
+    ]
 
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
@@ -200,9 +208,9 @@ def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float)
 
     Raises PatternError for a region off the surface, and for one that covers a piece of it wholly.
     """
-    found = []
+    bands = []
     for k, faces in _faces(surface, regions, "rim"):
-        inside = sides(surface, faces)
+        inside = region_sides(surface, faces)
         edges = outline_edges(surface, faces)
         if not edges.any():
             raise PatternError(f"{region_key(regions, k)} has no edge on the surface that a band could follow")
@@ -210,8 +218,8 @@ def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float)
         ends[surface.edges.ends[edges]] = True
         length = float(surface.edge_lengths[edges].sum())
         width = regions[k].width or rim or 0.25 * 2 * float(surface.areas[faces].sum()) / length
-        found.append(RegionBand(Origins(ends, edges, np.zeros(surface.m, dtype=bool)), width, inside))
-    return found
+        bands.append(RegionBand(Origins(ends, edges, np.zeros(surface.m, dtype=bool)), width, inside))
+    return bands
 
 
 def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Iterator[tuple[int, Bools]]:
@@ -229,11 +237,11 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
         yield k, faces
 
 
-def sides(surface: Surface, faces: Bools) -> Floats:
+def region_sides(surface: Surface, faces: Bools) -> Floats:
     """Return 1 (n,) at vertices of marked faces (m,), -1 at those of unmarked faces, 0 at those of both."""
-    found = np.zeros((2, surface.n), dtype=bool)
-    found[0, surface.F[faces]] = found[1, surface.F[~faces]] = True
-    return np.asarray(found[0].astype(np.float64) - found[1])
+    is_side = np.zeros((2, surface.n), dtype=bool)
+    is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
+    return np.asarray(is_side[0].astype(np.float64) - is_side[1])
 
 
 def outline_edges(surface: Surface, faces: Bools) -> Bools:
@@ -263,8 +271,8 @@ def patches(surface: Surface, vertices: Bools) -> Bools:
     Three vertices of the boundary mark no face, and two of them no inner edge: only the mesh decides how far these
     extend beyond the intended curve.
     """
-    edges, faces = _spanned(surface, vertices)
-    _, part = connected(surface.n, *surface.edges.ends[edges].T)
+    edges, faces = _spanned_parts(surface, vertices)
+    _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))
 
 
@@ -272,37 +280,37 @@ def distance_to_patches(surface: Surface, vertices: Bools) -> Floats:
     """Return the straight distance (n,), metres, to the span of marked vertices: their faces, edges, and themselves."""
     ends = surface.edges.ends
     faces, edges = surface.F[vertices[surface.F].all(axis=1)], ends[vertices[ends].all(axis=1)]
-    return straight_distances(surface, (faces, edges, np.flatnonzero(vertices)[:, None]))
+    return euclidean_distances(surface, (faces, edges, np.flatnonzero(vertices)[:, None]))
 
 
 def boundary_origins(surface: Surface) -> Origins:
     """Return the boundary as origins of distances."""
     edges = surface.edges.boundary
-    return Origins(_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
+    return Origins(_edge_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
 
 
 def curve_origins(surface: Surface, vertices: Bools) -> Origins:
     """Return marked vertices (n,), without `patches`, and the edges of their span, as origins of distances."""
-    edges, _ = _spanned(surface, vertices)
+    edges, _ = _spanned_parts(surface, vertices)
     return Origins(vertices, edges, np.zeros(surface.m, dtype=bool))
 
 
-def _spanned(surface: Surface, vertices: Bools) -> tuple[Bools, Bools]:
+def _spanned_parts(surface: Surface, vertices: Bools) -> tuple[Bools, Bools]:
     """Return edges (e,) and faces (m,) between marked vertices; see `patches`."""
     F, ends, boundary = surface.F, surface.edges.ends, surface.edges.boundary
-    border = _ends(surface, boundary)
+    border = _edge_ends(surface, boundary)
     edges = vertices[ends].all(axis=1) & (boundary | ~border[ends].all(axis=1))
     return edges, np.asarray(vertices[F].all(axis=1) & ~border[F].all(axis=1))
 
 
-def _ends(surface: Surface, edges: Bools) -> Bools:
-    found = np.zeros(surface.n, dtype=bool)
-    found[surface.edges.ends[edges]] = True
-    return found
+def _edge_ends(surface: Surface, edges: Bools) -> Bools:
+    is_end = np.zeros(surface.n, dtype=bool)
+    is_end[surface.edges.ends[edges]] = True
+    return is_end
 
 
 def kept_layers(
-    surface: Surface, marked: Bools, keep: float, rim: float, drawn: Sequence[PatternRegion] = ()
+    surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
     """Return the layers of kept material: regions of the user, within `keep` metres of marked vertices (n,), and within
     `rim` metres of the boundary.
@@ -316,8 +324,8 @@ def kept_layers(
         regions.append(("keep", curve_origins(surface, marked & ~patch), keep))
     if rim and surface.edges.boundary.any():
         regions.append(("rim", boundary_origins(surface), rim))
-    bands = region_bands(surface, drawn, rim)
-    origins = [*((one, reach) for _, one, reach in regions), *((band.outline, band.width) for band in bands)]
+    bands = region_bands(surface, regions_of_user, rim)
+    origins = [*((origin, reach) for _, origin, reach in regions), *((band.outline, band.width) for band in bands)]
     fields = curve_fields(surface, origins)
     named = [(name, field, reach) for (name, _, reach), field in zip(regions, fields, strict=False)]
     if keep and patch.any():
@@ -326,10 +334,10 @@ def kept_layers(
         if name == "keep" and isinstance(even, np.ndarray):
             ragged, named = np.maximum(ragged, even), named[1:]
         named.insert(0, ("keep", ragged, keep))
-    every = np.full(surface.n, np.inf)
+    half_width = np.full(surface.n, np.inf)
     banded = [band.layer(field) for band, field in zip(bands, fields[len(regions) :], strict=True)]
     return [
-        *region_layers(surface, drawn),
+        *region_layers(surface, regions_of_user),
         *banded,
-        *(Layer(name, field, np.array([-reach]), every) for name, field, reach in named),
+        *(Layer(name, field, np.array([-reach]), half_width) for name, field, reach in named),
     ]

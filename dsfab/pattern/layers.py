@@ -47,7 +47,7 @@ class ModeFamily:
     stress: Floats
 
     @classmethod
-    def on(
+    def from_mode(
         cls,
         surface: Surface,
         name: str,
@@ -62,7 +62,7 @@ class ModeFamily:
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
-    def stressed(self, stress: Floats) -> Self:
+    def with_stress(self, stress: Floats) -> Self:
         """Return the family under another stress (n,)."""
         return replace(self, stress=stress)
 
@@ -71,7 +71,7 @@ class ModeFamily:
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
     adds = 0
-    """See `Drawable`."""
+    """See `DrawableFamily`."""
 
     @property
     def density(self) -> Floats:
@@ -83,10 +83,10 @@ class ModeFamily:
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
-        return [Layer(self.name, self.x, self.stripes.widened(factor).levels(self.x), d)]
+        return [Layer(self.name, self.x, self.stripes.with_width_factor(factor).levels(self.x), d)]
 
 
-class Drawable(Protocol):
+class DrawableFamily(Protocol):
     """A family of stripes, on a mode or evenly spaced.
 
     density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
@@ -108,7 +108,7 @@ class Drawable(Protocol):
     @property
     def stress(self) -> Floats: ...
 
-    def stressed(self, stress: Floats) -> Self:
+    def with_stress(self, stress: Floats) -> Self:
         """Return the family under another stress (n,)."""
         ...
 
@@ -126,16 +126,16 @@ class Drawable(Protocol):
 
 
 def stripe_layers(
-    families: Sequence[Drawable], widths: Widths, factor: float = 1.0, closing: float = 0.0
+    families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
     """Return the layers of all families: stripes that run everywhere, then finer ones, in the order of `adds`."""
-    drawn = [(family.adds, family.layers(widths, factor, closing)) for family in families]
-    return [layers[0] for _, layers in drawn] + [
-        layer for _, layers in sorted(drawn, key=itemgetter(0)) for layer in layers[1:]
+    family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
+    return [layers[0] for _, layers in family_layers] + [
+        layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
     ]
 
 
-def mean_duty_factor(surface: Surface, families: Sequence[Drawable], widths: Widths) -> float:
+def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
     """Return the factor at which families of graded width keep the mean duty of their thresholds.
 
     One factor for all: the family with the larger stress gets the larger share. Bounds in metres apply afterwards.
@@ -147,25 +147,33 @@ def mean_duty_factor(surface: Surface, families: Sequence[Drawable], widths: Wid
         means = [surface.vertex_areas @ family.half_widths(free, factor) for family in families]
         return float(2 * sum(means) / (len(families) * surface.area))
 
-    wanted = float(np.mean([2 * family.stripes.half_width for family in families]))
-    return solved_factor(duty, wanted, 1e-9)
+    target = float(np.mean([2 * family.stripes.half_width for family in families]))
+    return solved_factor(duty, target, 1e-9)
 
 
-CLOSING = (1.45, 1.55)
+CLOSING_WIDTHS = (1.45, 1.55)
 """Widths over the crowded width between which an opening closes gradually: members crowd around a load. Up to the
 first, members become thinner; from the second on they merge. Only for openings that do not close as a whole
 (`Layer.closed`).
 """
-FOLLOWING = (1.15, 1.25)
-"""The same if widths follow the stress, which needs material there: with `CLOSING` a dome at half of its material is 5
+FOLLOWING_WIDTHS = (1.15, 1.25)
+"""The same if widths follow the stress, which needs material there: with `CLOSING_WIDTHS` a dome at half of its
+material is 5
 % softer.
 """
 WHOLE = 1.3
-"""Mean width over the crowded width at which an opening closes as a whole; the mean of `FOLLOWING` if widths follow the
+"""Mean width over the crowded width at which an opening closes as a whole; the mean of `FOLLOWING_WIDTHS` if widths
+follow the
 stress. With 1.5 the crown of a dome under a point load stays open, and it is 2 % softer.
 """
 
-WIDTH_RULES = {"solid": SOLID, "open": SLIT, "closer": CROWDING, "closing": CLOSING, "following": FOLLOWING}
+WIDTH_RULES = {
+    "solid": SOLID,
+    "open": SLIT,
+    "closer": CROWDING,
+    "closing": CLOSING_WIDTHS,
+    "following": FOLLOWING_WIDTHS,
+}
 """The same limits for the editor's page, which shows widths while a slider moves."""
 
 
@@ -191,7 +199,7 @@ class EvenFamily:
     adds: int = 0
     whole: bool = False
 
-    def stressed(self, stress: Floats) -> Self:
+    def with_stress(self, stress: Floats) -> Self:
         """Return the family under another stress (n,)."""
         return replace(self, stress=stress)
 
@@ -201,50 +209,52 @@ class EvenFamily:
         Except by the rule `plain`, members that would leave a slit are thinner, or merge if they crowd more or have
         more stress.
         """
-        return self._closed(self._asked(widths, factor), widths)
+        return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
         """Return the coarse stripes, which run everywhere, then finer and finer ones."""
-        asked = self._asked(widths, factor)
-        local = self._closed(asked, widths)
+        requested = self._requested_half_widths(widths, factor)
+        local = self._closed_half_widths(requested, widths)
         opened, closed = local, None
         if self.whole and widths.rule != "plain":
-            asked = self._asked(widths, closing) if closing else asked
-            closed = asked / self._most(asked) - (float(np.mean(FOLLOWING)) if widths.follow else WHOLE)
-            opened = self._opened(self._asked(widths, factor), widths)
+            requested = self._requested_half_widths(widths, closing) if closing else requested
+            closed = requested / self._crowded_half_width(requested) - (
+                float(np.mean(FOLLOWING_WIDTHS)) if widths.follow_stress else WHOLE
+            )
+            opened = self._open_half_widths(self._requested_half_widths(widths, factor), widths)
         z, c = self.phase.value, len(self.wanted)
         d = finest_half_widths(opened, self.slope, self.density, c)
         band = np.stack([z + d, z - d], axis=1)
-        drawn = [Layer(self.name, self._field(band, None), self._levels(2**c, 0, d), local, closed)]
+        layers = [Layer(self.name, self._field(band, None), self._levels(2**c, 0, d), local, closed)]
         for level in range(c - 1, -1, -1):
             field = self._field(band, self.wanted[level])
-            drawn.append(Layer(self.name, field, self._levels(2 ** (level + 1), 2**level, d), local))
-        return drawn
+            layers.append(Layer(self.name, field, self._levels(2 ** (level + 1), 2**level, d), local))
+        return layers
 
-    def _asked(self, widths: Widths, factor: float) -> Floats:
+    def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
         """Return half-widths (n,), in periods of the drawn lines, however narrow the openings are."""
-        asked = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
-        return asked.half_widths(self.stripes.half_width, self.density, self.stress, factor)
+        rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
+        return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
-    def _most(self, asked: Floats) -> float:
-        return max(SLIT, CROWDING * float(np.median(asked)))
+    def _crowded_half_width(self, requested: Floats) -> float:
+        return max(SLIT, CROWDING * float(np.median(requested)))
 
-    def _opened(self, asked: Floats, widths: Widths) -> Floats:
+    def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
         """Return half-widths (n,) without slits, except if widths.min_gap closes these."""
-        d = np.minimum(asked, self._most(asked))
+        d = np.minimum(requested, self._crowded_half_width(requested))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
-    def _closed(self, asked: Floats, widths: Widths) -> Floats:
+    def _closed_half_widths(self, requested: Floats, widths: Widths) -> Floats:
         """Return the same, with crowded members merged."""
         if widths.rule == "plain":
-            return asked
-        most = self._most(asked)
-        d = np.interp(asked, np.array([0, 1, *_limits(widths)]) * most, [0, most, most, SOLID])
+            return requested
+        crowded = self._crowded_half_width(requested)
+        d = np.interp(requested, np.array([0, 1, *_closing_limits(widths)]) * crowded, [0, crowded, crowded, SOLID])
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
-    def _field(self, band: Floats, wanted: Floats | None) -> CornerField:
+    def _field(self, band: Floats, line_shares: Floats | None) -> CornerField:
         phase = self.phase
-        return CornerField(band, phase.sign, phase.shift, phase.singular, wanted)
+        return CornerField(band, phase.sign, phase.shift, phase.singular, line_shares)
 
     def _levels(self, period: int, offset: int, d: Floats) -> Floats:
         phase = self.phase
@@ -253,8 +263,8 @@ class EvenFamily:
         return np.asarray(offset + period * np.arange(-count, count + 1))
 
 
-def _limits(widths: Widths) -> tuple[float, float]:
-    return FOLLOWING if widths.follow else CLOSING
+def _closing_limits(widths: Widths) -> tuple[float, float]:
+    return FOLLOWING_WIDTHS if widths.follow_stress else CLOSING_WIDTHS
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
@@ -273,24 +283,26 @@ def face_points(side: int = 3) -> Floats:
                /_\/_\
     """
     i, j = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
-    upright, turned = i + j < side, i + j < side - 1
-    thirds = [np.stack([i[at], j[at]], axis=1) + shift for at, shift in ((upright, 1 / 3), (turned, 2 / 3))]
+    upright, inverted = i + j < side, i + j < side - 1
+    thirds = [
+        np.stack([i[inside], j[inside]], axis=1) + shift for inside, shift in ((upright, 1 / 3), (inverted, 2 / 3))
+    ]
     a, b = np.concatenate(thirds).T / side
     return np.stack([a, b, 1 - a - b], axis=1)
 
 
 def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -> Bools:
     """Return whether any layer makes points of each face material, (m, p), for barycentric coordinates (p, 3)."""
-    kept = np.zeros((surface.m, len(points)), dtype=bool)
+    is_material = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
-            kept |= (below[0] > below[1]) & _drawn(layer.field)[:, None]
+            is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
             if layer.closed is not None:  # point by point: only the cut knows whole openings
-                kept |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
+                is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
-        kept |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
-    return kept
+        is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
+    return is_material
 
 
 def _point_values(surface: Surface, field: Floats | CornerField | DividedField, points: Floats) -> list[Floats]:
@@ -308,23 +320,23 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
     return [x[surface.F] for x in field.reshape(surface.n, -1).T]
 
 
-def _drawn(field: CornerField) -> Bools:
+def _is_drawn(field: CornerField) -> Bools:
     """Return faces (m,) where a field is drawn, up to a face: the cut is more accurate."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 
-def counted_share(surface: Surface, kept: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
+def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
     """Return the function from layers, which begin with the kept ones, to their share of the surface, by a count of
     points.
 
     It is off by a few thousandths, at a tenth of the time of a cut; kept layers are counted once.
     """
     points = face_points(side)
-    always = material_points(surface, kept, points)
+    kept_points = material_points(surface, kept_layers, points)
 
     def share(layers: Sequence[Layer]) -> float:
         with one_blas_thread():  # thin products: on a busy machine two threads take sixty times as long
-            stripes = material_points(surface, layers[len(kept) :], points)
-        return float((always | stripes).mean(axis=1) @ surface.areas / surface.area)
+            stripes = material_points(surface, layers[len(kept_layers) :], points)
+        return float((kept_points | stripes).mean(axis=1) @ surface.areas / surface.area)
 
     return share

@@ -19,7 +19,7 @@ SHIFT = 1e-3
 """Shift of the inverse iteration, over the squared spacing: makes the matrix definite and changes no eigenvector."""
 FLOW = 0.25
 """Length of a round: 1 / tau, tau = this share of (2 pi / spacing)^2."""
-EXACT = 0.05
+LOCKED_PHASE = 0.05
 """Largest miss, in periods, of a locked phase that is rounded to its target: edges of a surface get straight
 members.
 """
@@ -84,22 +84,22 @@ class Flow:
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
         wave = 4 * np.pi**2 * inverse_square
         project = projection or (lambda x: x)
-        held = LOCK * wave * mass * lock
+        lock_weight = LOCK * wave * mass * lock
         aim = np.zeros(n) if aim is None else aim
-        target = held * np.exp(2j * np.pi * aim)
+        target = lock_weight * np.exp(2j * np.pi * aim)
         from_lock = bool(lock.any()) and not free
-        solve = self._factor(SHIFT * inverse_square * mass + (held if from_lock else 0.0))
+        solve = self._factor(SHIFT * inverse_square * mass + (lock_weight if from_lock else 0.0))
         x = project(solve(target)) if from_lock else _lowest(lambda x: project(solve(mass * x)), start, mass)
         tau = FLOW * wave
-        solve = self._factor(tau * mass + held)
+        solve = self._factor(tau * mass + lock_weight)
         for _ in range(rounds):
-            x = project(solve(tau * mass * _normalised(x) + target))
+            x = project(solve(tau * mass * _unit_numbers(x) + target))
         phase = np.angle(x) / (2 * np.pi)
-        miss = phase - aim
-        return np.where(lock & (np.abs(miss - np.rint(miss)) < EXACT), aim, phase)
+        deviation = phase - aim
+        return np.where(lock & (np.abs(deviation - np.rint(deviation)) < LOCKED_PHASE), aim, phase)
 
     def _factor(self, diagonal: Floats) -> Solve:
-        return self.frames.twisted.factor(self.coupling, diagonal, self.sign < 0)
+        return self.frames.twisted_factors.factor(self.coupling, diagonal, self.sign < 0)
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
@@ -107,16 +107,18 @@ def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) ->
 
     The lowest eigenvectors are almost equally good. Pairs of real numbers make conjugation linear.
     """
-    x = krylov_power(lambda x: _pairs(B(_numbers(x))), _pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12)
-    return _numbers(x)
+    x = krylov_power(
+        lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
+    )
+    return _complex_numbers(x)
 
 
-def _pairs(x: Complexes) -> Floats:
+def _real_pairs(x: Complexes) -> Floats:
     """Return real and imaginary part (2 n,) of each number (n,), side by side."""
     return np.ascontiguousarray(x).view(np.float64)
 
 
-def _numbers(x: Floats) -> Complexes:
+def _complex_numbers(x: Floats) -> Complexes:
     return np.ascontiguousarray(x).view(np.complex128)
 
 
@@ -127,7 +129,7 @@ def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: 
     Arnoldi's method [Saad 1992]: B as a small matrix H on an orthonormal basis of B x, B B x, ..., and powers of that.
     With as many products as powers it is exact.
     """
-    basis = [_of_length_1(B(x), mass)]
+    basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
         rest = B(basis[k])
@@ -146,10 +148,10 @@ def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: 
         y = H[: len(y)] @ y
         y /= np.linalg.norm(y)
     y = H @ y if power > 1 and H.size else y
-    return _of_length_1(y @ np.array(basis), mass)
+    return _unit_vector(y @ np.array(basis), mass)
 
 
-def _of_length_1(x: Floats, mass: Floats) -> Floats:
+def _unit_vector(x: Floats, mass: Floats) -> Floats:
     return np.asarray(x / np.sqrt(x @ (mass * x)))
 
 
@@ -164,7 +166,7 @@ def through_peaks(phase: Floats, weight: Floats) -> Floats:
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
 
 
-def _normalised(x: Complexes) -> Complexes:
+def _unit_numbers(x: Complexes) -> Complexes:
     return np.asarray(x / np.maximum(np.abs(x), np.finfo(float).tiny))
 
 
@@ -213,18 +215,18 @@ class CornerPhase:
         return not self.singular.any() and bool((self.sign == 1).all() and (self.shift == 0).all())
 
 
-def corner_phase(flow: Flow, phase: Floats, other: Callable[[], Floats] | None = None) -> CornerPhase:
+def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,), in periods, of `Flow.solve` as the faces see them.
 
     alternative : makes other phases (n,), used if they break off on fewer faces; called if the first break off at all.
     """
-    found = _seen(flow, phase)
-    if other and found.broken:
-        found = min(found, _seen(flow, other()), key=lambda one: one.broken)
-    return _aligned(flow.frames.surface, found)
+    result = _face_phases(flow, phase)
+    if alternative and result.broken:
+        result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
+    return _aligned_phase(flow.frames.surface, result)
 
 
-def _seen(flow: Flow, phase: Floats) -> CornerPhase:
+def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     """Return phases (n,) as each face sees them by itself.
 
     From corner to corner a phase grows by the value nearest to `flow.turn`; the face is singular if it does not return
@@ -234,52 +236,56 @@ def _seen(flow: Flow, phase: Floats) -> CornerPhase:
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
-    of, F = surface.edges.of, surface.F
-    forward = i[of] == F  # half-edges that run along their edge
-    seen = np.where(forward, step[of], -sign[of] * step[of])  # by the corner that each starts from
-    turned = sign[of]
-    s1 = turned[:, 0]
-    s2 = s1 * turned[:, 1]
+    edge, F = surface.edges.of, surface.F
+    forward = i[edge] == F  # half-edges that run along their edge
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # by the corner that each starts from
+    edge_sign = sign[edge]
+    s1 = edge_sign[:, 0]
+    s2 = s1 * edge_sign[:, 1]
     z0 = phase[F[:, 0]]
-    z1 = z0 + seen[:, 0]
-    z2 = z1 + s1 * seen[:, 1]
-    back = z2 + s2 * seen[:, 2]
-    branch = s2 * turned[:, 2] < 0
+    z1 = z0 + growth[:, 0]
+    z2 = z1 + s1 * growth[:, 1]
+    back = z2 + s2 * growth[:, 2]
+    branch = s2 * edge_sign[:, 2] < 0
     singular = (np.rint(back - z0) != 0) | branch
     signs = np.stack([np.ones(surface.m), s1, s2], axis=1)
     z = np.stack([z0, z1, z2], axis=1)
     return CornerPhase(phase, signs, np.rint(z - signs * phase[F]), singular, int((singular & ~branch).sum()))
 
 
-def _aligned(surface: Surface, given: CornerPhase) -> CornerPhase:
+def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     """Return the phase with signs and periods of the faces carried from neighbour to neighbour, beginning at one face.
 
     Seen by the corner where its half-edge starts, the phase of face g is s times that of face f plus q.
     """
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
-    sign, shift = given.sign.ravel(), given.shift.ravel()
-    same = surface.F.ravel()[h0] != surface.F.ravel()[h1]
-    other = np.where(same, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # the corner of g at the vertex that h0 starts from
-    s = sign[h0] * sign[other]  # z_f = s z_g + q
-    q = shift[h0] - s * shift[other]
-    whole = ~(given.singular[f] | given.singular[g])
-    f, g, s, q = f[whole], g[whole], s[whole], q[whole]
+    sign, shift = phase.sign.ravel(), phase.shift.ravel()
+    starts_at_h0 = surface.F.ravel()[h0] != surface.F.ravel()[h1]
+    corner_g = np.where(
+        starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1
+    )  # the corner of g at the vertex that h0 starts from
+    s = sign[h0] * sign[corner_g]  # z_f = s z_g + q
+    q = shift[h0] - s * shift[corner_g]
+    is_regular = ~(phase.singular[f] | phase.singular[g])
+    f, g, s, q = f[is_regular], g[is_regular], s[is_regular], q[is_regular]
     link = csr_array((np.arange(1, len(f) + 1), (f, g)), shape=(surface.m, surface.m))
     link = csr_array(link + csr_array((-np.arange(1, len(f) + 1), (g, f)), shape=link.shape))
     signs, shifts = np.ones(surface.m), np.zeros(surface.m)
-    todo = ~given.singular
-    while todo.any():
-        root = int(np.argmax(todo))
-        order, before = breadth_first_order(link, root, directed=False)
-        todo[order] = False
-        _carry(link, order.astype(np.int64), before.astype(np.int64), s, q, signs, shifts)
-    shift_all = signs[:, None] * given.shift + shifts[:, None]
-    aligned = replace(given, sign=signs[:, None] * given.sign, shift=shift_all)
-    return _from_majority(surface, aligned)
+    unvisited = ~phase.singular
+    while unvisited.any():
+        root = int(np.argmax(unvisited))
+        order, predecessor = breadth_first_order(link, root, directed=False)
+        unvisited[order] = False
+        _propagate(link, order.astype(np.int64), predecessor.astype(np.int64), s, q, signs, shifts)
+    shift_all = signs[:, None] * phase.shift + shifts[:, None]
+    aligned = replace(phase, sign=signs[:, None] * phase.sign, shift=shift_all)
+    return _seen_by_first_faces(surface, aligned)
 
 
-def _carry(link: csr_array, order: Ints, before: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats) -> None:
+def _propagate(
+    link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
+) -> None:
     """Set signs and shifts (m,) of the faces in the order of a search, each from the face before it.
 
     Each face has its step from an earlier one, and in every round the earlier one's step is put before it: paths to the
@@ -288,14 +294,14 @@ def _carry(link: csr_array, order: Ints, before: Ints, s: Floats, q: Floats, sig
     child = order[1:]
     if not len(child):
         return
-    parent = before[child]
-    at = np.asarray(link[parent, child]).ravel()
-    index, forward = np.abs(at) - 1, at > 0  # forward: parent is f, child is g: z_parent = s z_child + q
-    own, add = s[index], np.where(forward, q[index], -s[index] * q[index])
-    place = np.empty(len(before), dtype=np.int64)
+    parent = predecessor[child]
+    entry = np.asarray(link[parent, child]).ravel()
+    index, forward = np.abs(entry) - 1, entry > 0  # forward: parent is f, child is g: z_parent = s z_child + q
+    step_sign, step_shift = s[index], np.where(forward, q[index], -s[index] * q[index])
+    place = np.empty(len(predecessor), dtype=np.int64)
     place[order] = np.arange(len(order))
     earlier = np.concatenate([[0], place[parent]])
-    sign, shift = np.concatenate([[1.0], own]), np.concatenate([[0.0], add])  # z_earlier = sign z + shift
+    sign, shift = np.concatenate([[1.0], step_sign]), np.concatenate([[0.0], step_shift])  # z_earlier = sign z + shift
     while earlier.any():
         shift = sign[earlier] * shift + shift[earlier]
         sign = sign[earlier] * sign
@@ -303,19 +309,19 @@ def _carry(link: csr_array, order: Ints, before: Ints, s: Floats, q: Floats, sig
     signs[order], shifts[order] = sign, shift
 
 
-def _from_majority(surface: Surface, given: CornerPhase) -> CornerPhase:
+def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
     """Return the phase with the value at each vertex as its first face sees it: signs 1 and shifts 0 except along
     seams.
     """
-    first = np.full(len(given.value), -1)
+    first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
-    usable = np.flatnonzero(np.repeat(~given.singular, 3))
-    first[corner[usable[::-1]]] = usable[::-1]
-    found = first >= 0
-    at = np.maximum(first, 0)
-    own_sign = np.where(found, given.sign.ravel()[at], 1.0)
-    own_shift = np.where(found, given.shift.ravel()[at], 0.0)
-    value = own_sign * given.value + own_shift
-    sign = given.sign * own_sign[surface.F]
-    shift = given.shift - sign * own_shift[surface.F]
-    return replace(given, value=value, sign=sign, shift=shift)
+    usable = np.flatnonzero(np.repeat(~phase.singular, 3))
+    first_corner[corner[usable[::-1]]] = usable[::-1]
+    has_face = first_corner >= 0
+    corner_index = np.maximum(first_corner, 0)
+    own_sign = np.where(has_face, phase.sign.ravel()[corner_index], 1.0)
+    own_shift = np.where(has_face, phase.shift.ravel()[corner_index], 0.0)
+    value = own_sign * phase.value + own_shift
+    sign = phase.sign * own_sign[surface.F]
+    shift = phase.shift - sign * own_shift[surface.F]
+    return replace(phase, value=value, sign=sign, shift=shift)

@@ -50,10 +50,10 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     blocks += SMOOTH * np.einsum("mai,mbi,m->mab", grad, grad, surface.areas)
     along_edges = blocks[:, (0, 1, 2), (1, 2, 0)]
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
-    own = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
+    diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
     # complex numbers reuse the analysis of the phases, which costs more than products with zeros
-    u = frames.twisted.hermitian(coupling.astype(complex), own)(right.astype(complex)).real
+    u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
@@ -95,21 +95,21 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
         narrow, wide = weighted_quantiles(v, sorted_mass, (0.05, 0.95)).tolist()
         return float(wide - narrow)
 
-    def most(limit: float) -> int:
-        return int(np.clip(np.floor(close + limit), 0, MOST_HALVINGS))
+    def halvings(limit: float) -> int:
+        return int(np.clip(np.floor(dense_powers + limit), 0, MOST_HALVINGS))
 
     powers = u / np.log(2)
-    close = weighted_quantile(powers, mass, 0.98)
+    dense_powers = weighted_quantile(powers, mass, 0.98)
     limits = np.arange(2.0 * 20) / 20
-    best = min(limits, key=lambda limit: round(ratio(limit) + 0.05 * most(limit), 6))
+    best_limit = min(limits, key=lambda limit: round(ratio(limit) + 0.05 * halvings(limit), 6))
     low, high = np.array(COARSE_RANGE) / np.log(2)
-    free = np.clip(powers, low, high) + best
-    return Halving(most(best), np.clip(powers + best, 0, most(best)), free, COARSE_RANGE)
+    free = np.clip(powers, low, high) + best_limit
+    return Halving(halvings(best_limit), np.clip(powers + best_limit, 0, halvings(best_limit)), free, COARSE_RANGE)
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
     """Return periods per metre (n,) of the phase, so that lines are `spacing` metres apart on average after halving."""
     w = np.exp(np.clip(u, *halved.limits))
-    left = w / 2**halved.times
-    mean = float(surface.vertex_areas @ left) / surface.area
+    remaining = w / 2**halved.times
+    mean = float(surface.vertex_areas @ remaining) / surface.area
     return np.asarray(w / (spacing * mean))

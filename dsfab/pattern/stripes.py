@@ -51,7 +51,7 @@ class Stripes:
         """d in periods: 0 (no material) to 0.5 (all material)."""
         return half_width(self.threshold)
 
-    def widened(self, factor: float) -> "Stripes":
+    def with_width_factor(self, factor: float) -> "Stripes":
         """Return stripes whose half-width is `factor` times as large, up to 0.5."""
         if factor == 1:  # to the last bit
             return self

@@ -28,7 +28,7 @@ class Images:
     faces: Ints | None = None
 
     @classmethod
-    def none(cls, n: int) -> Self:
+    def identity(cls, n: int) -> Self:
         """Return the images of a surface without symmetry: each of n vertices is its only image."""
         return cls(np.eye(3)[None], (csr_array(eye_array(n)),))
 
@@ -36,7 +36,7 @@ class Images:
         """Return a field (n, ...) averaged over the images of each point."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
-    def of_any(self, marked: Bools) -> Bools:
+    def marked_in_any(self, marked: Bools) -> Bools:
         """Return faces (m,) with a marked image, because a singular point at a vertex lies in one of its faces by
         chance.
 
@@ -73,10 +73,10 @@ class Images:
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
-        own = [self._phase_map(R, T, V, growth) for R, T in zip(self.R[1:], self.maps[1:], strict=True)]
-        same, turned = (sum(parts[1:], parts[0]) for parts in zip(*own, strict=True))
+        phase_maps = [self._phase_map(R, T, V, growth) for R, T in zip(self.R[1:], self.maps[1:], strict=True)]
+        direct, conjugate = (sum(parts[1:], parts[0]) for parts in zip(*phase_maps, strict=True))
         order = len(self.maps)
-        return lambda x: np.asarray((x + same @ x + turned @ x.conj()) / order)
+        return lambda x: np.asarray((x + direct @ x + conjugate @ x.conj()) / order)
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
@@ -86,11 +86,13 @@ class Images:
         """
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
-        there, here = growth[row] @ R.T, growth[column]
-        turned = dots(there, here) < 0
+        growth_there, growth_here = growth[row] @ R.T, growth[column]
+        turned = dots(growth_there, growth_here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(here + sign[:, None] * there, step)  # by the mean growth of both ends
+        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # by the mean growth of both ends
         value = T.data * np.exp(1j * turn)
-        same, other = (csr_array((value * of, column, T.indptr), shape=T.shape) for of in (~turned, turned))
-        return same, csr_array(other.conj())
+        direct, conjugate = (
+            csr_array((value * selected, column, T.indptr), shape=T.shape) for selected in (~turned, turned)
+        )
+        return direct, csr_array(conjugate.conj())

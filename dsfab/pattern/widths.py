@@ -71,7 +71,7 @@ class Widths:
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
-    def follow(self) -> bool:
+    def follow_stress(self) -> bool:
         """True if widths follow the stress."""
         return self.rule in ("graded", "stressed")
 
@@ -84,7 +84,7 @@ class Widths:
         """Return relative half-widths (n,); see `half_widths`."""
         return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
-    def half_widths(self, plain: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
+    def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
         """Return d (n,) in periods, 0 (no material) to 0.5 (no gap), never less for a larger `factor`.
 
         base   : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
@@ -92,7 +92,7 @@ class Widths:
                  half-widths themselves.
         factor : multiplies the rule, before the bounds.
         """
-        d = factor * (slope * (self.member / 2) if self.rule == "constant" else plain * self.grading(stress))
+        d = factor * (slope * (self.member / 2) if self.rule == "constant" else base * self.grading(stress))
         if self.max_width:
             d = np.minimum(d, slope * (self.max_width / 2))
         d = np.maximum(d, slope * (self.min_width / 2))
@@ -154,10 +154,10 @@ def relative_stresses(surface: Surface, principal: Floats) -> Floats:
 
 def solved_factor(
     share: Callable[[float], float],
-    wanted: float,
+    target: float,
     tolerance: float,
     slope: float = 0.0,
-    near: bool = False,
+    near_one: bool = False,
     jump: float = JUMP,
     steepest: float = 40,
 ) -> float:
@@ -174,61 +174,65 @@ def solved_factor(
     """
 
     @cache
-    def at(factor: float) -> _End:
-        return factor, share(factor) - wanted
+    def evaluate(factor: float) -> _End:
+        return factor, share(factor) - target
 
-    low, high = (_felt(at, tolerance, slope, near) if slope > 0 else None) or _ends(at, wanted, tolerance)
-    best, kept = min(low, high, key=_miss), 0
+    low, high = (_secant_interval(evaluate, tolerance, slope, near_one) if slope > 0 else None) or _bracket(
+        evaluate, target, tolerance
+    )
+    best_end, kept_side = min(low, high, key=_miss), 0
     for _ in range(30):  # several times the need of a share without jumps
-        if _miss(best) <= tolerance:
-            return best[0]
+        if _miss(best_end) <= tolerance:
+            return best_end[0]
         if high[0] - low[0] < tolerance / steepest * high[0]:
             break  # the share jumps here
         x = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
-        new = at(x)
-        best = min(best, new, key=_miss)
-        if new[1] < 0:
-            low, high, kept = new, (high[0], high[1] / (2 if kept == 1 else 1)), 1
+        trial = evaluate(x)
+        best_end = min(best_end, trial, key=_miss)
+        if trial[1] < 0:
+            low, high, kept_side = trial, (high[0], high[1] / (2 if kept_side == 1 else 1)), 1
         else:
-            low, high, kept = (low[0], low[1] / (2 if kept == -1 else 1)), new, -1
-    if _miss(best) <= jump:
-        return best[0]
+            low, high, kept_side = (low[0], low[1] / (2 if kept_side == -1 else 1)), trial, -1
+    if _miss(best_end) <= jump:
+        return best_end[0]
     raise ShareJumpError(
-        f"the kept share jumps past {wanted:.1%} of the surface (nearest: {best[1] + wanted:.2%}); "
+        f"the kept share jumps past {target:.1%} of the surface (nearest: {best_end[1] + target:.2%}); "
         "change the phase or the frequency a little"
     )
 
 
-def _felt(at: Callable[[float], _End], tolerance: float, slope: float, near: bool) -> tuple[_End, _End] | None:
+def _secant_interval(
+    evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
+) -> tuple[_End, _End] | None:
     """Return an interval around the solution, or the solution twice, by secants from 1; None if they do not
     converge.
     """
-    one = at(1.0)
-    for _ in range(5 if near else 1):
-        if _miss(one) <= tolerance or one[0] * slope <= one[1]:
+    end = evaluate(1.0)
+    for _ in range(5 if near_one else 1):
+        if _miss(end) <= tolerance or end[0] * slope <= end[1]:
             break
-        new = at(one[0] - one[1] / slope)
-        if near and new[1] * one[1] <= 0:
-            return (one, new) if one[1] < new[1] else (new, one)
-        slope, one = max((new[1] - one[1]) / (new[0] - one[0]), slope / 4), new
-    return (one, one) if _miss(one) <= tolerance else None
+        trial = evaluate(end[0] - end[1] / slope)
+        if near_one and trial[1] * end[1] <= 0:
+            return (end, trial) if end[1] < trial[1] else (trial, end)
+        slope, end = max((trial[1] - end[1]) / (trial[0] - end[0]), slope / 4), trial
+    return (end, end) if _miss(end) <= tolerance else None
 
 
-def _ends(at: Callable[[float], _End], wanted: float, tolerance: float) -> tuple[_End, _End]:
+def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
     """Return an interval around the solution, or the solution twice, between 0 and too wide stripes."""
-    one = at(1.0)
-    if _miss(one) <= tolerance:
-        return one, one
-    if one[1] > 0:
-        low = at(0.0)
+    start = evaluate(1.0)
+    if _miss(start) <= tolerance:
+        return start, start
+    if start[1] > 0:
+        low = evaluate(0.0)
         if low[1] > tolerance:
-            raise _unreachable(wanted, f"at least {low[1] + wanted:.1%}")
-        return low, one
-    most = at(1e9)  # no wider stripes reach more
-    if most[1] < -tolerance:
-        raise _unreachable(wanted, f"at most {most[1] + wanted:.1%}")
-    low = one
-    while (high := at(4 * low[0]))[1] < -tolerance:
+            raise _unreachable_error(target, f"at least {low[1] + target:.1%}")
+        return low, start
+    widest = evaluate(1e9)  # no wider stripes reach more
+    if widest[1] < -tolerance:
+        raise _unreachable_error(target, f"at most {widest[1] + target:.1%}")
+    low = start
+    while (high := evaluate(4 * low[0]))[1] < -tolerance:
         low = high
     return low, high
 
@@ -237,13 +241,13 @@ def _miss(end: _End) -> float:
     return abs(end[1])
 
 
-def _unreachable(wanted: float, reach: str) -> PatternError:
+def _unreachable_error(target: float, reach: str) -> PatternError:
     return PatternError(
-        f"the pattern cannot keep {wanted:.1%} of the surface: {reach} with these widths, thresholds and kept regions"
+        f"the pattern cannot keep {target:.1%} of the surface: {reach} with these widths, thresholds and kept regions"
     )
 
 
-def evened(
+def evened_grading(
     surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float, limit: float = 2.0
 ) -> Floats:
     """Return relative half-widths (n, k) for the next step, from those of k families, (n, k), that were cut and solved.
@@ -256,12 +260,12 @@ def evened(
     width. Redistributed forces need several steps. Widths stay where material is missing. The geometric mean of the
     densities stays, so that an evenly stressed sheet is unchanged.
     """
-    both = np.concatenate([work, material], axis=1) / surface.areas[:, None]
-    near, share = np.split(spread_means(surface, both, 0.4 * spacing), 2, axis=1)
-    known = (share > 1e-9) & (near > 0)
-    if not known.any():
+    densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
+    mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)
+    has_material = (share > 1e-9) & (mean_work > 0)
+    if not has_material.any():
         return grading
-    density = near[known] / share[known]
+    density = mean_work[has_material] / share[has_material]
     grown = np.ones_like(grading)
-    grown[known] = np.clip((density / np.exp(np.log(density).mean())) ** 0.5, 1 / limit, limit)
+    grown[has_material] = np.clip((density / np.exp(np.log(density).mean())) ** 0.5, 1 / limit, limit)
     return np.asarray(grading * grown)

@@ -35,8 +35,8 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
     words, kind = _key(detail["loc"]), detail["type"]
     key = ".".join(words)
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
-        known = _known_beside(detail["loc"], model)
-        return f"unknown key {key}{did_you_mean(words[-1], known)} (known here: {', '.join(known)})"
+        known_keys = _known_beside(detail["loc"], model)
+        return f"unknown key {key}{did_you_mean(words[-1], known_keys)} (known here: {', '.join(known_keys)})"
     if kind in ("missing", "missing_argument"):
         return f"{key} is missing"
     if kind.startswith("union_tag") or kind == "model_attributes_type":
@@ -50,10 +50,10 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         if allowed == ["auto"]:
             hint = f" or a number{hint}"
     text = detail["msg"].removeprefix("Input ").replace("a valid tuple", "a list")
-    return f"{key} = {_shown(detail['input'])}: {text[:1].lower()}{text[1:]}{hint}"
+    return f"{key} = {_short_repr(detail['input'])}: {text[:1].lower()}{text[1:]}{hint}"
 
 
-def _shown(value: Any) -> str:
+def _short_repr(value: Any) -> str:
     text = " ".join(repr(value).split())
     limit = 200
     return text if len(text) <= limit else f"{text[:limit]}..."
@@ -72,15 +72,15 @@ def _is_tag(loc: tuple[int | str, ...], i: int) -> bool:
 
 
 def _unknown_kind(key: str, detail: ErrorDetails) -> str:
-    given = detail["input"] if isinstance(detail["input"], dict) else {}
+    table = detail["input"] if isinstance(detail["input"], dict) else {}
     if key == "surface":
-        word, name, choices = given.get("shape"), "shape", [*SHAPES]
-        other = ", or a file"
+        word, name, choices = table.get("shape"), "shape", [*SHAPES]
+        alternative = ", or a file"
     else:
         kinds = KINDS["extra" if key.startswith("thickening.") else "load"]
-        name, choices, other = ("pick", [*PICKERS], "") if key.endswith(".at") else ("kind", [*kinds], "")
-        word = given.get(name)
-    allowed = f"use one of {', '.join(choices)}{other}"
+        name, choices, alternative = ("pick", [*PICKERS], "") if key.endswith(".at") else ("kind", [*kinds], "")
+        word = table.get(name)
+    allowed = f"use one of {', '.join(choices)}{alternative}"
     if word is None:
         return f"{key} needs {name} = ...: {allowed}"
     return f"{key}.{name} = {word!r} is not known{did_you_mean(str(word), choices)}; {allowed}"
@@ -89,7 +89,7 @@ def _unknown_kind(key: str, detail: ErrorDetails) -> str:
 def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
     for i, part in enumerate(loc[:-1]):
         if _is_tag(loc, i):
-            tags = PICKERS if loc[i - 1] == "at" else _tagged(model) if i == 1 else KINDS[str(loc[i - 2])]
+            tags = PICKERS if loc[i - 1] == "at" else _by_stated_tag(model) if i == 1 else KINDS[str(loc[i - 2])]
             model = tags[str(part)]
         elif part in LISTED:
             model = LISTED[part]
@@ -99,7 +99,7 @@ def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
     return list(fields)
 
 
-def _tagged(union: Any) -> dict[str, Any]:
+def _by_stated_tag(union: Any) -> dict[str, Any]:
     return {get_args(member)[1].tag: get_args(member)[0] for member in get_args(union)}
 
 
@@ -121,26 +121,26 @@ def follow_weights(
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
-    return {name: weight for name in members(cases, combinations) if (weight := weights.get(name, 1.0))}
+    return {name: weight for name in combined_names(cases, combinations) if (weight := weights.get(name, 1.0))}
 
 
-def members(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
+def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
     """Return the names that a combined pattern follows: the combinations without those for displacements alone (SLS),
     unless all are such; or the cases if there are no combinations.
     """
-    strong = [one.name for one in combinations if one.limit_state != "SLS"]
-    return strong or [one.name for one in combinations] or list(cases)
+    strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
+    return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
     """Return the cases and combinations for a limit state: its own combinations, else those without a limit state,
     else all.
     """
-    of = {one.name: one.limit_state for one in combinations}
+    state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
-    for wanted in (state, ""):
-        if found := [name for name in names if of.get(name, "") == wanted]:
-            return found
+    for limit_state in (state, ""):
+        if chosen := [name for name in names if state_of.get(name, "") == limit_state]:
+            return chosen
     return names
 
 
@@ -155,7 +155,7 @@ def case_mistakes(
     names = [*cases, *(combination.name for combination in combinations)]
     if follow is not None and follow not in (*names, COMBINED):
         yield f"diffusion.follow = {follow!r}: {_no_such('case or combination', follow, (*names, COMBINED))}"
-    allowed = members(cases, combinations)
+    allowed = combined_names(cases, combinations)
     for name, weight in weights.items():
         what = "combination" if combinations else "case"
         if name not in allowed:
@@ -187,9 +187,9 @@ def _combination_mistakes(cases: Sequence[str], combinations: Sequence[Combinati
 _RESERVED = "this name stands for all cases at once in diffusion.follow; choose another"
 
 
-def _no_such(what: str, name: str, known: Iterable[str]) -> str:
-    listed = ", ".join(known)
-    return f"no {what} has this name{did_you_mean(name, known)} (there are: {listed})"
+def _no_such(what: str, name: str, existing: Iterable[str]) -> str:
+    listed = ", ".join(existing)
+    return f"no {what} has this name{did_you_mean(name, existing)} (there are: {listed})"
 
 
 SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
@@ -217,11 +217,11 @@ def known_name(name: str | None) -> str | None:
 
 def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the material keys of a complete [statics] whose values differ from those of the named material."""
-    given = MATERIALS[values["material"]].values if values.get("material") else {}
-    return {key: values[key] for key in KEYS if values[key] != given.get(key)}
+    material_values = MATERIALS[values["material"]].values if values.get("material") else {}
+    return {key: values[key] for key in KEYS if values[key] != material_values.get(key)}
 
 
-def replaced(values: Any, changes: Mapping[str, Any]) -> None:
+def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
     """Remove the old material's values from the table [statics] if `changes` (dotted keys) name another material."""
     if "statics.material" in changes and isinstance(values, dict):
         for key in KEYS:

@@ -12,9 +12,9 @@ from pydantic import ValidationError
 from dsfab.core.errors import PresetError, did_you_mean
 from dsfab.core.materials import KEYS
 from dsfab.core.toml_files import TomlError, read_toml, shipped_presets, toml_table
-from dsfab.preset.checks import mistakes, own_values, replaced
+from dsfab.preset.checks import drop_material_values, mistakes, own_values
 from dsfab.preset.model import Preset
-from dsfab.preset.surface_section import FileSurface, Given, MeshSurface, OwnSurface, missing_preset
+from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface, SurfaceSection, missing_preset
 
 _LIST = re.compile(r"""\[\n((?: +(?:[^\s\[\]{},"]+|"(?:[^"\\\n]|\\.)*"),\n)+) *\]""")
 """A list of numbers and words with a line for each."""
@@ -43,14 +43,14 @@ def load_preset(
 def _find_files(values: Any, folder: Path, key: str = "") -> None:
     """Resolve the paths of the surface's mesh and of pickers' drawings against a folder, in place."""
     for below, part in values.items() if isinstance(values, dict) else ():
-        for each in part if isinstance(part, list) else [part]:
-            _find_files(each, folder, below)
+        for entry in part if isinstance(part, list) else [part]:
+            _find_files(entry, folder, below)
     names_file = isinstance(values, dict) and (key == "surface" or values.get("pick") == "curve")
     if names_file and isinstance(values.get("file"), str):
         values["file"] = str(folder / values["file"])
 
 
-def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
+def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
     """Return `preset` with other values at dotted keys; raises PresetError as `load_preset` does, and for other
     objects.
     """
@@ -59,8 +59,8 @@ def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
     touched = {key.partition(".")[0] for key in changes}  # the other sections have passed their checks
     values = preset.model_dump(mode="json", exclude_none=True, include=touched)
     _override_all(values, changes)
-    kept = {name: getattr(preset, name) for name in Preset.model_fields if name not in touched}
-    return preset_from({**kept, **values}, f"preset {preset.name}")
+    unchanged = {name: getattr(preset, name) for name in Preset.model_fields if name not in touched}
+    return preset_from({**unchanged, **values}, f"preset {preset.name}")
 
 
 def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
@@ -87,29 +87,29 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 def require_mesh(preset: Preset) -> None:
     """Raise PresetError, with the command's options, for a shipped preset that needs a mesh of the user's."""
-    if isinstance(given := preset.surface, FileSurface) and given.waits:
+    if isinstance(surface := preset.surface, FileSurface) and surface.waits:
         raise PresetError(
             f"preset {preset.name} needs a mesh of yours: add --mesh FILE, and --unit mm if it is in millimetres"
         )
 
 
-def preset_toml(preset: Preset, brief: bool = False) -> str:
+def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset, defaults included, as TOML that builds the same design again.
 
     A material has its name, and only those values that differ from its own.
     for_people : replaces the numbers of a mesh from Python by its size.
     """
     values = preset.model_dump(mode="json", exclude_none=True)
-    if brief and isinstance(given := preset.surface, MeshSurface):
-        values["surface"]["mesh"] = f"given in Python: {given.mesh.n} vertices, {given.mesh.m} triangles"
+    if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
+        values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
     if preset.statics.elastic:
-        own, statics = own_values(values["statics"]), values["statics"]
-        values["statics"] = {key: value for key, value in statics.items() if key not in KEYS or key in own}
+        own_keys, statics = own_values(values["statics"]), values["statics"]
+        values["statics"] = {key: value for key, value in statics.items() if key not in KEYS or key in own_keys}
     surface = values["surface"]
     for key in ("support", "load"):
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
     # the shape comes first, then its supports and loads
-    values["surface"] = {**{k: v for k, v in surface.items() if k not in Given.model_fields}, **surface}
+    values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
     return _short_lists(tomli_w.dumps(values))
 
 
@@ -117,9 +117,9 @@ def _short_lists(text: str) -> str:
     return _LIST.sub(_on_one_line, text)
 
 
-def _on_one_line(found: re.Match[str]) -> str:
-    short = f"[{' '.join(line.strip() for line in found[1].splitlines()).rstrip(',')}]"
-    return short if len(short) <= 88 else found[0]
+def _on_one_line(match: re.Match[str]) -> str:
+    short = f"[{' '.join(line.strip() for line in match[1].splitlines()).rstrip(',')}]"
+    return short if len(short) <= 88 else match[0]
 
 
 def _find(name_or_path: str | Path) -> Path:
@@ -140,34 +140,36 @@ def _find(name_or_path: str | Path) -> Path:
 
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
-    old = values.get("surface", {})
-    keys = (*OwnSurface.model_fields, "unit") if "file" in old else (*Given.model_fields, "unit")  # a shape has no edge
-    kept = {key: old[key] for key in keys if key in old}
-    values["surface"] = {**kept, "file": str(mesh)}
+    old_surface = values.get("surface", {})
+    keys = (
+        (*OwnSurface.model_fields, "unit") if "file" in old_surface else (*SurfaceSection.model_fields, "unit")
+    )  # a shape has no edge
+    new_surface = {key: old_surface[key] for key in keys if key in old_surface}
+    values["surface"] = {**new_surface, "file": str(mesh)}
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
     """Set dotted keys. Setting one of two exclusive keys removes the other; a new material removes the values of
     the old one.
     """
-    replaced(values.get("statics"), changes)
+    drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # a later key may reach into this value
     for family in ("pattern.major", "pattern.minor"):
-        for key, other in (("frequency", "spacing"), ("spacing", "frequency")):
-            if changes.get(f"{family}.{key}") and f"{family}.{other}" not in changes:
-                _child(values["pattern"], family.partition(".")[2], family).pop(other, None)
+        for key, excluded in (("frequency", "spacing"), ("spacing", "frequency")):
+            if changes.get(f"{family}.{key}") and f"{family}.{excluded}" not in changes:
+                _child(values["pattern"], family.partition(".")[2], family).pop(excluded, None)
 
 
 def _override(values: dict[str, Any], key: str, value: Any) -> None:
-    *parents, last = key.split(".")
+    *parents, name = key.split(".")
     where: Any = values
     for part in parents:
         where = _child(where, part, key)
     if isinstance(where, list):
-        where[_index(where, last, key)] = value
+        where[_index(where, name, key)] = value
     elif isinstance(where, dict):
-        where[last] = value
+        where[name] = value
     else:
         raise PresetError(f"--set {key}: {'.'.join(parents)} is a value, not a section; check the key")
 

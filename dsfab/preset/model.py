@@ -32,7 +32,7 @@ from dsfab.preset.checks import (
 )
 from dsfab.preset.sections import Eurocode, Workshop
 from dsfab.preset.surface_section import AnySurface, Section, plain, surface_table
-from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane, SheetMaterial
+from dsfab.statics import Bending, Elements, Law, Material, Membrane, ResultRequest, SheetMaterial
 from dsfab.surface import (
     Combination,
     LimitState,
@@ -104,7 +104,7 @@ class Statics(Section):
         return Material(self.young, self.poisson, self.density)
 
     @property
-    def weight(self) -> float:
+    def area_weight(self) -> float:
         """Weight of the uncut sheet, N/m2."""
         return self.density * self.thickness * GRAVITY
 
@@ -115,8 +115,8 @@ class Statics(Section):
     @property
     def material_words(self) -> str:
         """'GL24h', or 'GL24h, but for density'; empty without a named material."""
-        own = own_values(dict(self))
-        return f"{self.material}, but for {', '.join(own)}" if self.material and own else self.material or ""
+        own_keys = own_values(dict(self))
+        return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
 
     def require_strength(self) -> None:
         """Raise PresetError if neither the material nor a strength is known, because members cannot be checked then."""
@@ -128,11 +128,11 @@ class Statics(Section):
         return Elements(self.membrane, self.bending)
 
     @property
-    def ask(self) -> Ask:
+    def analyses(self) -> ResultRequest:
         """Requests for strength, natural frequencies and buckling; with any of them, other elements solve the
         statics again.
         """
-        return Ask(self.strength, self.frequencies, self.buckling)
+        return ResultRequest(self.strength, self.frequencies, self.buckling)
 
 
 class Diffusion(Section):
@@ -159,7 +159,7 @@ class Diffusion(Section):
 
     @field_validator("symmetry")
     @classmethod
-    def _known(cls, words: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_symmetry(cls, words: tuple[str, ...]) -> tuple[str, ...]:
         try:
             symmetry_group(words)
         except PatternError as error:
@@ -189,7 +189,7 @@ LeastWidth = Annotated[
 ]
 
 
-def _is_some(value: Any) -> bool:
+def _is_nonzero(value: Any) -> bool:
     """True for values other than 0; unchecked values may be text ("0")."""
     try:
         return float(value) != 0
@@ -219,10 +219,10 @@ class Family(Section):
     @classmethod
     def _one_of_both(cls, values: Any) -> Any:
         if isinstance(values, dict):
-            spacing = _is_some(values.get("spacing"))
+            spacing = _is_nonzero(values.get("spacing"))
             if spacing and "frequency" not in values:
                 return {**values, "frequency": 0.0}
-            if spacing == _is_some(values.get("frequency", True)):
+            if spacing == _is_nonzero(values.get("frequency", True)):
                 raise ValueError("give either frequency or spacing, and leave the other out or set it to 0")
         return values
 
@@ -277,7 +277,7 @@ class Width(Section):
     """Largest error of that share, where it jumps because ends of members come and go; a note reports it."""
 
     @model_validator(mode="after")
-    def _possible(self) -> "Width":
+    def _check_widths(self) -> "Width":
         try:
             self.widths(1.0)
         except PatternError as error:
@@ -302,9 +302,9 @@ class Width(Section):
 
 def _with_curves(thing: Any) -> Any:
     """The support, load, guide ... with the curves of the drawing that its picker names."""
-    at = getattr(thing, "at", None)
-    held = self_contained(at)
-    return thing if held is at else replace(thing, at=held)
+    picker = getattr(thing, "at", None)
+    complete = self_contained(picker)
+    return thing if complete is picker else replace(thing, at=complete)
 
 
 Method = Literal["modes", "stripes", "auto"]
@@ -374,11 +374,11 @@ class Pattern(Section):
         if not (isinstance(values, dict) and values.get("method") == "stripes"):
             return values
         families = {name: values[name] for name in ("major", "minor") if isinstance(values.get(name), dict)}
-        plain = {
+        cleaned = {
             name: {key: value for key, value in family.items() if key != "frequency" or value != 0}
             for name, family in families.items()
         }
-        return {**values, **plain}
+        return {**values, **cleaned}
 
     @model_validator(mode="after")
     def _steers_stripes(self) -> "Pattern":
@@ -414,7 +414,7 @@ class Pattern(Section):
         return self.weight_rounds if self.method == "stripes" else 0
 
     @property
-    def steered(self) -> bool:
+    def is_steered(self) -> bool:
         """True if stripes leave the direction of the stress."""
         return bool(self.rotate or self.guide)
 
@@ -424,18 +424,18 @@ class Pattern(Section):
         return FAMILIES if self.families == "both" else (self.families,)
 
     @property
-    def drawn(self) -> tuple[Family, ...]:
+    def drawn_families(self) -> tuple[Family, ...]:
         """The used families."""
-        both = {"major": self.major, "minor": self.minor}
-        return tuple(both[name] for name in self.family_names)
+        by_name = {"major": self.major, "minor": self.minor}
+        return tuple(by_name[name] for name in self.family_names)
 
     @property
-    def halved(self) -> bool:
+    def may_halve(self) -> bool:
         """True if lines may be left out where they crowd; they end on members of the other family."""
         return self.halve and self.families == "both"
 
     @property
-    def tidied(self) -> bool:
+    def removes_loose_ends(self) -> bool:
         """True if loose ends are removed."""
         return self.method == "stripes" and self.families == "both" if self.tidy is None else self.tidy
 
@@ -447,7 +447,7 @@ class Pattern(Section):
     @property
     def auto(self) -> bool:
         """True if dsfab chooses a mode or a phase."""
-        return self.method == "modes" and any(AUTO in (family.mode, family.phase) for family in self.drawn)
+        return self.method == "modes" and any(AUTO in (family.mode, family.phase) for family in self.drawn_families)
 
 
 class Slicing(Section):
@@ -587,10 +587,10 @@ class Preset(Section):
 
         Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh.
         """
-        given = {"support": supports, "load": loads, "combination": combinations}
+        surface_lists = {"support": supports, "load": loads, "combination": combinations}
         values = {key: plain(value) for key, value in sections.items()}
         if surface is not None:
-            listed = {key: value for key, value in given.items() if value is not None}
+            listed = {key: value for key, value in surface_lists.items() if value is not None}
             values["surface"] = surface_table(surface, listed)
         super().__init__(**values)
 
@@ -598,11 +598,11 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _names_cases(self) -> "Preset":
-        given = self.surface
+        surface = self.surface
         if "member_utilisation.csv" in self.export.formats:
             self.statics.require_strength()
-        wrong = list(action_mistakes(given.load, given.actions, given.combinations))
-        if wrong := wrong or [*case_mistakes(*self._cases), *self.eurocode.case_mistakes(given.load)]:
+        wrong = list(action_mistakes(surface.load, surface.actions, surface.combinations))
+        if wrong := wrong or [*case_mistakes(*self._cases), *self.eurocode.case_mistakes(surface.load)]:
             raise ValueError("; ".join(wrong))
         return self
 
@@ -611,13 +611,13 @@ class Preset(Section):
         """A void removes vertices, so that vertex numbers of guides and regions would change; supports and loads
         are picked first.
         """
-        drawn = tuple(None if one.do == "void" else one for one in self.pattern.region)
-        lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": drawn}
+        regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
+        lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [
             f"{key}.{k}.at"
             for key, listed in lists.items()
-            for k, one in enumerate(listed)
-            if isinstance(getattr(one, "at", None), Vertices)
+            for k, entry in enumerate(listed)
+            if isinstance(getattr(entry, "at", None), Vertices)
         ]
         if counted and self.pattern.voids:
             void = region_key(self.pattern.region, self.pattern.voids[0])
@@ -638,7 +638,7 @@ class Preset(Section):
         return judged_names(names, self.surface.sums, state)
 
     @property
-    def followed(self) -> dict[str, float]:
+    def followed_weights(self) -> dict[str, float]:
         """Weights of the cases or combinations that the pattern follows, by name (see `dsfab.preset.checks`)."""
         return follow_weights(*self._cases)
 
@@ -647,7 +647,7 @@ class Preset(Section):
         """True if the pattern follows a sum of stress magnitudes rather than the stress of one case."""
         return combines(self.surface.load, self.diffusion.follow)
 
-    def settled(self, mode: tuple[int, int], phase: tuple[float, float]) -> "Preset":
+    def with_modes(self, mode: tuple[int, int], phase: tuple[float, float]) -> "Preset":
         """Return the preset with these modes and phases, of the major and of the minor family."""
         families = {
             name: getattr(self.pattern, name).model_copy(update={"mode": mode[k], "phase": phase[k]})
@@ -667,9 +667,11 @@ class Preset(Section):
         changes = dict[str, Any]()
         for name, keys in lists.items():
             section = getattr(self, name)
-            found = {key: tuple(_with_curves(one) for one in getattr(section, key)) for key in keys}
-            if any(new is not old for key in keys for new, old in zip(found[key], getattr(section, key), strict=True)):
-                changes[name] = section.model_copy(update=found)
+            entries = {key: tuple(_with_curves(entry) for entry in getattr(section, key)) for key in keys}
+            if any(
+                new is not old for key in keys for new, old in zip(entries[key], getattr(section, key), strict=True)
+            ):
+                changes[name] = section.model_copy(update=entries)
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:

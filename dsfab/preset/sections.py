@@ -59,19 +59,19 @@ class Workshop(Section):
 
     @field_validator("stock", mode="before")
     @classmethod
-    def _one_or_several(cls, given: Any) -> Any:
-        if isinstance(given, list | tuple) and len(given) == 2 and all(isinstance(x, int | float) for x in given):
-            return (tuple(given),)
-        return given
+    def _one_or_several(cls, value: Any) -> Any:
+        if isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(x, int | float) for x in value):
+            return (tuple(value),)
+        return value
 
     @field_validator("prices", mode="before")
     @classmethod
-    def _price_or_several(cls, given: Any) -> Any:
-        return (given,) if isinstance(given, int | float) and not isinstance(given, bool) else given
+    def _price_or_several(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
     @field_validator("stock")
     @classmethod
-    def _some(cls, stock: tuple[StockSize, ...]) -> tuple[StockSize, ...]:
+    def _check_stock(cls, stock: tuple[StockSize, ...]) -> tuple[StockSize, ...]:
         if not stock:
             raise ValueError("no sheet to cut from; give length and width in metres, for instance [2.5, 1.25]")
         return tuple((max(size), min(size)) for size in stock)

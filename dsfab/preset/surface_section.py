@@ -41,9 +41,9 @@ from dsfab.surface import (
     SurfaceInFile,
     Up,
     en1990_combinations,
-    normalized,
-    refined,
-    remeshed,
+    normalized_surface,
+    refined_surface,
+    remeshed_surface,
     surface_in_file,
 )
 
@@ -63,7 +63,7 @@ class Section(BaseModel):
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
-class Given(Section):
+class SurfaceSection(Section):
     """Keys of every surface.
 
     pydantic builds its checks on first use, because a preset builds those of all kinds together. Separate checks of
@@ -110,14 +110,14 @@ class Given(Section):
 
     def build(self) -> Surface:
         """Return the surface; raises SurfaceError."""
-        return refined(self.given(), self.refine, self.smooth) if self.refine else self.given()
+        return refined_surface(self.base_surface(), self.refine, self.smooth) if self.refine else self.base_surface()
 
-    def given(self) -> Surface:
+    def base_surface(self) -> Surface:
         """Return the surface before it is refined."""
         raise NotImplementedError
 
 
-class OwnSurface(Given):
+class OwnSurface(SurfaceSection):
     """Keys of the user's meshes: the length of the edges of a new mesh."""
 
     edge: Annotated[float, Ge(0)] = 0.0
@@ -148,16 +148,16 @@ class OwnSurface(Given):
         """True if edges are shorter where the stress changes."""
         return self.finest_at != "curvature"
 
-    def build(self, sizes: Sequence[SizeField] = (), given: Surface | None = None) -> Surface:
+    def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
         """Return the surface, with edges of these sizes if it gets a new mesh; raises SurfaceError.
 
         base : result of `base_surface()`, if known.
         """
-        given = given or self.given()
+        base = base or self.base_surface()
         if not self.edge:
-            return refined(given, self.refine, self.smooth) if self.refine else given
+            return refined_surface(base, self.refine, self.smooth) if self.refine else base
         curved = self.finest if self.finest_at != "stress" else 0.0
-        return remeshed(given, self.edge, curved, self.smooth, sizes)
+        return remeshed_surface(base, self.edge, curved, self.smooth, sizes)
 
 
 class FileSurface(OwnSurface):
@@ -191,7 +191,7 @@ class FileSurface(OwnSurface):
         """True for a shipped preset that needs a mesh of the user's."""
         return self.file.parent in PRESETS and not self.file.exists()
 
-    def given(self) -> Surface:
+    def base_surface(self) -> Surface:
         """Return the surface in the file, metres; raises PresetError if the user has to supply it."""
         return self.read().surface
 
@@ -204,25 +204,25 @@ class FileSurface(OwnSurface):
                 f"this preset needs a mesh of yours in place of {self.file.name}: write "
                 'dsfab.load_preset(name, mesh="FILE"), or add --mesh FILE to a command'
             )
-        most = self.max_triangles or DEFAULT_TRIANGLES
-        found = surface_in_file(self.file, self.unit, self.up, self.mend, most, self.repair)
+        limit = self.max_triangles or DEFAULT_TRIANGLES
+        result = surface_in_file(self.file, self.unit, self.up, self.mend, limit, self.repair)
         if not any(self.origin):
-            return found
-        return replace(found, surface=Surface(found.surface.V - self.origin, found.surface.F))
+            return result
+        return replace(result, surface=Surface(result.surface.V - self.origin, result.surface.F))
 
 
 def _mesh_from(value: Any) -> Surface:
     """A mesh of any library, (V, F), or a text of `_mesh_text`."""
     if not isinstance(value, str):
         V_F = isinstance(value, tuple | list) and len(value) == 2
-        return normalized(Surface.from_mesh(*value) if V_F else Surface.of(value))
+        return normalized_surface(Surface.from_mesh(*value) if V_F else Surface.of(value))
     try:
         data = zlib.decompress(base64.b64decode(value, validate=True))
         n, m = np.frombuffer(data, "<i8", 2)
         V, F = np.frombuffer(data, "<f8", 3 * n, 16), np.frombuffer(data, "<i8", 3 * m, 16 + 24 * n)
     except (ValueError, zlib.error):
         raise ValueError("this is no mesh that dsfab wrote; give surface.file instead") from None
-    return normalized(Surface(V.reshape(-1, 3), F.reshape(-1, 3)))
+    return normalized_surface(Surface(V.reshape(-1, 3), F.reshape(-1, 3)))
 
 
 def _mesh_text(surface: Surface) -> str:
@@ -243,7 +243,7 @@ class MeshSurface(OwnSurface):
 
     mesh: Annotated[Mesh, Field(repr=False)]
 
-    def given(self) -> Surface:
+    def base_surface(self) -> Surface:
         """Return the mesh itself."""
         return self.mesh
 
@@ -251,19 +251,19 @@ class MeshSurface(OwnSurface):
         if not isinstance(other, MeshSurface):
             return False
         a, b = self.mesh, other.mesh
-        same = a is b or (np.array_equal(a.V, b.V) and np.array_equal(a.F, b.F))
-        return same and all(getattr(self, key) == getattr(other, key) for key in OwnSurface.model_fields)
+        same_mesh = a is b or (np.array_equal(a.V, b.V) and np.array_equal(a.F, b.F))
+        return same_mesh and all(getattr(self, key) == getattr(other, key) for key in OwnSurface.model_fields)
 
 
-class ShapeSurface(Given):
+class ShapeSurface(SurfaceSection):
     """A procedural surface; each shape adds its own parameters."""
 
     shape: str
 
-    def given(self) -> Surface:
+    def base_surface(self) -> Surface:
         """Return the shape with its parameters."""
-        others = set(Given.model_fields) | {"shape"}
-        return SHAPES[self.shape](**{k: v for k, v in self if k not in others})
+        common_keys = set(SurfaceSection.model_fields) | {"shape"}
+        return SHAPES[self.shape](**{k: v for k, v in self if k not in common_keys})
 
 
 def _shape_model(name: str) -> type[ShapeSurface]:
@@ -281,7 +281,7 @@ def _kind_of_surface(value: Any) -> str | None:
 
 SHAPE_SECTIONS = {name: _shape_model(name) for name in SHAPES}
 if TYPE_CHECKING:
-    AnySurface = Given
+    AnySurface = SurfaceSection
 else:
     _choices = {"file": FileSurface, "mesh": MeshSurface, **SHAPE_SECTIONS}
     AnySurface = Annotated[
@@ -301,7 +301,7 @@ def plain(value: Any) -> Any:
     return [plain(part) for part in value] if isinstance(value, list | tuple) else value
 
 
-def surface_table(surface: Any, given: Mapping[str, Any]) -> Any:
+def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
     """Return `surface` of Python code as a table, with `lists` in place of its own lists.
 
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
@@ -309,13 +309,13 @@ def surface_table(surface: Any, given: Mapping[str, Any]) -> Any:
     """
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
-    elif isinstance(surface, Given | Mapping):
+    elif isinstance(surface, SurfaceSection | Mapping):
         surface = {key: part if key == "mesh" else plain(part) for key, part in dict(surface).items()}
         if isinstance(file := surface.get("file"), str | Path):
             surface["file"] = Path(file).absolute()
     else:
         surface = {"mesh": _mesh_from(surface)}
-    return surface | {key: plain(part) for key, part in given.items()}
+    return surface | {key: plain(part) for key, part in lists.items()}
 
 
 EXAMPLE = (
@@ -329,8 +329,8 @@ def missing_preset(thing: Any) -> str:
     """Return a sentence on the right argument in place of an object that is no preset."""
     if isinstance(thing, str | Path) and Path(thing).suffix in ("", ".toml"):
         return f"{str(thing)!r} is only the name of a preset; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
-    known: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}
-    name = known.get(type(thing), f"a mesh of type {type(thing).__name__}")
+    names: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}
+    name = names.get(type(thing), f"a mesh of type {type(thing).__name__}")
     return (
         f"{name} alone is no preset: supports, loads and a thickness are missing; let dsfab propose them, "
         f"dsfab.run(dsfab.preset_for(mesh)), or write for instance {EXAMPLE}"

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from dsfab.render.lettering import PAPER, Nameplate, Palette, PlacedName, placed_names
+from dsfab.render.lettering import PAPER, Nameplate, Palette, PlacedName, place_names
 from dsfab.render.view import up_axis
 
 __all__ = [
@@ -13,7 +13,7 @@ __all__ = [
     "band_colours",
     "member_places",
     "members_picture",
-    "placed_names",
+    "place_names",
     "rated_members_picture",
     "up_axis",
 ]

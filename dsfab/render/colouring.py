@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dsfab.preset.model import Preset
 
 
-Show = Literal[
+ShownResult = Literal[
     "structure",
     "stress",
     "families",
@@ -38,15 +38,15 @@ Show = Literal[
     "frequency",
 ]
 
-ANSWERS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
+STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
 """Results of the statics, shown on the whole uncut sheet for which they were computed."""
 DEFORMED = ("displacement", "buckling", "frequency")
 """Results that are drawn as a deformed shape."""
-MODES = ("major_mode", "minor_mode")
+MODE_FIELDS = ("major_mode", "minor_mode")
 """Fields along whose values stripes run."""
-WHOLE_SHEET = ("loads", "directions", *MODES, *ANSWERS)
+WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)
 """Pictures of the sheet before stripes."""
-STEEPEST = 98.0
+COLOUR_PERCENTILE = 98.0
 """Percentile of stress at which colours end, because peaks under loads and supports would hide the rest."""
 
 # compression, zero, tension: blue and red of equal darkness, usual for engineers and safe for colour-blind eyes
@@ -68,7 +68,7 @@ _RISING = np.array(
 
 
 @dataclass(frozen=True, eq=False)
-class Bar:
+class ColourBar:
     """Colour scale.
 
     limit   : value at its end, at both ends with a middle.
@@ -91,7 +91,7 @@ class Colouring:
     """
 
     face: Bytes
-    bar: Bar | None = None
+    bar: ColourBar | None = None
     V: Floats | None = None
     words: str = ""
 
@@ -102,32 +102,32 @@ def check_show(show: str) -> None:
         raise DsfabError("show 'fabrication' is measured on the finished solid: ask dsfab preview for it alone")
     if show == "members":
         raise DsfabError("show 'members' names the parts of the finished sheet: ask dsfab preview for it alone")
-    if show not in get_args(Show):
-        raise DsfabError(f"show {show!r} is not known; use one of {', '.join(get_args(Show))}")
+    if show not in get_args(ShownResult):
+        raise DsfabError(f"show {show!r} is not known; use one of {', '.join(get_args(ShownResult))}")
 
 
-def coloured(design: "Design", show: str, palette: Palette) -> Colouring:
+def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
     """Return the colours of the uncut surface's faces.
 
     stress is the larger principal stress on each face, tension positive; for results of the statics see
     `answer_colouring`.
     Raises DsfabError for a result that the preset does not request.
     """
-    if show in ANSWERS:
+    if show in STATICS_RESULTS:
         return answer_colouring(design, show)
     if show == "stress":
         principal = design.diffusion.tensors.principal
         value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]
-        limit, bands = banded(float(np.percentile(np.abs(value), STEEPEST)))
+        limit, bands = band_limit(float(np.percentile(np.abs(value), COLOUR_PERCENTILE)))
         label = stress_label(limit)
-        bar = Bar(limit, (f"-{label}", "0", label), ("compression", "tension"), _DIVERGING, 2 * bands)
-        return Colouring(diverging(value / limit, 2 * bands), bar)
-    if show in MODES:
-        return _mode(design, show)
-    plain = palette.plain
-    colour = {"major": palette.families[0], "minor": palette.families[2], "loads": plain, "directions": plain}
-    one = np.array(colour.get(show, palette.members), dtype=np.uint8)
-    face = np.broadcast_to(one, (design.surface.m, 3))
+        bar = ColourBar(limit, (f"-{label}", "0", label), ("compression", "tension"), _DIVERGING, 2 * bands)
+        return Colouring(diverging_colours(value / limit, 2 * bands), bar)
+    if show in MODE_FIELDS:
+        return _mode_colouring(design, show)
+    neutral = palette.plain
+    colour = {"major": palette.families[0], "minor": palette.families[2], "loads": neutral, "directions": neutral}
+    single_colour = np.array(colour.get(show, palette.members), dtype=np.uint8)
+    face = np.broadcast_to(single_colour, (design.surface.m, 3))
     if show == "loads":
         return Colouring(
             face, words=f"loads, {force_label(float(np.linalg.norm(design.load.force.sum(axis=0))))} in all"
@@ -135,12 +135,12 @@ def coloured(design: "Design", show: str, palette: Palette) -> Colouring:
     if show == "directions":
         if design.preset.combines:
             return Colouring(face, words="directions of several cases together: red where most is carried, blue across")
-        signs = Bar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING)
+        signs = ColourBar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING)
         return Colouring(face, signs)
     return Colouring(face)
 
 
-def _mode(design: "Design", show: str) -> Colouring:
+def _mode_colouring(design: "Design", show: str) -> Colouring:
     """Return the colours of a stripe mode. Raises DsfabError for stripes without modes."""
     if design.pattern.even:
         raise DsfabError("evenly spaced stripes run along no mode; show structure, families or directions instead")
@@ -149,7 +149,7 @@ def _mode(design: "Design", show: str) -> Colouring:
     number = getattr(design.preset.pattern, name).mode
     value = modes.mode(number)
     limit = float(np.abs(value).max())
-    bar = Bar(limit, (f"-{limit:.2g}", "0", f"{limit:.2g}"), ("", ""), _SIGNED)
+    bar = ColourBar(limit, (f"-{limit:.2g}", "0", f"{limit:.2g}"), ("", ""), _SIGNED)
     face = ramp((value[design.surface.F].mean(axis=1) / limit + 1) / 2, _SIGNED)
     eigenvalue = modes.lam[number - 1] * design.surface.area
     return Colouring(face, bar, None, f"{name} mode {number}, eigenvalue {eigenvalue:.4g} / area, uncut sheet")
@@ -162,7 +162,7 @@ def mode_gradient(design: "Design", show: str) -> Floats:
     return np.asarray(np.einsum("mia,mi->ma", hat_gradients(surface), value[surface.F]))
 
 
-def banded(limit: float) -> tuple[float, int]:
+def band_limit(limit: float) -> tuple[float, int]:
     """Return the end of the colours and the number of bands, 4 to 10 of a round width, that reach `limit`."""
     if not limit > 0:
         return 1.0, 4
@@ -171,17 +171,17 @@ def banded(limit: float) -> tuple[float, int]:
     return count * step, count
 
 
-def diverging(share: Floats, bands: int = 0) -> Bytes:
+def diverging_colours(share: Floats, bands: int = 0) -> Bytes:
     """Return colours (k, 3) for shares from -1 (compression) to 1 (tension)."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
 
 
-def rising(share: Floats, bands: int = 0) -> Bytes:
+def rising_colours(share: Floats, bands: int = 0) -> Bytes:
     """Return colours (k, 3) for shares from 0 to 1."""
     return ramp(np.clip(share, 0, 1), _RISING, bands)
 
 
-def signed(share: Floats) -> Bytes:
+def signed_colours(share: Floats) -> Bytes:
     """Return colours (k, 3) for shares from -1 to 1 of values other than stress."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
@@ -190,8 +190,8 @@ def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
     """Return colours (k, 3) for shares from 0 to 1 along `colours`, in steps of equal width for bands."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
-    place, known = share * (len(colours) - 1), np.arange(len(colours))
-    return np.stack([np.interp(place, known, channel) for channel in colours.T], axis=1).astype(np.uint8)
+    place, positions = share * (len(colours) - 1), np.arange(len(colours))
+    return np.stack([np.interp(place, positions, channel) for channel in colours.T], axis=1).astype(np.uint8)
 
 
 def stress_label(pascals: float) -> str:
@@ -208,60 +208,62 @@ def force_label(newtons: float) -> str:
     return f"{newtons / factor:.3g} {unit}"
 
 
-def with_bar(image: "Image", bar: Bar, palette: Palette) -> "Image":
+def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
     """Return the picture with the colour bar above its caption, on the left."""
     from PIL import Image, ImageDraw, ImageFont
 
     width, height = image.size
     letter = max(height / 46, 9.0)
-    left, base, long = 0.035 * width, height - 6.6 * letter, round(0.22 * width)
+    left_edge, base, bar_pixels = 0.035 * width, height - 6.6 * letter, round(0.22 * width)
     strip = np.broadcast_to(
-        ramp(np.linspace(0, 1, long), bar.colours, bar.bands), (max(round(0.55 * letter), 4), long, 3)
+        ramp(np.linspace(0, 1, bar_pixels), bar.colours, bar.bands), (max(round(0.55 * letter), 4), bar_pixels, 3)
     )
-    image.paste(Image.fromarray(np.ascontiguousarray(strip)), (round(left), round(base)))
+    image.paste(Image.fromarray(np.ascontiguousarray(strip)), (round(left_edge), round(base)))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=0.9 * letter)
-    top, below = base - 0.5 * letter, base + 1.55 * letter
-    draw.text((left, top), bar.names[0], fill=palette.text, font=font, anchor="ls")
-    draw.text((left + long, top), bar.names[1], fill=palette.text, font=font, anchor="rs")
+    top, label_base = base - 0.5 * letter, base + 1.55 * letter
+    draw.text((left_edge, top), bar.names[0], fill=palette.text, font=font, anchor="ls")
+    draw.text((left_edge + bar_pixels, top), bar.names[1], fill=palette.text, font=font, anchor="rs")
     for share, text, anchor in zip((0.0, 0.5, 1.0), bar.labels, ("ls", "ms", "rs"), strict=True):
-        draw.text((left + share * long, below), text, fill=palette.text, font=font, anchor=anchor)
+        draw.text((left_edge + share * bar_pixels, label_base), text, fill=palette.text, font=font, anchor=anchor)
     return image
 
 
-MOVES = 0.08
+EXAGGERATION = 0.08
 """Largest drawn movement of a vertex, over the size of the surface."""
-YIELDS = (96, 40, 150)
+YIELD_COLOUR = (96, 40, 150)
 """Colour of faces beyond the strength: violet, which the colour scale does not have."""
 
 
-def asking(preset: "Preset", show: str) -> "Preset":
+def preset_with_mode(preset: "Preset", show: str) -> "Preset":
     """Return the preset with a request for the mode of a picture, if it has none."""
-    from dsfab.preset.file import overridden
+    from dsfab.preset.file import with_overrides
 
     key = {"buckling": "buckling", "frequency": "frequencies"}.get(show)
-    asks = key is None or getattr(preset.statics, key)
-    return preset if asks else overridden(preset, {f"statics.{key}": 1})
+    is_set = key is None or getattr(preset.statics, key)
+    return preset if is_set else with_overrides(preset, {f"statics.{key}": 1})
 
 
 def answer_colouring(design: "Design", show: str) -> Colouring:
     """Return the colours of a result of the statics. Raises DsfabError for a result that the design lacks."""
     if show == "displacement":
-        return _displaced(design)
+        return _displacement_colouring(design)
     if show in ("buckling", "frequency"):
-        return _answers_mode(design, show)
-    stress, by = design.statics.answers.stress, _by(design)
+        return _shape_colouring(design, show)
+    stress, by = design.statics.answers.stress, _elements_text(design)
     if show == "energy":
-        return _scaled(stress.energy, energy_label, f"strain energy per area, uncut sheet, {by}")
+        return _scaled_colouring(stress.energy, energy_label, f"strain energy per area, uncut sheet, {by}")
     if show == "vonmises":
         words = f"von Mises stress, largest of both surfaces {stress_label(stress.peak.stress)}, uncut sheet, {by}"
-        return _scaled(stress.largest, stress_label, words)
+        return _scaled_colouring(stress.largest, stress_label, words)
     strength = design.preset.statics.strength
     if not strength:
         raise DsfabError("utilisation needs a strength to compare with: --set statics.strength=235e6 (Pa, steel S235)")
     share = stress.utilisation(strength)
     words = f"stress over a strength of {stress_label(strength)}, largest {share.max():.0%}, uncut sheet, {by}"
-    shown = _scaled(np.minimum(share, 1.0), lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words)
-    face = np.where((share > 1)[:, None], np.array(YIELDS, dtype=np.uint8), shown.face)
+    shown = _scaled_colouring(
+        np.minimum(share, 1.0), lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words
+    )
+    face = np.where((share > 1)[:, None], np.array(YIELD_COLOUR, dtype=np.uint8), shown.face)
     return Colouring(face, shown.bar, None, words)
 
 
@@ -273,25 +275,25 @@ def energy_label(joules: float) -> str:
     return f"{joules / factor:.3g} {unit}/m2"
 
 
-def _scaled(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
-    limit, bands = banded(float(np.percentile(value, STEEPEST)))
-    bar = Bar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
-    return Colouring(rising(value / limit, bands), bar, None, words)
+def _scaled_colouring(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
+    limit, bands = band_limit(float(np.percentile(value, COLOUR_PERCENTILE)))
+    bar = ColourBar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
+    return Colouring(rising_colours(value / limit, bands), bar, None, words)
 
 
-def _displaced(design: "Design") -> Colouring:
+def _displacement_colouring(design: "Design") -> Colouring:
     u = design.statics.answers.equilibrium.u
     size = np.linalg.norm(u, axis=1)
     largest = float(size.max())
-    factor = round_length(MOVES * design.surface.size / largest) if largest > 0 else 1.0
-    words = f"moves by {length(largest)} at most, drawn {_times(factor)} x, uncut sheet, {_by(design)}"
-    limit, bands = banded(largest)
-    bar = Bar(limit, ("0", "", length(limit)), ("", ""), bands=bands)
-    face = rising(size[design.surface.F].mean(axis=1) / limit, bands)
+    factor = round_length(EXAGGERATION * design.surface.size / largest) if largest > 0 else 1.0
+    words = f"moves by {length(largest)} at most, drawn {_times(factor)} x, uncut sheet, {_elements_text(design)}"
+    limit, bands = band_limit(largest)
+    bar = ColourBar(limit, ("0", "", length(limit)), ("", ""), bands=bands)
+    face = rising_colours(size[design.surface.F].mean(axis=1) / limit, bands)
     return Colouring(face, bar, design.surface.V + factor * u, words)
 
 
-def _by(design: "Design") -> str:
+def _elements_text(design: "Design") -> str:
     """Return the elements of a result, because elements differ by more than a picture shows."""
     elements = design.statics.answers.elements
     return f"by {elements}" if elements.bending else f"by {elements.membrane} strain in its plane"
@@ -301,7 +303,7 @@ def _times(factor: float) -> str:
     return f"{factor:,.0f}" if factor >= 1 else f"{factor:g}"
 
 
-def _answers_mode(design: "Design", show: str) -> Colouring:
+def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
@@ -314,6 +316,6 @@ def _answers_mode(design: "Design", show: str) -> Colouring:
         why = "; ".join(answers.refusals) or ("the load compresses no part of the sheet" if answers.buckling else "")
         raise DsfabError(f"there is no shape of {show} to show: {why or f'ask for it with --set statics.{key}=1'}")
     size = np.linalg.norm(shape, axis=1)
-    bar = Bar(1.0, ("", "", ""), ("still", "moves most"))
-    V = design.surface.V + MOVES * design.surface.size * shape
-    return Colouring(rising(size[design.surface.F].mean(axis=1)), bar, V, f"{words}, uncut sheet, exaggerated")
+    bar = ColourBar(1.0, ("", "", ""), ("still", "moves most"))
+    V = design.surface.V + EXAGGERATION * design.surface.size * shape
+    return Colouring(rising_colours(size[design.surface.F].mean(axis=1)), bar, V, f"{words}, uncut sheet, exaggerated")

@@ -14,14 +14,14 @@ from typing import Any
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length, mass
 from dsfab.design.design import Design
-from dsfab.export import Ahead, ProgramError, temporary_folder
+from dsfab.export import PreparedProgram, ProgramError, temporary_folder
 from dsfab.render import picture_program
-from dsfab.render.drawing import Annotations, Ground, check_ground
+from dsfab.render.drawing import Annotations, GroundKind, check_ground
 from dsfab.render.lettering import PAPER
 from dsfab.render.light import QUICK
 from dsfab.render.opengl import require_rendering
-from dsfab.render.picture import PLAIN, Look, StructurePicture, picture, png, write_png
-from dsfab.render.previewer import NOMINAL, Previewer, layers_of
+from dsfab.render.picture import DEFAULT_LOOK, Look, StructurePicture, picture, png_bytes, write_png
+from dsfab.render.previewer import DEFAULT_SIZE, Previewer, layer_names
 from dsfab.render.scene import Bytes
 from dsfab.render.view import named_side, up_axis
 
@@ -40,9 +40,9 @@ SECONDS = 600.0
 """Time limit for the other process, from the beginning of the wait."""
 
 
-def write_picture(design: Design, path: Path, look: Look = PLAIN) -> None:
+def write_picture(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> None:
     """Draw the finished structure into a PNG file; raises DsfabError if this machine cannot draw."""
-    write_png(picture(**_asked(design, look)), path)
+    write_png(picture(**_picture_arguments(design, look)), path)
 
 
 def structure_picture(
@@ -50,8 +50,8 @@ def structure_picture(
     *,
     view: str = "iso",
     marks: bool | Collection[str] = True,
-    ground: Ground = "paper",
-    size: tuple[int, int] = NOMINAL,
+    ground: GroundKind = "paper",
+    size: tuple[int, int] = DEFAULT_SIZE,
 ) -> Bytes:
     """Return the finished structure in the style of `Previewer`, (height, width, 3) bytes; 4 channels on transparent
     ground.
@@ -59,9 +59,9 @@ def structure_picture(
     Unlike a preview it has loose ends removed, corners rounded and openings filled.
     view, marks, ground, size : as for `Previewer`. Raises DsfabError if the design or its picture is impossible.
     """
-    asked = structure_drawing(design, view=view, marks=marks, ground=ground, size=size)
+    drawing = structure_drawing(design, view=view, marks=marks, ground=ground, size=size)
     require_rendering()
-    return asked.drawn()
+    return drawing.render()
 
 
 def structure_drawing(
@@ -69,46 +69,46 @@ def structure_drawing(
     *,
     view: str = "iso",
     marks: bool | Collection[str] = True,
-    ground: Ground = "paper",
-    size: tuple[int, int] = NOMINAL,
+    ground: GroundKind = "paper",
+    size: tuple[int, int] = DEFAULT_SIZE,
 ) -> StructurePicture:
     """Return the data of `structure_picture`, with its parameters; raises DsfabError if the design is impossible."""
     check_ground(ground)
     solid, surface, load = design.solid, design.surface, design.load
     up = up_axis(surface.V, surface, load)
     palette = replace(PAPER, paper=(255, 255, 255)) if ground == "white" else PAPER
-    beside = Annotations(surface, load, design.statics.equilibrium.reaction, None, layers_of(marks, view))
+    annotations = Annotations(surface, load, design.statics.equilibrium.reaction, None, layer_names(marks, view))
     return StructurePicture(
-        *(solid.V, solid.F, design.preset.statics.thickness / 2, named_side(solid.V, up, view), up, beside),
+        *(solid.V, solid.F, design.preset.statics.thickness / 2, named_side(solid.V, up, view), up, annotations),
         *(caption(design), Look(size, palette=palette), ground == "transparent"),
     )
 
 
-def _asked(design: Design, look: Look) -> dict[str, Any]:
+def _picture_arguments(design: Design, look: Look) -> dict[str, Any]:
     solid, words = design.solid, caption(design)
     return {"V": solid.V, "F": solid.F, "surface": design.surface, "load": design.load, "caption": words, "look": look}
 
 
-_AHEAD: ContextVar[Ahead | None] = ContextVar("_AHEAD", default=None)
+_STARTED_PROGRAM: ContextVar[PreparedProgram | None] = ContextVar("_AHEAD", default=None)
 
 
 @contextmanager
-def picture_ahead() -> Iterator[None]:
+def start_picture_program() -> Iterator[None]:
     """Start a process that loads drawing modules for a later picture. Raises DsfabError if this machine cannot draw."""
     if (os.cpu_count() or 1) == 1:
         yield
         return
     require_rendering()
-    with Ahead(picture_program.__file__) as program:
-        token = _AHEAD.set(program)
+    with PreparedProgram(picture_program.__file__) as program:
+        token = _STARTED_PROGRAM.set(program)
         try:
             yield
         finally:
-            _AHEAD.reset(token)
+            _STARTED_PROGRAM.reset(token)
 
 
 @contextmanager
-def picture_meanwhile(design: Design, path: Path, look: Look = PLAIN) -> Iterator[Callable[[], None]]:
+def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> Iterator[Callable[[], None]]:
     """Draw the picture of `write_picture` in another process inside the context; the yielded function waits for it.
 
     With one core, or if the other process fails, that function draws the picture itself.
@@ -118,11 +118,14 @@ def picture_meanwhile(design: Design, path: Path, look: Look = PLAIN) -> Iterato
         yield lambda: write_picture(design, path, look)
         return
     require_rendering()  # sets the kind of window in the environment of both processes
-    with temporary_folder("dsfab-picture") as folder, _AHEAD.get() or Ahead(picture_program.__file__) as program:
-        _AHEAD.set(None)  # the program draws a single picture
-        given = Path(folder) / "picture.pickle"
-        given.write_bytes(pickle.dumps(_asked(design, look), protocol=5))
-        program.ask(str(given), str(path))
+    with (
+        temporary_folder("dsfab-picture") as folder,
+        _STARTED_PROGRAM.get() or PreparedProgram(picture_program.__file__) as program,
+    ):
+        _STARTED_PROGRAM.set(None)  # the program draws a single picture
+        arguments_file = Path(folder) / "picture.pickle"
+        arguments_file.write_bytes(pickle.dumps(_picture_arguments(design, look), protocol=5))
+        program.send(str(arguments_file), str(path))
 
         def finish() -> None:
             try:
@@ -133,19 +136,23 @@ def picture_meanwhile(design: Design, path: Path, look: Look = PLAIN) -> Iterato
         yield finish
 
 
-SIZE = (800, 600)
+NOTEBOOK_SIZE = (800, 600)
 """Size of a picture in a notebook (pixels)."""
 
 
-def inline_picture(made: Design) -> bytes | None:
+def inline_picture(design: Design) -> bytes | None:
     """Return PNG bytes of a design's solid, or of its draft; None, with a warning, if this machine cannot draw."""
     try:
-        if made.has("thickening"):
-            solid = made.solid
-            words = caption(made)
-            return png(picture(solid.V, solid.F, surface=made.surface, load=made.load, caption=words, look=Look(SIZE)))
-        with Previewer(made) as previewer:
-            return png(previewer.picture(SIZE, quality=QUICK))
+        if design.has("thickening"):
+            solid = design.solid
+            words = caption(design)
+            return png_bytes(
+                picture(
+                    solid.V, solid.F, surface=design.surface, load=design.load, caption=words, look=Look(NOTEBOOK_SIZE)
+                )
+            )
+        with Previewer(design) as previewer:
+            return png_bytes(previewer.picture(NOTEBOOK_SIZE, quality=QUICK))
     except DsfabError as error:
         warnings.warn(str(error), stacklevel=2)
         return None

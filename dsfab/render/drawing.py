@@ -8,12 +8,12 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import DsfabError
-from dsfab.core.sparse import give_back
+from dsfab.core.sparse import release_freed_memory
 from dsfab.render import light, marks
 from dsfab.render.lettering import Legend, MarkName, Palette
-from dsfab.render.marks import Mesh
+from dsfab.render.marks import MarkMesh
 from dsfab.render.scene import Body, Bytes, Colour, Floats32, Pixels, Scene
-from dsfab.render.view import View, ViewSide, framed
+from dsfab.render.view import View, ViewSide, fit_view
 from dsfab.surface import LoadCase, Surface
 
 if TYPE_CHECKING:
@@ -24,11 +24,11 @@ EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")
 """Marks that can explain a structure."""
 LAYERS = ("loads", "supports", "person")
 """Marks of a picture by default."""
-PERSON_FITS = (2.0, 60.0)
+PERSON_RANGE = (2.0, 60.0)
 """Least and largest height (m) of structures with a person beside them."""
 
 
-PERSON, TREE = 1.75, 6.0
+PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0
 """Heights of the person and of the tree (m)."""
 
 
@@ -65,7 +65,7 @@ def set_stage(
     side: ViewSide,
     up: Floats,
     half: float,
-    beside: Annotations,
+    annotations: Annotations,
     palette: Palette,
     size: tuple[int, int],
 ) -> Stage:
@@ -74,42 +74,46 @@ def set_stage(
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
     bodies, level = [body], float((V @ up).min())
-    stands, surface, load = True, beside.surface, beside.load
+    stands, surface, load = True, annotations.surface, annotations.load
     if surface is not None and load is not None:
-        drawn = _marks(beside, surface, load, _Frame(side.towards, up, reach, half))
-        bodies += [Body(*mesh, palette.of(name)) for name, mesh in drawn.items() if len(mesh[1])]
-        stands = _stands(surface, load, V, up, reach)
-        if stands and "supports" in beside.layers:
+        mark_meshes = _marks(annotations, surface, load, _StructureFrame(side.towards, up, reach, half))
+        bodies += [Body(*mesh, palette.colour_bytes(name)) for name, mesh in mark_meshes.items() if len(mesh[1])]
+        stands = _stands_on_ground(surface, load, V, up, reach)
+        if stands and "supports" in annotations.layers:
             # the ground is at the feet of the support cones; arrows that hang lower pass through it
-            level -= marks.CONE * reach
+            level -= marks.CONE_HEIGHT * reach
     if side.front:
         level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a board behind the plate
-    elif "person" in beside.layers and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
-        bodies.append(Body(*_person_beside(V, side, level), palette.of("person")))
-    if "tree" in beside.layers and stands:
-        bodies.append(Body(*_tree_beside(V, side, level), palette.of("person")))
-    view = on_page(bodies, side, size)
+    elif "person" in annotations.layers and stands and PERSON_RANGE[0] <= float(np.ptp(V @ up)) <= PERSON_RANGE[1]:
+        bodies.append(Body(*_person_beside(V, side, level), palette.colour_bytes("person")))
+    if "tree" in annotations.layers and stands:
+        bodies.append(Body(*_tree_beside(V, side, level), palette.colour_bytes("person")))
+    view = page_view(bodies, side, size)
     radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
     return Stage(bodies, view, level if stands else None, centre, radius)
 
 
-def on_page(bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False) -> View:
+def page_view(
+    bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False
+) -> View:
     """Return the view in which bodies fill a page, above a strip for words, or for words and a colour scale."""
     aspect = size[0] / size[1]
-    wide, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
-    return framed(np.concatenate([one.V for one in bodies]), side, (-wide * aspect, wide * aspect, bottom, top))
+    half_width, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
+    return fit_view(
+        np.concatenate([body.V for body in bodies]), side, (-half_width * aspect, half_width * aspect, bottom, top)
+    )
 
 
-def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
+def _stands_on_ground(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
     """Return whether the structure stands on the ground: its supports are below it, at its lowest points."""
-    if not load.held.any():
+    if not load.supported.any():
         return True
     lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
     below, tolerance = float(marks.support_side(surface, load, reach, up) @ up) < -0.5, 0.05 * (height + 0.2 * reach)
-    return below and float((surface.V[load.held] @ up).min()) < lowest + tolerance
+    return below and float((surface.V[load.supported] @ up).min()) < lowest + tolerance
 
 
-class _Frame(NamedTuple):
+class _StructureFrame(NamedTuple):
     """View direction, up direction, size (m) and half thickness (m) of a structure."""
 
     towards: Floats
@@ -118,32 +122,36 @@ class _Frame(NamedTuple):
     half: float
 
 
-def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) -> dict[MarkName, marks.Mesh]:
-    drawn: dict[MarkName, marks.Mesh] = {}
-    if "loads" in beside.layers:
-        drawn["load"] = marks.load_arrows(surface, load, at.reach, at.half, at.towards, at.up)
-    if "supports" in beside.layers:
-        drawn["support"] = marks.support_cones(surface, load, at.reach, at.up, at.half)
-    if "reactions" in beside.layers and beside.reaction is not None:
-        drawn["reaction"] = marks.reaction_arrows(surface, load, beside.reaction, at.reach)
-    if "gradients" in beside.layers and beside.gradient is not None:
-        drawn["gradient"] = marks.gradient_arrows(surface, beside.gradient, at.reach, at.half, at.towards)
-    return drawn
+def _marks(
+    annotations: Annotations, surface: Surface, load: LoadCase, frame: _StructureFrame
+) -> dict[MarkName, marks.MarkMesh]:
+    meshes: dict[MarkName, marks.MarkMesh] = {}
+    if "loads" in annotations.layers:
+        meshes["load"] = marks.load_arrows(surface, load, frame.reach, frame.half, frame.towards, frame.up)
+    if "supports" in annotations.layers:
+        meshes["support"] = marks.support_cones(surface, load, frame.reach, frame.up, frame.half)
+    if "reactions" in annotations.layers and annotations.reaction is not None:
+        meshes["reaction"] = marks.reaction_arrows(surface, load, annotations.reaction, frame.reach)
+    if "gradients" in annotations.layers and annotations.gradient is not None:
+        meshes["gradient"] = marks.gradient_arrows(
+            surface, annotations.gradient, frame.reach, frame.half, frame.towards
+        )
+    return meshes
 
 
-def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
+def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.MarkMesh:
     middle, right, level = _ground_frame(V, side, foot)
-    near_foot, apart = V[V @ side.up < foot + PERSON + 0.6], 0.55  # obstacles for a person
+    near_foot, apart = V[V @ side.up < foot + PERSON_HEIGHT + 0.6], 0.55  # obstacles for a person
     if not len(near_foot):  # the edge of a wide roof on tall cones would hide a person
         near_foot, apart = V, 0.04 * float(np.ptp(V @ right))
-    beside = float(((near_foot - middle) @ right).max()) + apart
-    return person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, side.up)
+    distance = float(((near_foot - middle) @ right).max()) + apart
+    return person(middle + distance * right + 0.15 * float(np.ptp(V @ level)) * level, right, side.up)
 
 
-def _tree_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
+def _tree_beside(V: Floats, side: ViewSide, foot: float) -> marks.MarkMesh:
     middle, right, level = _ground_frame(V, side, foot)
-    beside = float(((middle - V) @ right).max()) + 0.32 * TREE
-    return marks.tree(middle - beside * right - 0.15 * float(np.ptp(V @ level)) * level, side.up, TREE)
+    distance = float(((middle - V) @ right).max()) + 0.32 * TREE_HEIGHT
+    return marks.tree(middle - distance * right - 0.15 * float(np.ptp(V @ level)) * level, side.up, TREE_HEIGHT)
 
 
 def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Floats, Floats]:
@@ -159,11 +167,15 @@ def legend(
     """Return caption and scale; pixels per metre are those at the structure's middle."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
-    names = [name for name in kinds if any(np.array_equal(body.colour, palette.of(name)) for body in stage.bodies[1:])]
+    names = [
+        name
+        for name in kinds
+        if any(np.array_equal(body.colour, palette.colour_bytes(name)) for body in stage.bodies[1:])
+    ]
     return Legend(caption, names, size[1] / 2 / (stage.view.slope * depth), swatches)
 
 
-def person(foot: Floats, right: Floats, up: Floats) -> Mesh:
+def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
     """Return a flat figure of 1.75 m that stands at `foot` (3,) in metres and faces along `right` x `up` (3,)."""
     strips = [[(0.0, half, y) for half, y in _BODY]]
     strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
@@ -195,29 +207,29 @@ _LEG = [
 ]  # fmt: skip
 
 
-Ground = Literal["paper", "white", "transparent"]
+GroundKind = Literal["paper", "white", "transparent"]
 """Ground of a picture."""
 FINER = light.FINE.finer
 """Size of a fine picture before averaging, over its final size."""
 
 
-TURN = np.float32(0.87)
+EDGE_COSINE = np.float32(0.87)
 """Cosine of the angle between faces from which their edge is visible as a line."""
 
 
 def check_ground(ground: str) -> None:
     """Raise DsfabError for an unknown ground."""
-    if ground not in get_args(Ground):
-        raise DsfabError(f"ground {ground!r} is not known; use one of {', '.join(get_args(Ground))}")
+    if ground not in get_args(GroundKind):
+        raise DsfabError(f"ground {ground!r} is not known; use one of {', '.join(get_args(GroundKind))}")
 
 
-def rendered(
+def render_stage(
     scene: Scene,
     stage: Stage,
     palette: Palette,
     size: tuple[int, int],
     quality: light.LightQuality = light.FINE,
-    clear: bool = False,
+    transparent: bool = False,
 ) -> "Image":
     """Return the picture without words; `transparent` replaces the paper by the opacity of shadows."""
     from PIL import Image
@@ -229,19 +241,19 @@ def rendered(
     level = None
     if stage.level is not None:
         level = (stage.level - float(stage.centre @ stage.view.floor)) / stage.radius - 0.002
-    brightness, share = light.shaded(scene, stage.view, pixels, all_lamps, stage.view.floor, level)
-    give_back(all_lamps.quality.bytes)  # bytes of the shadow maps
-    canvas = (_clear_floor if clear else _floor)(share, palette, width, height)
+    brightness, share = light.pixel_and_floor_light(scene, stage.view, pixels, all_lamps, stage.view.floor, level)
+    release_freed_memory(all_lamps.quality.bytes)  # bytes of the shadow maps
+    canvas = (_clear_floor if transparent else _floor)(share, palette, width, height)
     pixel = 2 * stage.view.slope / height * float(np.linalg.norm(stage.view.eye - stage.centre)) / stage.radius
-    lines = edges(pixels, 2.5 * pixel)
-    drawn = np.flatnonzero(np.isfinite(pixels.depth))
-    inked, flat = _inked(pixels, drawn, brightness, lines, palette), canvas.reshape(-1, canvas.shape[2])
+    lines = edge_strengths(pixels, 2.5 * pixel)
+    covered = np.flatnonzero(np.isfinite(pixels.depth))
+    inked, flat = _shaded_colours(pixels, covered, brightness, lines, palette), canvas.reshape(-1, canvas.shape[2])
     for channel in range(canvas.shape[2]):  # a mask for all channels takes six times as long
-        flat[drawn, channel] = inked[:, channel] if channel < 3 else 255
+        flat[covered, channel] = inked[:, channel] if channel < 3 else 255
     return Image.fromarray(canvas).reduce(finer)
 
 
-def _open(share: Floats32, width: int, height: int) -> Bytes:
+def _light_share(share: Floats32, width: int, height: int) -> Bytes:
     """Return the share of light on the ground, (height, width) 0..255, without shadows at the edge of the page."""
     from PIL import Image
 
@@ -258,7 +270,7 @@ def _floor(share: Floats32 | None, palette: Palette, width: int, height: int) ->
         return np.asarray(np.broadcast_to(np.array(palette.paper, dtype=np.uint8), (height, width, 3)).copy())
     dark, bright = np.array(palette.shadow, dtype=np.float32), np.array(palette.paper, dtype=np.float32)
     table = dark + (np.arange(256, dtype=np.float32)[:, None] / 255) * (bright - dark)
-    return np.asarray(np.round(table).astype(np.uint8).take(_open(share, width, height), axis=0))
+    return np.asarray(np.round(table).astype(np.uint8).take(_light_share(share, width, height), axis=0))
 
 
 def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: int) -> Bytes:
@@ -266,25 +278,25 @@ def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: i
     canvas = np.zeros((height, width, 4), dtype=np.uint8)
     canvas[:, :, :3] = palette.shadow
     if share is not None:
-        canvas[:, :, 3] = 255 - _open(share, width, height)
+        canvas[:, :, 3] = 255 - _light_share(share, width, height)
     return canvas
 
 
-def _inked(pixels: Pixels, hit: Ints, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
+def _shaded_colours(pixels: Pixels, numbers: Ints, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
     """Return colours (k, 3) of pixels (k,): light on colour, darker at edges; marks keep the colour of the legend."""
-    drawn, lines = pixels.colour.reshape(-1, 3).take(hit, axis=0), lines.ravel().take(hit)
+    colours, lines = pixels.colour.reshape(-1, 3).take(numbers, axis=0), lines.ravel().take(numbers)
     marks = (palette.load, palette.support, palette.reaction, palette.person, palette.tension, palette.compression)
     fixed = _codes(np.array(marks, dtype=np.uint8))
-    for start in range(0, len(drawn), light.CHUNK):
+    for start in range(0, len(colours), light.CHUNK):
         part = slice(start, start + light.CHUNK)
-        colour = drawn[part]
+        colour = colours[part]
         code = _codes(colour)
         flat = np.logical_or.reduce([code == mark for mark in fixed])
         amount = np.where(flat, np.float32(0.8) + np.float32(0.2) * brightness[part], brightness[part])
         amount *= 1 - np.where(flat, np.float32(0.12), np.float32(palette.ink)) * lines[part]
         tone = np.minimum(amount, np.float32(1.25)) ** np.float32(1 / 2.2)  # light adds up linearly, bytes do not
-        drawn[part] = np.minimum(colour * tone[:, None], 255).astype(np.uint8)
-    return drawn
+        colours[part] = np.minimum(colour * tone[:, None], 255).astype(np.uint8)
+    return colours
 
 
 def _codes(colours: Bytes) -> Ints:
@@ -292,24 +304,24 @@ def _codes(colours: Bytes) -> Ints:
     return np.asarray(red << 16 | green << 8 | blue)
 
 
-def edges(pixels: Pixels, jump: float) -> Floats32:
+def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
     """Return line strengths (h, w) 0..1 where depth jumps by more than `jump` (radii), or where normals turn.
 
     Lines lie on the nearer of two pixels, and so on the body that they bound (Saito and Takahashi 1990).
     """
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows bound the memory
-        drawn = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))
-        if not len(drawn):
+        columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))
+        if not len(columns):
             continue
         low, high = max(start - 2, 0), min(start + rows + 2, len(strong))
-        some = slice(max(drawn[0] - 2, 0), drawn[-1] + 3)
-        strip = _edges(pixels.depth[low:high, some], pixels.normal[low:high, some], jump)
-        strong[start : start + rows, some] = strip[start - low : start - low + rows]
+        window = slice(max(columns[0] - 2, 0), columns[-1] + 3)
+        strip = _strip_edge_strengths(pixels.depth[low:high, window], pixels.normal[low:high, window], jump)
+        strong[start : start + rows, window] = strip[start - low : start - low + rows]
     return strong
 
 
-def _edges(depth: Floats32, normal: Bytes, jump: float) -> Floats32:
+def _strip_edge_strengths(depth: Floats32, normal: Bytes, jump: float) -> Floats32:
     strong = np.zeros(depth.shape, dtype=np.float32)
     flat = np.where(np.isfinite(depth), depth, np.float32(1e3))
     units = np.moveaxis(normal, 2, 0).astype(np.float32, order="C")
@@ -319,15 +331,15 @@ def _edges(depth: Floats32, normal: Bytes, jump: float) -> Floats32:
         head = tuple(slice(None, -1) if a == axis else slice(None) for a in range(2))
         tail = tuple(slice(1, None) if a == axis else slice(None) for a in range(2))
         inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(2))
-        one, two = flat[head], flat[tail]
-        step = np.abs(one - two)
+        head_depth, tail_depth = flat[head], flat[tail]
+        step = np.abs(head_depth - tail_depth)
         # depth also changes along a slanted face: a jump is a change that the pixels on either side do not continue
         steady = np.full_like(flat, np.inf)
         steady[inner] = np.minimum(step[head], step[tail])
         excess = step - 2 * np.minimum(steady[head], steady[tail])
         cosine = sum(unit[head] * unit[tail] for unit in units)
-        turned = (TURN - cosine) * (np.float32(2) / TURN) * (np.minimum(one, two) < 100)
+        turned = (EDGE_COSINE - cosine) * (np.float32(2) / EDGE_COSINE) * (np.minimum(head_depth, tail_depth) < 100)
         line = np.clip(np.maximum(excess / np.float32(jump) - 1, turned), 0, 1)
-        strong[head] = np.maximum(strong[head], line * (one <= two))
-        strong[tail] = np.maximum(strong[tail], line * (two < one))
+        strong[head] = np.maximum(strong[head], line * (head_depth <= tail_depth))
+        strong[tail] = np.maximum(strong[tail], line * (tail_depth < head_depth))
     return strong

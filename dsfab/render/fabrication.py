@@ -8,12 +8,12 @@ import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.messages import length
-from dsfab.render.drawing import FINER, Annotations, Ground, check_ground, legend, rendered, set_stage
-from dsfab.render.lettering import PAPER, Palette, lettered
+from dsfab.render.drawing import FINER, Annotations, GroundKind, check_ground, legend, render_stage, set_stage
+from dsfab.render.lettering import PAPER, Palette, with_legend
 from dsfab.render.opengl import require_rendering
 from dsfab.render.picture import write_png
 from dsfab.render.scene import Body, Bytes, Colour, Scene
-from dsfab.render.view import View, framed, named_side, up_axis
+from dsfab.render.view import View, fit_view, named_side, up_axis
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dsfab.design.design import Design
     from dsfab.study.fabrication import Check, FabricationMeasures
 
-KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}
+LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}
 """Marked features, and the preset's limits for them."""
 
 
@@ -37,11 +37,11 @@ class Callout:
 
 def workshop_picture(
     design: "Design",
-    made: "FabricationMeasures",
+    measures: "FabricationMeasures",
     *,
     size: tuple[int, int] = (1600, 1200),
     view: str = "iso",
-    ground: Ground = "paper",
+    ground: GroundKind = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
     """Return the solid of a design in a pale colour with its fabrication measures, (height, width, 3 or 4) bytes.
@@ -58,32 +58,36 @@ def workshop_picture(
     half = design.preset.statics.thickness / 2
     stage = set_stage(body, side, up, half, Annotations(design.surface, design.load, layers=()), palette, size)
     aspect = size[0] / size[1]
-    stage = replace(stage, view=framed(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # words stand above
+    stage = replace(stage, view=fit_view(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # words stand above
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-        image = rendered(scene, stage, palette, size, clear=ground == "transparent")
-    box = " x ".join(length(x) for x in made.box)
-    image = lettered(image, legend(stage, f"{design.preset.name} - {box}{_fits(made)}", palette, size), palette)
-    return np.asarray(called_out(image, callouts(made, palette), stage.view, palette))
+        image = render_stage(scene, stage, palette, size, transparent=ground == "transparent")
+    box = " x ".join(length(x) for x in measures.box)
+    image = with_legend(
+        image, legend(stage, f"{design.preset.name} - {box}{_bed_text(measures)}", palette, size), palette
+    )
+    return np.asarray(with_callouts(image, callouts(measures, palette), stage.view, palette))
 
 
-def write_workshop_picture(path: Path, design: "Design", made: "FabricationMeasures", size: tuple[int, int]) -> Path:
+def write_workshop_picture(
+    path: Path, design: "Design", measures: "FabricationMeasures", size: tuple[int, int]
+) -> Path:
     """Write `workshop_picture` as a PNG file, whole or not at all; raises ExportError if the file is not writable."""
-    return write_png(workshop_picture(design, made, size=size), path)
+    return write_png(workshop_picture(design, measures, size=size), path)
 
 
-def callouts(made: "FabricationMeasures", palette: Palette) -> list[Callout]:
+def callouts(measures: "FabricationMeasures", palette: Palette) -> list[Callout]:
     """Return the measures with the preset's limits and verdicts; failed limits are red."""
-    found = made.features
+    features = measures.features
     measured: dict[str, tuple[float, Floats]] = {
         name: (feature.size, feature.place)
-        for name, feature in (("member", found.member), ("gap", found.gap), ("edge", found.edge))
+        for name, feature in (("member", features.member), ("gap", features.gap), ("edge", features.edge))
         if feature is not None
     }
-    if made.wall is not None:
-        measured["wall"] = (made.wall.thickness, made.wall.place)
-    checks = {check.name: check for check in made.checks}
+    if measures.wall is not None:
+        measured["wall"] = (measures.wall.thickness, measures.wall.place)
+    checks = {check.name: check for check in measures.checks}
     result = []
-    for name, key in KEYS.items():
+    for name, key in LIMIT_KEYS.items():
         if name in measured:
             value, place = measured[name]
             check = checks.get(key)
@@ -102,12 +106,12 @@ def _colour(check: "Check | None", palette: Palette) -> tuple[int, int, int]:
     return {"pass": palette.load, "fail": palette.tension}.get(check.verdict, palette.reaction)
 
 
-def _fits(made: "FabricationMeasures") -> str:
-    bed = next((check for check in made.checks if check.name == "bed"), None)
+def _bed_text(measures: "FabricationMeasures") -> str:
+    bed = next((check for check in measures.checks if check.name == "bed"), None)
     return "" if bed is None else f", bed {' x '.join(length(x) for x in bed.limit)}: {bed.verdict}"
 
 
-def called_out(image: "Image", callouts: list[Callout], view: View, palette: Palette) -> "Image":
+def with_callouts(image: "Image", callouts: list[Callout], view: View, palette: Palette) -> "Image":
     """Return the picture with callouts: short lines without crossings, and rings in front of everything."""
     from PIL import Image, ImageDraw, ImageFont
     from scipy.optimize import linear_sum_assignment
@@ -119,22 +123,22 @@ def called_out(image: "Image", callouts: list[Callout], view: View, palette: Pal
     letter = max(height / 46, FINER * 9.0)
     over = Image.new("RGBA", (int(width), int(height)))
     draw, font = ImageDraw.Draw(over), ImageFont.load_default(size=0.95 * letter)
-    seen = view.seen(np.array([one.place for one in callouts]))
+    seen = view.page_coordinates(np.array([callout.place for callout in callouts]))
     spots = np.stack([width / 2 + seen[:, 0] * height / 2, height / 2 - seen[:, 1] * height / 2], axis=1)
     base = 2.2 * letter
     words = np.stack([(np.arange(len(spots)) + 0.5) * width / len(spots), np.full(len(spots), base)], axis=1)
     for k, which in zip(*linear_sum_assignment(cdist(words, spots)), strict=True):
-        one, middle = callouts[which], float(words[k, 0])
-        for number, text in enumerate(one.lines):
-            at = (middle, base + 1.3 * letter * number)
-            draw.text(at, text, fill=one.colour if number == 0 else palette.text, font=font, anchor="ms")
-        _lead(draw, np.array([middle, base + 1.9 * letter]), spots[which], 0.9 * letter, one.colour)
+        callout, middle = callouts[which], float(words[k, 0])
+        for number, text in enumerate(callout.lines):
+            position = (middle, base + 1.3 * letter * number)
+            draw.text(position, text, fill=callout.colour if number == 0 else palette.text, font=font, anchor="ms")
+        _lead(draw, np.array([middle, base + 1.9 * letter]), spots[which], 0.9 * letter, callout.colour)
     return Image.alpha_composite(image.convert("RGBA"), over.reduce(FINER)).convert(image.mode)
 
 
 def _lead(draw: "ImageDraw", start: Floats, end: Floats, radius: float, colour: Colour) -> None:
-    far = max(float(np.linalg.norm(end - start)), np.finfo(float).tiny)
-    edge = start + max(1 - radius / far, 0.0) * (end - start)
+    distance = max(float(np.linalg.norm(end - start)), np.finfo(float).tiny)
+    edge = start + max(1 - radius / distance, 0.0) * (end - start)
     stroke = max(round(radius / 9), 1)
     draw.line((*start.tolist(), *edge.tolist()), fill=colour, width=stroke)
     draw.ellipse((*(end - radius).tolist(), *(end + radius).tolist()), outline=colour, width=2 * stroke)

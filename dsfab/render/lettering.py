@@ -41,7 +41,7 @@ class Palette:
     text: Colour = (56, 54, 52)
     ink: float = 0.45
 
-    def of(self, name: MarkName) -> Bytes:
+    def colour_bytes(self, name: MarkName) -> Bytes:
         """Return a mark's colour as bytes."""
         return np.array(getattr(self, name), dtype=np.uint8)
 
@@ -71,7 +71,7 @@ def length_label(length: float) -> str:
     return f"{length:g} m" if length >= 0.1 else f"{length * MM_PER_M:g} mm"
 
 
-def lettered(image: "Image", legend: Legend, palette: Palette, larger: float = 1.0) -> "Image":
+def with_legend(image: "Image", legend: Legend, palette: Palette, larger: float = 1.0) -> "Image":
     """Return the picture with words below the structure; larger : letters over those of a build's preview."""
     from PIL import ImageDraw, ImageFont
 
@@ -84,21 +84,21 @@ def lettered(image: "Image", legend: Legend, palette: Palette, larger: float = 1
     x, above = margin, base - (1.9 * letter if legend.caption or larger == 1.0 else 0.0)
     if legend.caption:
         room = width - 2 * margin - bar - letter
-        words = _shortened(legend.caption, room, draw, letter)
+        words = _shortened_caption(legend.caption, room, draw, letter)
         draw.text((x, base), words, fill=palette.text, font=font, anchor="ls")
     for name in legend.names:
-        x = _named(draw, name, palette, (x, above), letter) + 1.4 * letter
+        x = _mark_sign(draw, name, palette, (x, above), letter) + 1.4 * letter
     for text, colour in legend.swatches:
         x = _swatch(draw, text, colour, palette, (x, above), letter) + 1.4 * letter
     return image
 
 
 def _swatch(
-    draw: "ImageDraw", text: str, colour: Colour, palette: Palette, at: tuple[float, float], letter: float
+    draw: "ImageDraw", text: str, colour: Colour, palette: Palette, place: tuple[float, float], letter: float
 ) -> float:
     from PIL import ImageFont
 
-    x, base = at
+    x, base = place
     side = 0.72 * letter
     draw.rectangle((x, base - side, x + side, base), fill=colour)
     font, start = ImageFont.load_default(size=0.9 * letter), x + side + 0.4 * letter
@@ -106,7 +106,7 @@ def _swatch(
     return start + draw.textlength(text, font=font)
 
 
-def _shortened(words: str, room: float, draw: "ImageDraw", letter: float) -> str:
+def _shortened_caption(words: str, room: float, draw: "ImageDraw", letter: float) -> str:
     from PIL import ImageFont
 
     font = ImageFont.load_default(size=letter)
@@ -124,25 +124,29 @@ def _scale_bar(
     from PIL import ImageFont
 
     length = round_length(longest / legend.pixels_per_metre)
-    long = length * legend.pixels_per_metre
-    right, base = end
+    bar_pixels = length * legend.pixels_per_metre
+    right_end, base = end
     thick, tick = max(letter / 12, 1.0), letter / 3
-    left = right - long
-    draw.rectangle((left, base - thick, right, base), fill=palette.text)
-    for x in (left, right - thick):
+    left_end = right_end - bar_pixels
+    draw.rectangle((left_end, base - thick, right_end, base), fill=palette.text)
+    for x in (left_end, right_end - thick):
         draw.rectangle((x, base - tick, x + thick, base), fill=palette.text)
     font = ImageFont.load_default(size=0.9 * letter)
     draw.text(
-        ((left + right) / 2, base - 0.55 * letter), length_label(length), fill=palette.text, font=font, anchor="ms"
+        ((left_end + right_end) / 2, base - 0.55 * letter),
+        length_label(length),
+        fill=palette.text,
+        font=font,
+        anchor="ms",
     )
-    return long
+    return bar_pixels
 
 
-def _named(draw: "ImageDraw", name: MarkName, palette: Palette, at: tuple[float, float], letter: float) -> float:
+def _mark_sign(draw: "ImageDraw", name: MarkName, palette: Palette, place: tuple[float, float], letter: float) -> float:
     from PIL import ImageFont
 
-    x, base = at
-    colour = tuple(int(value) for value in palette.of(name))
+    x, base = place
+    colour = tuple(int(value) for value in palette.colour_bytes(name))
     top, half = base - 0.85 * letter, 0.3 * letter
     middle = x + half
     if name == "reaction":
@@ -163,11 +167,11 @@ def _named(draw: "ImageDraw", name: MarkName, palette: Palette, at: tuple[float,
     return start + draw.textlength(name, font=font)
 
 
-GRID = 4
+GRID_PIXELS = 4
 """Cell size (pixels) of the grid of occupied places."""
-AWAY = np.arange(1.5, 30.0, 1.0)
+NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)
 """Distances of a name beside its member, in letter heights."""
-TURNS = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)
 """Directions of a name beside its member (radians)."""
 
 
@@ -178,7 +182,7 @@ class Nameplate:
     text: str
     colour: Colour
     places: Floats
-    seen: Bools
+    visible: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,27 +194,27 @@ class PlacedName:
     anchor: Floats
 
 
-def placed_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
+def place_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
     """Place names on a picture, with a letter height (pixels): on their members if possible, else on short lines."""
-    taken = np.zeros((size[1] // GRID + 2, size[0] // GRID + 2), dtype=bool)
-    found = []
-    for plate in sorted(plates, key=lambda one: (int(one.seen.sum()), len(one.places))):
+    taken = np.zeros((size[1] // GRID_PIXELS + 2, size[0] // GRID_PIXELS + 2), dtype=bool)
+    names = []
+    for plate in sorted(plates, key=lambda one: (int(one.visible.sum()), len(one.places))):
         half = np.array([0.31 * letter * len(plate.text) + 2, 0.5 * letter + 1])
-        first = plate.places[plate.seen] if plate.seen.any() else plate.places
-        anchor, middle = _free(taken, first, half, letter)
-        _take(taken, middle, half)
-        found.append(PlacedName(plate, middle, anchor))
-    return found
+        candidates = plate.places[plate.visible] if plate.visible.any() else plate.places
+        anchor, middle = _free_place(taken, candidates, half, letter)
+        _occupy(taken, middle, half)
+        names.append(PlacedName(plate, middle, anchor))
+    return names
 
 
-def _free(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Floats, Floats]:
+def _free_place(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Floats, Floats]:
     """Return the place (2,) on the member and the free middle (2,) of a name with half sizes (2,)."""
     for place in places:
         if not _is_taken(taken, place, half):
             return place, place
-    around = np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1)
+    around = np.stack([np.cos(NAME_DIRECTIONS), np.sin(NAME_DIRECTIONS)], axis=1)
     few = places[:: max(len(places) // 5, 1)]
-    for away in AWAY * letter:
+    for away in NAME_DISTANCES * letter:
         for place in few:
             for middle in place + away * around:
                 if not _is_taken(taken, middle, half):
@@ -218,20 +222,20 @@ def _free(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Fl
     return places[0], places[0]
 
 
-def _window(taken: Bools, middle: Floats, half: Floats) -> tuple[slice, slice] | None:
-    low, high = np.floor((middle - half) / GRID).astype(int), np.ceil((middle + half) / GRID).astype(int)
+def _grid_window(taken: Bools, middle: Floats, half: Floats) -> tuple[slice, slice] | None:
+    low, high = np.floor((middle - half) / GRID_PIXELS).astype(int), np.ceil((middle + half) / GRID_PIXELS).astype(int)
     if (low < 0).any() or high[0] >= taken.shape[1] or high[1] >= taken.shape[0]:
         return None
     return slice(low[1], high[1] + 1), slice(low[0], high[0] + 1)
 
 
 def _is_taken(taken: Bools, middle: Floats, half: Floats) -> bool:
-    window = _window(taken, middle, half)
+    window = _grid_window(taken, middle, half)
     return window is None or bool(taken[window].any())
 
 
-def _take(taken: Bools, middle: Floats, half: Floats) -> None:
-    if (window := _window(taken, middle, half)) is not None:
+def _occupy(taken: Bools, middle: Floats, half: Floats) -> None:
+    if (window := _grid_window(taken, middle, half)) is not None:
         taken[window] = True
 
 
@@ -241,10 +245,10 @@ def with_names(image: "Image", names: list[PlacedName], letter: float, paper: Co
 
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=letter)
     line, rim = max(round(letter / 12), 1), max(round(letter / 6), 1)
-    for one in names:
-        if not np.array_equal(one.middle, one.anchor):
-            draw.line((*one.anchor.tolist(), *one.middle.tolist()), fill=one.plate.colour, width=line)
-    for one in names:
-        at, words = (float(one.middle[0]), float(one.middle[1])), one.plate
-        draw.text(at, words.text, fill=words.colour, font=font, anchor="mm", stroke_width=rim, stroke_fill=paper)
+    for placed in names:
+        if not np.array_equal(placed.middle, placed.anchor):
+            draw.line((*placed.anchor.tolist(), *placed.middle.tolist()), fill=placed.plate.colour, width=line)
+    for placed in names:
+        position, words = (float(placed.middle[0]), float(placed.middle[1])), placed.plate
+        draw.text(position, words.text, fill=words.colour, font=font, anchor="mm", stroke_width=rim, stroke_fill=paper)
     return image

@@ -15,11 +15,11 @@ from dsfab.render.view import View
 
 GRAIN = 1.2
 """Radius in map pixels of the random places at which a map is sampled, so that its steps become a fine grain."""
-LIFT = 2.5
+SURFACE_LIFT = 2.5
 """Height of lit points above their surface, over the pixels of a map's side (radii), against shadows of its steps."""
-BEFORE_NOTHING = np.float32(0.9999)
+LARGEST_DEPTH = np.float32(0.9999)
 """Largest depth that counts as a body; empty pixels have depth 1."""
-_DEEP = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
+_DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
 def frame_towards(towards: Floats) -> Floats:
@@ -43,9 +43,9 @@ class ShadowMaps:
     towards: Floats32
 
     @classmethod
-    def drawn(cls, scene: Scene, towards: Floats, strength: Floats, side: int) -> Self:
+    def render(cls, scene: Scene, towards: Floats, strength: Floats, side: int) -> Self:
         """Draw the maps of lamps in directions (b, 3) with strengths (b,), inside `scene.lamps()`."""
-        frames = np.stack([frame_towards(one) for one in towards])
+        frames = np.stack([frame_towards(direction) for direction in towards])
         maps = np.empty((len(frames), side, side), dtype=np.float32)
         for into, frame in zip(maps, frames, strict=True):
             into[:] = scene.lamp(frame, side)
@@ -53,26 +53,26 @@ class ShadowMaps:
         placing[:2, :, :3] = frames.swapaxes(0, 1)[:2] * (side / 2)
         placing[:2, :, 5] = side / 2
         placing[0, :, 3] = placing[1, :, 4] = 1.0
-        placing[2, :, :3] = -frames[:, 2] / _DEEP
-        placing[2, :, 5] = (LAMP_AWAY - LAMP_DEPTHS[0] - LIFT / side) / _DEEP
+        placing[2, :, :3] = -frames[:, 2] / _DEPTH_RANGE
+        placing[2, :, 5] = (LAMP_AWAY - LAMP_DEPTHS[0] - SURFACE_LIFT / side) / _DEPTH_RANGE
         weighed = towards * strength[:, None]
         return cls(maps, placing.reshape(-1, 6).astype(np.float32), weighed.astype(np.float32))
 
-    def light(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
+    def light_on(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
         """Return the light (k,) on points with normals (3, k), in radii; grain : (2, k or more)."""
         count, side = self.maps.shape[:2]
-        asked = np.ones((6, points.shape[1]), dtype=np.float32)
-        np.add(points, np.float32(LIFT / side) * normals, out=asked[:3])
-        asked[3:5] = grain[:, : points.shape[1]]
+        queries = np.ones((6, points.shape[1]), dtype=np.float32)
+        np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
+        queries[3:5] = grain[:, : points.shape[1]]
         # points outside all maps are lit: the ground far out, and marks beside the structure
-        reach = np.einsum("ik,ik->k", asked[:3], asked[:3]).max()
-        far = reach >= (1 - 2 * (GRAIN + 1) / side) ** 2
-        column, row, depth = (self.placing @ asked).reshape(3, count, -1)
+        reach = np.einsum("ik,ik->k", queries[:3], queries[:3]).max()
+        leaves_maps = reach >= (1 - 2 * (GRAIN + 1) / side) ** 2
+        column, row, depth = (self.placing @ queries).reshape(3, count, -1)
         i, j = column.astype(np.int32), row.astype(np.int32)
         outside = None
-        if far:
+        if leaves_maps:
             outside = (i < 0) | (j < 0) | (i >= side) | (j >= side)
-            np.minimum(depth, BEFORE_NOTHING, out=depth)
+            np.minimum(depth, LARGEST_DEPTH, out=depth)
         j *= np.int32(side)
         j += i
         j += np.arange(0, count * side * side, side * side, dtype=np.int32)[:, None]
@@ -85,7 +85,7 @@ class ShadowMaps:
         return np.asarray(light.sum(axis=0))
 
 
-SHARES = (0.60, 0.44, 0.14)
+LIGHT_SHARES = (0.60, 0.44, 0.14)
 """Light of the sun, the sky and the floor on a surface that faces each."""
 AMBIENT = 0.10
 """Light at every point."""
@@ -137,10 +137,10 @@ class Lamps:
     strength: Floats
     quality: LightQuality
 
-    def open(self, normal: Floats) -> tuple[float, float]:
+    def open_light(self, normal: Floats) -> tuple[float, float]:
         """Return the light of the sun and of other lamps on an unshaded surface with a unit normal (3,)."""
-        each = np.maximum(self.towards @ normal, 0) * self.strength
-        return float(each[: self.quality.sun].sum()), float(each[self.quality.sun :].sum()) + AMBIENT
+        light_by_lamp = np.maximum(self.towards @ normal, 0) * self.strength
+        return float(light_by_lamp[: self.quality.sun].sum()), float(light_by_lamp[self.quality.sun :].sum()) + AMBIENT
 
 
 def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
@@ -156,7 +156,7 @@ def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
     groups.append(_cap(quality.below, np.radians(75.0)) @ frame_towards(-floor))
     strength = [
         np.full(len(group), share / (group @ _unit(group.mean(axis=0))).sum())
-        for group, share in zip(groups, SHARES, strict=True)
+        for group, share in zip(groups, LIGHT_SHARES, strict=True)
     ]
     return Lamps(np.concatenate(groups), np.concatenate(strength), quality)
 
@@ -174,7 +174,7 @@ def _cap(count: int, half_angle: float) -> Floats:
     return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
 
 
-def lit(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
+def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k) of the sun and of all other lamps on points with normals (3, k), in radii.
 
     paired : number of first points in neighbouring pairs. Each point of a pair evaluates half of the lamps except the
@@ -186,29 +186,29 @@ def lit(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, pai
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))
     every = (0, points.shape[1], 1)
     with scene.lamps():
-        _shine(scene, all_lamps, numbers[: quality.sun], (points, normals), light[0], {every: 1.0})
+        _add_light(scene, all_lamps, numbers[: quality.sun], (points, normals), light[0], {every: 1.0})
         for half in (0, 1):
             asking = {(half, paired, 2): 2.0, (paired, points.shape[1], 1): 1.0}
-            _shine(scene, all_lamps, numbers[quality.sun + half :: 2], (points, normals), light[1], asking)
+            _add_light(scene, all_lamps, numbers[quality.sun + half :: 2], (points, normals), light[1], asking)
     return light
 
 
-def _shine(
+def _add_light(
     scene: Scene,
     all_lamps: Lamps,
-    some: Ints,
-    on: tuple[Floats32, Floats32],
+    lamp_numbers: Ints,
+    surface_points: tuple[Floats32, Floats32],
     light: Floats32,
-    asking: dict[tuple[int, int, int], float],
+    shares: dict[tuple[int, int, int], float],
 ) -> None:
-    points, normals = on
-    side = all_lamps.quality.sharp if some[0] == 0 else all_lamps.quality.coarse
-    maps = ShadowMaps.drawn(scene, all_lamps.towards[some], all_lamps.strength[some], side)
+    points, normals = surface_points
+    side = all_lamps.quality.sharp if lamp_numbers[0] == 0 else all_lamps.quality.coarse
+    maps = ShadowMaps.render(scene, all_lamps.towards[lamp_numbers], all_lamps.strength[lamp_numbers], side)
     grain = np.random.default_rng(1).uniform(-GRAIN, GRAIN, (2, TILE)).astype(np.float32)
-    for (first, end, step), times in asking.items():
-        for start in range(first, end, TILE * step):
+    for (begin, end, step), times in shares.items():
+        for start in range(begin, end, TILE * step):
             part = slice(start, min(start + TILE * step, end), step)
-            light[part] += np.float32(times) * maps.light(points[:, part], normals[:, part], grain)
+            light[part] += np.float32(times) * maps.light_on(points[:, part], normals[:, part], grain)
 
 
 def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
@@ -218,7 +218,7 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
     return x.astype(np.float32), y.astype(np.float32)
 
 
-def shaded(
+def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
     """Return the light (k,) on the drawn pixels, and the floor's coarse (h, w) share of its unshaded light.
@@ -229,15 +229,17 @@ def shaded(
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:
         points, normals = _points(scene, view, pixels, hit)
-        return _in_rows(lit(scene, all_lamps, points, normals, paired * points.shape[1]).sum(axis=0), hit), None
+        return _in_row_order(
+            lamp_light(scene, all_lamps, points, normals, paired * points.shape[1]).sum(axis=0), hit
+        ), None
     coarse = (height // 6, width // 6)  # shadows on the floor are soft
-    spots, there = _floor_points(scene, view, floor, level, coarse)
+    spots, floor_pixels = _floor_points(scene, view, floor, level, coarse)
     points, normals = _points(scene, view, pixels, hit, spare=spots.shape[1])
-    drawn = points.shape[1] - spots.shape[1]
-    points[:, drawn:], normals[:, drawn:] = spots, floor[:, None]
-    light = lit(scene, all_lamps, points, normals, paired * drawn)
-    share = _floor_share(light[:, drawn:], there, all_lamps.open(floor), all_lamps.quality.blur)
-    return _in_rows(light[:, :drawn].sum(axis=0), hit), share
+    count = points.shape[1] - spots.shape[1]
+    points[:, count:], normals[:, count:] = spots, floor[:, None]
+    light = lamp_light(scene, all_lamps, points, normals, paired * count)
+    share = _floor_share(light[:, count:], floor_pixels, all_lamps.open_light(floor), all_lamps.quality.blur)
+    return _in_row_order(light[:, :count].sum(axis=0), hit), share
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
@@ -246,8 +248,8 @@ def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0
     Columns in strips of rows keep neighbours together, which saves two thirds of the time.
     """
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
-    for rows, here in _strips(hit):
-        _strip_points(scene, view, pixels, hit, rows, (points[:, here], normals[:, here]))
+    for rows, pixel_range in _strips(hit):
+        _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))
     return points, normals
 
 
@@ -258,12 +260,12 @@ def _strips(hit: Bools, rows: int = 64) -> Iterator[tuple[slice, slice]]:
         yield slice(top, top + rows), slice(ends[top], ends[min(top + rows, len(hit))])
 
 
-def _in_rows(values: Floats32, hit: Bools) -> Floats32:
+def _in_row_order(values: Floats32, hit: Bools) -> Floats32:
     """Return values (k,) in the order of `_points` row by row."""
-    for rows, here in _strips(hit):
+    for rows, pixel_range in _strips(hit):
         strip = np.empty(hit[rows].shape, dtype=np.float32)
-        strip.T[hit[rows].T] = values[here]
-        values[here] = strip[hit[rows]]
+        strip.T[hit[rows].T] = values[pixel_range]
+        values[pixel_range] = strip[hit[rows]]
     return values
 
 
@@ -294,22 +296,22 @@ def _floor_points(
     eye = (view.eye - scene.centre) / scene.radius
     ray = x[None, :, None] * view.right + y[:, None, None] * view.up + view.forward
     fall = ray @ floor
-    far = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
-    points = eye + np.where(np.isfinite(far), far, 0.0)[:, :, None] * ray
-    there = np.isfinite(far) & (np.linalg.norm(points, axis=2) < 4.0)  # radii
-    return points[there].T.astype(np.float32), there
+    distance = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
+    points = eye + np.where(np.isfinite(distance), distance, 0.0)[:, :, None] * ray
+    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # radii
+    return points[is_near].T.astype(np.float32), is_near
 
 
 def _floor_share(
-    light: Floats32, there: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
+    light: Floats32, floor_pixels: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
     """Return the share (h, w) of light on the floor; blur replaces more lamps for the sky's shadows."""
     from scipy.ndimage import gaussian_filter  # slow to import
 
-    whole = sum(open_light)
-    share = np.ones(there.shape, dtype=np.float32)
+    total = sum(open_light)
+    share = np.ones(floor_pixels.shape, dtype=np.float32)
     for part, free, blur in zip(light, open_light, blurs, strict=True):
-        lost = np.zeros(there.shape, dtype=np.float32)
-        lost[there] = (free - part) / whole
-        share -= gaussian_filter(lost, blur * there.shape[0])
+        lost = np.zeros(floor_pixels.shape, dtype=np.float32)
+        lost[floor_pixels] = (free - part) / total
+        share -= gaussian_filter(lost, blur * floor_pixels.shape[0])
     return share

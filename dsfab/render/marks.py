@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dsfab.design.design import Design
 
 
-Mesh = tuple[Floats, Ints]
+MarkMesh = tuple[Floats, Ints]
 """Vertices V (n, 3), and faces F (m, 3)."""
 
 
@@ -28,31 +28,31 @@ class Spacing:
     most: int
 
 
-SPREAD_LOAD = Spacing(0.13, 30)
-POINT_LOAD = Spacing(0.07, 16)
-SUPPORTS = Spacing(0.05, 40)
-GRADIENTS = Spacing(0.055, 160)
+SPREAD_LOAD_SPACING = Spacing(0.13, 30)
+POINT_LOAD_SPACING = Spacing(0.07, 16)
+SUPPORT_SPACING = Spacing(0.05, 40)
+GRADIENT_SPACING = Spacing(0.055, 160)
 
-CONE = 0.026
+CONE_HEIGHT = 0.026
 """Height of a support cone over the structure's size."""
 LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
 """Longest arrow of a point load, a spread load and a gradient, over the structure's size."""
 
 
-def thinned(points: Floats, size: float, spacing: Spacing) -> Ints:
+def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
     """Return indices of a few of the points (k, 3), evenly apart, each in the middle of its neighbourhood.
 
     Farthest points first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982).
     """
-    taken = [0]
-    near = np.linalg.norm(points - points[0], axis=1)
-    while len(taken) < spacing.most:
-        farthest = int(np.argmax(near))
-        if near[farthest] < spacing.apart * size:
+    chosen_list = [0]
+    distances = np.linalg.norm(points - points[0], axis=1)
+    while len(chosen_list) < spacing.most:
+        farthest = int(np.argmax(distances))
+        if distances[farthest] < spacing.apart * size:
             break
-        taken.append(farthest)
-        near = np.minimum(near, np.linalg.norm(points - points[farthest], axis=1))
-    chosen = np.array(taken)
+        chosen_list.append(farthest)
+        distances = np.minimum(distances, np.linalg.norm(points - points[farthest], axis=1))
+    chosen = np.array(chosen_list)
     for _ in range(20):
         owner = _nearest(points, points[chosen])
         counts = np.maximum(np.bincount(owner, minlength=len(chosen)), 1)
@@ -61,7 +61,7 @@ def thinned(points: Floats, size: float, spacing: Spacing) -> Ints:
 
 
 @dataclass(frozen=True, eq=False)
-class Pulls:
+class ForceArrows:
     """Arrows at vertices (k,) for forces `pull` (k, 3) in newtons, `long` (k,) in metres."""
 
     at: Ints
@@ -69,7 +69,7 @@ class Pulls:
     long: Floats
 
 
-def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats, up: Floats) -> Mesh:
+def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats, up: Floats) -> MarkMesh:
     """Return slim arrows for the loads, thinned: each stands for the force on the vertices nearest to it.
 
     size : of the structure (m).   lift : half its thickness (m): arrows start or end on the solid's skin.
@@ -77,12 +77,14 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     up   : (3,) unit vector: the outer side of an open sheet is its upper side, for both face directions.
     """
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
-    points = _gathered(surface.V, load.force, acts & load.loaded, POINT_LOAD, LONGEST_POINT * size, size)
-    spread = _gathered(surface.V, load.force, acts & ~load.loaded, SPREAD_LOAD, LONGEST_SPREAD * size, size)
-    at = np.concatenate([points.at, spread.at])
+    points = _gathered_forces(surface.V, load.force, acts & load.loaded, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
+    spread = _gathered_forces(
+        surface.V, load.force, acts & ~load.loaded, SPREAD_LOAD_SPACING, LONGEST_SPREAD * size, size
+    )
+    vertices = np.concatenate([points.at, spread.at])
     pull, long = np.concatenate([points.pull, spread.pull]), np.concatenate([points.long, spread.long])
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
-    normal = surface.vertex_normals[at] * _outer(surface, up)
+    normal = surface.vertex_normals[vertices] * _outer(surface, up)
     out = np.einsum("ki,ki->k", along, normal)
     # the tip of pressure touches the surface, and the tail of suction; arrows along the surface lie just above it
     level = np.abs(out) < 0.3
@@ -90,7 +92,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     away[out > 0.3] *= -1
     start = np.where((out > 0.3)[:, None], 0.0, -along * long[:, None])
     gap = np.where(level, 1.4 * lift + 0.006 * size, 1.1 * lift)
-    return _placed(_arrow(), surface.V[at] + away * gap[:, None] + start, along, long)
+    return _placed_copies(_arrow(), surface.V[vertices] + away * gap[:, None] + start, along, long)
 
 
 def _outer(surface: Surface, up: Floats) -> float:
@@ -98,67 +100,69 @@ def _outer(surface: Surface, up: Floats) -> float:
     return -1.0 if not surface.is_closed and float(surface.areas @ (surface.normals @ up)) < 0 else 1.0
 
 
-def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float) -> Pulls:
-    at = np.flatnonzero(acts)
-    if not len(at):
-        return Pulls(at, np.zeros((0, 3)), np.zeros(0))
-    where = V[at]
-    taken = thinned(where, size, spacing)
-    owner = _nearest(where, where[taken])
-    pull = group_sums(owner, force[at], len(taken))
+def _gathered_forces(
+    V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float
+) -> ForceArrows:
+    vertices = np.flatnonzero(acts)
+    if not len(vertices):
+        return ForceArrows(vertices, np.zeros((0, 3)), np.zeros(0))
+    points = V[vertices]
+    taken = thin_points(points, size, spacing)
+    owner = _nearest(points, points[taken])
+    pull = group_sums(owner, force[vertices], len(taken))
     amount = np.linalg.norm(pull, axis=1)
-    kept = amount > 1e-6 * amount.max()  # forces that cancel within a patch have no arrow
-    long = longest * (0.35 + 0.65 * np.sqrt(amount[kept] / amount.max()))
-    return Pulls(at[taken][kept], pull[kept], long)
+    is_drawn = amount > 1e-6 * amount.max()  # forces that cancel within a patch have no arrow
+    long = longest * (0.35 + 0.65 * np.sqrt(amount[is_drawn] / amount.max()))
+    return ForceArrows(vertices[taken][is_drawn], pull[is_drawn], long)
 
 
-def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> Mesh:
+def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> MarkMesh:
     """Return small cones that touch the supported vertices, thinned, on the side of the supports; up : (3,)."""
-    at = np.flatnonzero(load.held)
-    if not len(at):
+    vertices = np.flatnonzero(load.supported)
+    if not len(vertices):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    tips = surface.V[at[thinned(surface.V[at], size, SUPPORTS)]]
+    tips = surface.V[vertices[thin_points(surface.V[vertices], size, SUPPORT_SPACING)]]
     away = support_side(surface, load, size, up)
     towards = np.repeat(-away[None], len(tips), axis=0)
-    long = np.full(len(tips), CONE * size)
-    return _placed(_cone(), tips + (0.3 * lift + long[:, None]) * away, towards, long)
+    long = np.full(len(tips), CONE_HEIGHT * size)
+    return _placed_copies(_cone(), tips + (0.3 * lift + long[:, None]) * away, towards, long)
 
 
-def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: float) -> Mesh:
+def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: float) -> MarkMesh:
     """Return arrows for the forces (n, 3) of supports (N), thinned as the cones, which end or begin there."""
-    acts = load.held & (np.linalg.norm(reaction, axis=1) > 0)
+    acts = load.supported & (np.linalg.norm(reaction, axis=1) > 0)
     if not acts.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    found = _gathered(surface.V, reaction, acts, SUPPORTS, LONGEST_POINT * size, size)
-    along = found.pull / np.linalg.norm(found.pull, axis=1, keepdims=True)
-    inwards = surface.V.mean(axis=0) - surface.V[found.at]
+    arrows = _gathered_forces(surface.V, reaction, acts, SUPPORT_SPACING, LONGEST_POINT * size, size)
+    along = arrows.pull / np.linalg.norm(arrows.pull, axis=1, keepdims=True)
+    inwards = surface.V.mean(axis=0) - surface.V[arrows.at]
     pushes = np.einsum("ki,ki->k", along, inwards) > 0
-    gap = 1.15 * CONE * size  # beyond the cone
-    start = np.where(pushes[:, None], -along * (gap + found.long)[:, None], along * gap)
-    return _placed(_arrow(), surface.V[found.at] + start, along, found.long)
+    gap = 1.15 * CONE_HEIGHT * size  # beyond the cone
+    start = np.where(pushes[:, None], -along * (gap + arrows.long)[:, None], along * gap)
+    return _placed_copies(_arrow(), surface.V[arrows.at] + start, along, arrows.long)
 
 
-def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> Mesh:
+def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> MarkMesh:
     """Return slim arrows along a gradient (m, 3), longer where it is steeper; lift, eye : as for `load_arrows`."""
     steep = np.linalg.norm(gradient, axis=1)
     if not steep.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    at = thinned(surface.centroids, size, GRADIENTS)
-    at = at[steep[at] > 0]
-    share = np.minimum(steep[at] / np.percentile(steep, 90), 1)
-    along, long = gradient[at] / steep[at, None], LONGEST_GRADIENT * size * (0.35 + 0.65 * share)
-    normal = surface.normals[at]
+    faces = thin_points(surface.centroids, size, GRADIENT_SPACING)
+    faces = faces[steep[faces] > 0]
+    share = np.minimum(steep[faces] / np.percentile(steep, 90), 1)
+    along, long = gradient[faces] / steep[faces, None], LONGEST_GRADIENT * size * (0.35 + 0.65 * share)
+    normal = surface.normals[faces]
     away = np.where(normal @ eye < 0, -1.0, 1.0)[:, None] * normal * (1.4 * lift + 0.006 * size)
-    return _placed(_arrow(), surface.centroids[at] + away - along * long[:, None] / 2, along, long)
+    return _placed_copies(_arrow(), surface.centroids[faces] + away - along * long[:, None] / 2, along, long)
 
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
     """Return the unit vector (3,) along an axis from the structure to its supports; down if they are on all sides."""
-    held = surface.V[load.held] - centroid(surface)
-    offset = held[thinned(held, size, SUPPORTS)].mean(axis=0)  # independent of mesh density
+    offsets = surface.V[load.supported] - centroid(surface)
+    offset = offsets[thin_points(offsets, size, SUPPORT_SPACING)].mean(axis=0)  # independent of mesh density
     axis = int(np.argmax(np.abs(offset)))
     side = np.sign(offset[axis])
-    if np.linalg.norm(offset) < 0.08 * size or (side * held[:, axis]).min() < 0:
+    if np.linalg.norm(offset) < 0.08 * size or (side * offsets[:, axis]).min() < 0:
         return -up
     return np.asarray(np.eye(3)[axis] * side)
 
@@ -167,7 +171,7 @@ def _nearest(points: Floats, centres: Floats) -> Ints:
     return np.asarray(cKDTree(centres).query(points)[1], dtype=np.int64)
 
 
-def _turned(profile: list[tuple[float, float]], sides: int = 16) -> Mesh:
+def _body_of_revolution(profile: list[tuple[float, float]], sides: int = 16) -> MarkMesh:
     """Return a body of revolution about x from (x, radius) pairs; radius 0 at both ends closes it."""
     turn = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     rings = [np.stack([np.full(sides, x), r * np.cos(turn), r * np.sin(turn)], axis=1) for x, r in profile]
@@ -182,18 +186,20 @@ def _turned(profile: list[tuple[float, float]], sides: int = 16) -> Mesh:
     return np.concatenate(rings), np.concatenate(faces)
 
 
-def _arrow() -> Mesh:
-    return _turned([(0.0, 0.0), (0.0, 0.014), (0.74, 0.014), (0.74, 0.05), (1.0, 0.0)])
+def _arrow() -> MarkMesh:
+    return _body_of_revolution([(0.0, 0.0), (0.0, 0.014), (0.74, 0.014), (0.74, 0.05), (1.0, 0.0)])
 
 
-def _cone() -> Mesh:
-    return _turned([(0.0, 0.0), (0.0, 0.45), (1.0, 0.0)])
+def _cone() -> MarkMesh:
+    return _body_of_revolution([(0.0, 0.0), (0.0, 0.45), (1.0, 0.0)])
 
 
-def _ball() -> Mesh:
+def _ball() -> MarkMesh:
     """Return a ball of diameter 1 with its lowest point at the origin."""
     around = np.linspace(0, np.pi, 9)
-    return _turned([((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in enumerate(around)])
+    return _body_of_revolution(
+        [((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in enumerate(around)]
+    )
 
 
 _CROWN = ((0.0, 0.0, 0.3, 0.5), (0.15, 0.05, 0.42, 0.36), (-0.13, 0.11, 0.46, 0.34), (-0.02, -0.12, 0.55, 0.34),
@@ -201,20 +207,23 @@ _CROWN = ((0.0, 0.0, 0.3, 0.5), (0.15, 0.05, 0.42, 0.36), (-0.13, 0.11, 0.46, 0.
 """Balls of foliage of a tree of height 1: right, back and height of their lowest points, and diameters."""
 
 
-def tree(foot: Floats, up: Floats, height: float) -> Mesh:
+def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
     """Return a trunk and balls of foliage at `foot` (3,), `height` metres tall along `up` (3,)."""
     right = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
     right /= np.linalg.norm(right)
     balls = np.array(_CROWN)
     frame = height * np.stack([right, np.cross(up, right), up])
-    trunk = _placed(
-        _turned([(0.0, 0.0), (0.0, 0.05), (0.8, 0.03), (1.0, 0.0)]), foot[None], up[None], np.array([0.6 * height])
+    trunk = _placed_copies(
+        _body_of_revolution([(0.0, 0.0), (0.0, 0.05), (0.8, 0.03), (1.0, 0.0)]),
+        foot[None],
+        up[None],
+        np.array([0.6 * height]),
     )
-    crown = _placed(_ball(), foot + balls[:, :3] @ frame, np.tile(up, (len(balls), 1)), height * balls[:, 3])
+    crown = _placed_copies(_ball(), foot + balls[:, :3] @ frame, np.tile(up, (len(balls), 1)), height * balls[:, 3])
     return np.concatenate([trunk[0], crown[0]]), np.concatenate([trunk[1], crown[1] + len(trunk[0])])
 
 
-def _placed(template: Mesh, start: Floats, along: Floats, long: Floats) -> Mesh:
+def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Floats) -> MarkMesh:
     """Return copies of a template of length 1 along x, from `start` (k, 3) along unit vectors, `long` (k,) metres."""
     vertices, faces = template
     helper = np.eye(3)[np.argmin(np.abs(along), axis=1)]
@@ -226,9 +235,9 @@ def _placed(template: Mesh, start: Floats, along: Floats, long: Floats) -> Mesh:
     return copies.reshape(-1, 3), shifted.reshape(-1, 3)
 
 
-CROSSES = Spacing(0.034, 500)
+CROSS_SPACING = Spacing(0.034, 500)
 """Thinning of crosses, whose number limits the time."""
-LONG, WIDE = 0.8, 0.09
+BAR_LENGTH, BAR_WIDTH = 0.8, 0.09
 """Length and width of a bar over the distance of neighbouring crosses."""
 
 
@@ -243,25 +252,25 @@ def crosses(design: "Design", palette: Palette) -> Body:
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"
         raise DsfabError(f"there are no directions to show: {why}, so that diffusion prefers none")
-    at = thinned(surface.centroids, surface.size, CROSSES)
-    apart = float(np.sqrt(1.3 * surface.area / len(at)))  # of evenly spread places
-    at = at[~tensors.isotropic[at]]
-    along = np.linalg.eigh(tensors.major[at])[1][:, :, 2]  # r along the first direction, 1 and 0 across
-    normal = surface.normals[at]
-    both = np.concatenate([along, np.cross(normal, along)])
-    vertices, faces = _bars(np.tile(surface.centroids[at], (2, 1)), both, np.tile(normal, (2, 1)), apart)
+    places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
+    apart = float(np.sqrt(1.3 * surface.area / len(places)))  # of evenly spread places
+    places = places[~tensors.isotropic[places]]
+    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # r along the first direction, 1 and 0 across
+    normal = surface.normals[places]
+    directions = np.concatenate([along, np.cross(normal, along)])
+    vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)
     if design.preset.combines:  # the stress may be tension in one case and compression in another
-        red = (np.arange(2 * len(at)) < len(at))[:, None]
+        red = (np.arange(2 * len(places)) < len(places))[:, None]
         colour = np.where(red, *(np.array(tint, dtype=np.uint8) for tint in palette.tints[:2]))
     else:
-        pulled = tensors.principal[at].T.reshape(-1, 1) > 0
-        colour = np.where(pulled, palette.of("tension"), palette.of("compression"))
+        pulled = tensors.principal[places].T.reshape(-1, 1) > 0
+        colour = np.where(pulled, palette.colour_bytes("tension"), palette.colour_bytes("compression"))
     return Body(vertices, faces, np.repeat(colour, len(_BOX), axis=0))
 
 
-def _bars(middle: Floats, along: Floats, normal: Floats, apart: float) -> Mesh:
+def _bars(middle: Floats, along: Floats, normal: Floats, apart: float) -> MarkMesh:
     across = np.cross(normal, along)
-    half = apart / 2 * np.array([LONG, WIDE, WIDE])
+    half = apart / 2 * np.array([BAR_LENGTH, BAR_WIDTH, BAR_WIDTH])
     frame = np.stack([along, across, normal], axis=1) * half[:, None]
     corners = np.einsum("ci,kij->kcj", _CORNERS, frame) + middle[:, None]
     faces = _BOX[None] + (len(_CORNERS) * np.arange(len(middle)))[:, None, None]

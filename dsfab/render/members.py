@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.design import Design
-from dsfab.render.colouring import rising
-from dsfab.render.drawing import FINER, Annotations, Ground, Stage, check_ground, legend, rendered, set_stage
-from dsfab.render.lettering import PAPER, Nameplate, Palette, lettered, placed_names, with_names
+from dsfab.render.colouring import rising_colours
+from dsfab.render.drawing import FINER, Annotations, GroundKind, Stage, check_ground, legend, render_stage, set_stage
+from dsfab.render.lettering import PAPER, Nameplate, Palette, place_names, with_legend, with_names
 from dsfab.render.opengl import require_rendering
 from dsfab.render.scene import Body, Bytes, Colour, Scene
 from dsfab.render.striped_mesh import StripedMesh
@@ -32,7 +32,7 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
     """
     graph, V = draft.members, draft.surface.V
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
-    found = [_places(member, graph.sheet.surface.centroids) for member in graph.members]
+    places = [_places(member, graph.sheet.surface.centroids) for member in graph.members]
     bears = draft.member_utilisation.by_member if judged else {}
     listed = [
         {
@@ -44,18 +44,18 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
             "reach": reach,
             "places": (P - middle).round(3).ravel().tolist(),
         }
-        for member, (P, reach) in zip(graph.members, found, strict=True)
+        for member, (P, reach) in zip(graph.members, places, strict=True)
     ]
-    return {"members": listed, "judged": judged, "nearest": _nearest(StripedMesh.of(draft).surface.V, found)}
+    return {"members": listed, "judged": judged, "nearest": _nearest(StripedMesh.from_design(draft).surface.V, places)}
 
 
 def _places(member: "Member", centroids: Floats) -> tuple[Floats, float]:
     if member.axis:
         count = int(np.clip(np.ceil(member.length / (0.5 * member.mean_width)), 2, 400))
-        P = member.axis.at(np.linspace(0, member.length, count))[0]
+        P = member.axis.frames_at(np.linspace(0, member.length, count))[0]
         return P, float(np.max(member.width)) / 2
-    some = centroids[member.cells[:: max(1, len(member.cells) // 60)]]
-    return some, float(np.sqrt(member.area / (np.pi * len(some)))) * 2
+    points = centroids[member.cells[:: max(1, len(member.cells) // 60)]]
+    return points, float(np.sqrt(member.area / (np.pi * len(points)))) * 2
 
 
 def _curvature(member: "Member") -> float | None:
@@ -68,13 +68,13 @@ def _curvature(member: "Member") -> float | None:
     return float(np.hypot(axis.kn, axis.kg)[inside].max(initial=0.0))
 
 
-def _nearest(V: Floats, found: list[tuple[Floats, float]]) -> list[int]:
+def _nearest(V: Floats, places: list[tuple[Floats, float]]) -> list[int]:
     """Return the number (n,) of the member whose places are nearest to each vertex, relative to their extent."""
-    best, number = np.full(len(V), np.inf), np.zeros(len(V), dtype=int)
-    for k, (P, reach) in enumerate(found):
+    least, number = np.full(len(V), np.inf), np.zeros(len(V), dtype=int)
+    for k, (P, reach) in enumerate(places):
         away = np.asarray(cKDTree(P).query(V)[0]) / max(reach, 1e-9)
-        nearer = away < best
-        best[nearer], number[nearer] = away[nearer], k
+        nearer = away < least
+        least[nearer], number[nearer] = away[nearer], k
     return [int(k) for k in number]
 
 
@@ -83,7 +83,7 @@ def members_picture(
     *,
     size: tuple[int, int] = (1600, 1200),
     view: str = "iso",
-    ground: Ground = "paper",
+    ground: GroundKind = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
     """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes.
@@ -95,8 +95,8 @@ def members_picture(
     graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
     names = {member.id: _colour(member.kind, member.family, palette) for member in graph.members}
-    drawing = _Drawing(design, size, view, ground, palette)
-    return drawing.named(_colours(design, palette), names, words, _swatches(graph, palette))
+    drawing = _MembersDrawing(design, size, view, ground, palette)
+    return drawing.picture(_colours(design, palette), names, words, _swatches(graph, palette))
 
 
 def rated_members_picture(
@@ -109,23 +109,23 @@ def rated_members_picture(
     """
     table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
     ink = dict.fromkeys(names, palette.text)
-    return _Drawing(design, size, "iso", "paper", palette).named(table[band], ink, "", ())
+    return _MembersDrawing(design, size, "iso", "paper", palette).picture(table[band], ink, "", ())
 
 
 def band_colours(count: int) -> list[Colour]:
     """Return the colours of a number of bands, pale to dark."""
-    return [(int(r), int(g), int(b)) for r, g, b in rising(np.linspace(0.04, 1, count))]
+    return [(int(r), int(g), int(b)) for r, g, b in rising_colours(np.linspace(0.04, 1, count))]
 
 
 @dataclass(frozen=True)
-class _Drawing:
+class _MembersDrawing:
     design: "Design"
     size: tuple[int, int]
     view: str
-    ground: Ground
+    ground: GroundKind
     palette: Palette
 
-    def named(
+    def picture(
         self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
     ) -> Bytes:
         """Return the picture with face colours (m, 3), names in darker shades of their colours, and a caption."""
@@ -138,13 +138,13 @@ class _Drawing:
         body = Body(sheet.V, sheet.F, face, casts=True)
         stage = set_stage(body, named_side(sheet.V, up, self.view), up, 0.0, Annotations(layers=()), palette, size)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-            image = rendered(scene, stage, palette, size, clear=self.ground == "transparent")
+            image = render_stage(scene, stage, palette, size, transparent=self.ground == "transparent")
             depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
         # letters are smaller in a picture of more than 90 members, unless it shows few names
         letter = size[1] / 62 * min(1.0, np.sqrt(90 / len(graph.members)) if len(names) > 12 else 1.0)
         plates = list(_plates(graph, stage, depth, (size, names, palette)))
-        image = with_names(image, placed_names(plates, size, letter), letter, palette.paper)
-        return np.asarray(lettered(image, legend(stage, words, palette, size, swatches), palette))
+        image = with_names(image, place_names(plates, size, letter), letter, palette.paper)
+        return np.asarray(with_legend(image, legend(stage, words, palette, size, swatches), palette))
 
 
 def _colour(kind: str, family: str, palette: Palette) -> Colour:
@@ -156,20 +156,20 @@ def _colour(kind: str, family: str, palette: Palette) -> Colour:
 def _colours(design: "Design", palette: Palette) -> Bytes:
     graph, names = design.members, design.pattern.names
     family = np.array([_colour("strip" if name in ("major", "minor") else name, name, palette) for name in names])
-    found = family[graph.sheet.family].astype(np.uint8)
+    colours = family[graph.sheet.family].astype(np.uint8)
     for member in graph.members:
         if member.kind in ("fill", "plate"):
-            found[member.cells] = palette.tints[2]
-    return found
+            colours[member.cells] = palette.tints[2]
+    return colours
 
 
 def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour], ...]:
-    known = (("A: major", "major"), ("B: minor", "minor"))
-    there = {member.family for member in graph.members if member.kind in ("strip", "stub")}
-    found = [(words, _colour("strip", name, palette)) for words, name in known if name in there]
+    families = (("A: major", "major"), ("B: minor", "minor"))
+    present = {member.family for member in graph.members if member.kind in ("strip", "stub")}
+    swatches = [(words, _colour("strip", name, palette)) for words, name in families if name in present]
     if any(member.kind not in ("strip", "stub") for member in graph.members):
-        found.append(("rims, kept and filled", palette.tints[2]))
-    return tuple(found)
+        swatches.append(("rims, kept and filled", palette.tints[2]))
+    return tuple(swatches)
 
 
 def _plates(
@@ -177,17 +177,17 @@ def _plates(
 ) -> Iterator[Nameplate]:
     """Yield names with their possible places, best first; look : size, colours by name, and palette."""
     size, names, palette = look
-    for member in (one for one in graph.members if one.id in names):
+    for member in (member for member in graph.members if member.id in names):
         points = _points(graph, member, stage.view)
-        seen = stage.view.seen(points)
-        at = np.stack([size[0] / 2 + seen[:, 0] * size[1] / 2, size[1] / 2 - seen[:, 1] * size[1] / 2], axis=1)
-        column, row = (np.clip(FINER * at[:, k], 0, FINER * size[k] - 1).astype(int) for k in (0, 1))
+        seen = stage.view.page_coordinates(points)
+        pixels = np.stack([size[0] / 2 + seen[:, 0] * size[1] / 2, size[1] / 2 - seen[:, 1] * size[1] / 2], axis=1)
+        column, row = (np.clip(FINER * pixels[:, k], 0, FINER * size[k] - 1).astype(int) for k in (0, 1))
         visible = np.asarray(depth[row, column] > seen[:, 2] - 0.02 * stage.radius)
         shade = 0.55 * np.array(names[member.id])
         if not visible.any():
             shade = (shade + palette.paper) / 2
         red, green, blue = shade.astype(int).tolist()
-        yield Nameplate(member.id, (red, green, blue), at, visible)
+        yield Nameplate(member.id, (red, green, blue), pixels, visible)
 
 
 def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41) -> Floats:
@@ -196,8 +196,8 @@ def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41)
         places = graph.sheet.surface.centroids[member.cells]
         return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:count]])
     s = np.linspace(0.04, 0.96, count) * member.length
-    points = member.axis.at(s)[0]
-    away = view.seen(points)[:, 2] if member.axis.closed else np.abs(s - member.length / 2)
-    nodes = np.array([node.at[node.members.index(member.id)] for node in graph.along[member.id]])
-    near = np.abs(s[:, None] - nodes).min(axis=1, initial=np.inf) < 1.5 * member.mean_width
-    return np.asarray(points[np.lexsort([away, near])])
+    points = member.axis.frames_at(s)[0]
+    away = view.page_coordinates(points)[:, 2] if member.axis.closed else np.abs(s - member.length / 2)
+    nodes = np.array([node.at[node.members.index(member.id)] for node in graph.nodes_along[member.id]])
+    near_node = np.abs(s[:, None] - nodes).min(axis=1, initial=np.inf) < 1.5 * member.mean_width
+    return np.asarray(points[np.lexsort([away, near_node])])

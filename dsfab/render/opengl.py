@@ -33,19 +33,19 @@ _KNOWN: set[str] = set()
 """Kinds of window that need no test."""
 
 
-_ASKING: list[threading.Thread] = []
+_PROBES: list[threading.Thread] = []
 """Thread of a test that has begun."""
 
 
-def ask_ahead() -> None:
+def probe_ahead() -> None:
     """Begin the test while this process loads modules; `require_rendering` waits for it."""
-    name = _candidates(_chosen())[0]
-    if not _ASKING and name not in _KNOWN:
-        _ASKING.append(threading.Thread(target=lambda: _draws(name), daemon=True))
-        _ASKING[-1].start()
+    name = _candidates(_window_choice())[0]
+    if not _PROBES and name not in _KNOWN:
+        _PROBES.append(threading.Thread(target=lambda: _draws(name), daemon=True))
+        _PROBES[-1].start()
 
 
-def take_for_granted(window: str | None = None) -> str:
+def assume_window(window: str | None = None) -> str:
     """Use a kind of window without a test, by default the first candidate, and return it."""
     name = _candidates(os.environ.get(WINDOW, ""))[0] if window is None else window
     _KNOWN.add(name)
@@ -62,17 +62,17 @@ def require_rendering() -> None:
     Sets VTK_DEFAULT_OPENGL_WINDOW if it is not set and a choice is necessary. The result holds for this process.
     Raises DsfabError with the packages to install if this machine cannot draw.
     """
-    chosen = _chosen()
-    while _ASKING:
-        _ASKING.pop().join()
+    chosen = _window_choice()
+    while _PROBES:
+        _PROBES.pop().join()
     working = next((name for name in _candidates(chosen) if name in _KNOWN or _draws(name)), None)
     if working is None:
-        raise DsfabError(_missing(chosen))
+        raise DsfabError(_advice_text(chosen))
     if working:
         os.environ.setdefault(WINDOW, working)
 
 
-def _chosen() -> str:
+def _window_choice() -> str:
     chosen = os.environ.get(WINDOW, "")
     if not chosen:
         os.environ.pop(WINDOW, None)  # VTK takes an empty name for the name of a window, and crashes
@@ -121,10 +121,12 @@ _ADVICE = {
 """Advice for each system, by its name in `sys.platform`; the message begins with that of this machine."""
 
 
-def _missing(chosen: str) -> str:
-    here = "linux" if sys.platform.startswith("linux") else sys.platform
-    others = [text for name, text in _ADVICE.items() if name != here]
-    advice = "; ".join([_ADVICE.get(here, ""), *others]).strip("; ")
-    asked = f" with {WINDOW}={chosen}" if chosen else ""
+def _advice_text(chosen: str) -> str:
+    system = "linux" if sys.platform.startswith("linux") else sys.platform
+    other_advice = [text for name, text in _ADVICE.items() if name != system]
+    advice = "; ".join([_ADVICE.get(system, ""), *other_advice]).strip("; ")
+    window_text = f" with {WINDOW}={chosen}" if chosen else ""
     unset = f", unset {WINDOW}" if chosen else ""
-    return f"pictures cannot be drawn on this machine{asked}: {advice}{unset}; `build --no-preview` needs no picture"
+    return (
+        f"pictures cannot be drawn on this machine{window_text}: {advice}{unset}; `build --no-preview` needs no picture"
+    )

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import DsfabError
-from dsfab.render.drawing import Annotations, legend, rendered, set_stage
-from dsfab.render.lettering import PAPER, Palette, lettered
+from dsfab.render.drawing import Annotations, legend, render_stage, set_stage
+from dsfab.render.lettering import PAPER, Palette, with_legend
 from dsfab.render.opengl import require_rendering
 from dsfab.render.scene import Body, Bytes, Scene
 from dsfab.render.view import ViewSide, best_side, up_axis
@@ -24,14 +24,14 @@ def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
     """
     from PIL import Image
 
-    from dsfab.export.writing import replacing
+    from dsfab.export.writing import atomic_file
 
-    with replacing(path) as temporary:
+    with atomic_file(path) as temporary:
         Image.fromarray(pixels).save(temporary, format="PNG", compress_level=effort)
     return path
 
 
-def png(pixels: Bytes) -> bytes:
+def png_bytes(pixels: Bytes) -> bytes:
     """Return a picture as the bytes of a PNG file."""
     from PIL import Image
 
@@ -54,7 +54,7 @@ class Look:
     letters: float = 1.0
 
 
-PLAIN = Look()
+DEFAULT_LOOK = Look()
 """White paper, at the size of a build's preview."""
 
 
@@ -66,7 +66,7 @@ def picture(
     load: LoadCase | None = None,
     family: ArrayLike | None = None,
     caption: str = "",
-    look: Look = PLAIN,
+    look: Look = DEFAULT_LOOK,
 ) -> Bytes:
     """Return a picture of a solid or a sheet, whole on the page, from a side that suits its shape.
 
@@ -80,10 +80,10 @@ def picture(
     draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
     """
     require_rendering()
-    return drawn_picture(V, F, surface=surface, load=load, family=family, caption=caption, look=look)
+    return render_picture(V, F, surface=surface, load=load, family=family, caption=caption, look=look)
 
 
-def drawn_picture(
+def render_picture(
     V: ArrayLike,
     F: ArrayLike,
     *,
@@ -91,7 +91,7 @@ def drawn_picture(
     load: LoadCase | None = None,
     family: ArrayLike | None = None,
     caption: str = "",
-    look: Look = PLAIN,
+    look: Look = DEFAULT_LOOK,
 ) -> Bytes:
     """Return `picture` without the test of this machine: VTK ends the process if it cannot draw."""
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
@@ -106,8 +106,8 @@ def drawn_picture(
         Body(vertices, faces, member, casts=True), side, axis, half, Annotations(surface, load), palette, size
     )
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-        image = rendered(scene, stage, palette, size)
-    return np.asarray(lettered(image, legend(stage, caption, palette, size), palette, look.letters))
+        image = render_stage(scene, stage, palette, size)
+    return np.asarray(with_legend(image, legend(stage, caption, palette, size), palette, look.letters))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,21 +125,21 @@ class StructurePicture:
     half: float
     side: ViewSide
     up: Floats
-    beside: Annotations
+    annotations: Annotations
     caption: str
     look: Look
     clear: bool
 
-    def drawn(self) -> Bytes:
+    def render(self) -> Bytes:
         """Return (height, width, 3 or 4) bytes, without a test of this machine: VTK ends the process on failure."""
         palette, size = self.look.palette, self.look.size
         body = Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)
-        stage = set_stage(body, self.side, self.up, self.half, self.beside, palette, size)
+        stage = set_stage(body, self.side, self.up, self.half, self.annotations, palette, size)
         if self.side.towards @ self.up < 0:  # no ground in views from below
             stage = replace(stage, level=None)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-            image = rendered(scene, stage, palette, size, clear=self.clear)
-        return np.asarray(lettered(image, legend(stage, self.caption, palette, size), palette))
+            image = render_stage(scene, stage, palette, size, transparent=self.clear)
+        return np.asarray(with_legend(image, legend(stage, self.caption, palette, size), palette))
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:

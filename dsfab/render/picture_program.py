@@ -17,10 +17,10 @@ def main() -> None:
     sys.path.append(str(Path(__file__).parents[2]))  # where dsfab is, if it is not installed
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 
-    from dsfab.render.picture import drawn_picture, write_png
+    from dsfab.render.picture import render_picture, write_png
 
-    given, path = json.loads(sys.stdin.readline())
-    pixels = drawn_picture(**pickle.loads(Path(given).read_bytes()))
+    arguments_file, path = json.loads(sys.stdin.readline())
+    pixels = render_picture(**pickle.loads(Path(arguments_file).read_bytes()))
     sys.stdout.write(f"{write_png(pixels, Path(path))}\n")
 
 

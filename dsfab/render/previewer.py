@@ -10,20 +10,20 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import DsfabError, PatternError
-from dsfab.core.sparse import give_back
+from dsfab.core.sparse import release_freed_memory
 from dsfab.design import Progress, draft
 from dsfab.design.design import Design
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.render import light
 from dsfab.render.colouring import (
-    ANSWERS,
     DEFORMED,
-    MODES,
+    MODE_FIELDS,
+    STATICS_RESULTS,
     WHOLE_SHEET,
-    Bar,
+    ColourBar,
     check_show,
-    coloured,
+    face_colouring,
     mode_gradient,
     with_bar,
 )
@@ -31,30 +31,30 @@ from dsfab.render.drawing import (
     EVERY_LAYER,
     LAYERS,
     Annotations,
-    Ground,
+    GroundKind,
     check_ground,
     legend,
-    on_page,
-    rendered,
+    page_view,
+    render_stage,
     set_stage,
 )
-from dsfab.render.lettering import PAPER, Palette, lettered
+from dsfab.render.lettering import PAPER, Palette, with_legend
 from dsfab.render.light import FINE, LightQuality
 from dsfab.render.marks import crosses
 from dsfab.render.opengl import require_rendering
-from dsfab.render.picture import png, write_png
+from dsfab.render.picture import png_bytes, write_png
 from dsfab.render.scene import Body, Bytes, Scene, shading
-from dsfab.render.shader import NOTHING, WHOLE, StripeShader
-from dsfab.render.striped_mesh import StripedMesh, distances, fields, numbers, only_numbers
+from dsfab.render.shader import ALL_MATERIAL, NO_MATERIAL, StripeShader
+from dsfab.render.striped_mesh import StripedMesh, distances, needs_only_settings, shader_settings, vertex_fields
 from dsfab.render.view import View, named_side, up_axis
 
-NOMINAL = (1600, 1200)
+DEFAULT_SIZE = (1600, 1200)
 """Default size of a picture (pixels)."""
 
 
-COLOURED = ("major", "minor", "kept")
+TINTED_FAMILIES = ("major", "minor", "kept")
 """Names of the families that have tints."""
-TRIAL = (96, 72)
+TRIAL_SIZE = (96, 72)
 """Size of the pictures that test the shader (pixels)."""
 
 
@@ -84,7 +84,7 @@ class Previewer:
         view: str = "iso",
         show: str = "structure",
         marks: bool | Collection[str] = True,
-        ground: Ground = "paper",
+        ground: GroundKind = "paper",
         palette: Palette = PAPER,
     ) -> None:
         check_show(show)
@@ -102,25 +102,25 @@ class Previewer:
         tints = self._tints = palette.tints if show == "families" else None
         palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
         self._clear = ground == "transparent"
-        colouring = coloured(design, show, palette)
+        colouring = face_colouring(design, show, palette)
         self._bar, self._words = colouring.bar, colouring.words
         self._V, self._face = colouring.V, colouring.face
-        self._mesh = StripedMesh.of(design)
+        self._mesh = StripedMesh.from_design(design)
         body = self._body()
         shape = surface if colouring.V is None else replace(surface, V=colouring.V)
         half = design.preset.statics.thickness / 2
-        layers = layers_of(marks, view)
+        layers = layer_names(marks, view)
         reaction = design.statics.equilibrium.reaction
-        self._arrows = show in MODES and "gradients" in layers
+        self._arrows = show in MODE_FIELDS and "gradients" in layers
         gradient = mode_gradient(design, show) if self._arrows else None
         blue = show in ("stress", "directions")  # in these pictures blue is compression
-        drawn = replace(palette, load=palette.text) if blue else palette
-        self._palette = drawn
-        known = ("kept", *design.preset.pattern.family_names)
-        pairs = zip(COLOURED, tints, strict=True) if tints else ()
-        self._swatches = tuple((name, tint) for name, tint in pairs if name in known)
-        beside = Annotations(shape, load, reaction, gradient, layers)
-        self._stage = set_stage(body, self._side, up, half, beside, drawn, NOMINAL)
+        mark_palette = replace(palette, load=palette.text) if blue else palette
+        self._palette = mark_palette
+        present = ("kept", *design.preset.pattern.family_names)
+        pairs = zip(TINTED_FAMILIES, tints, strict=True) if tints else ()
+        self._swatches = tuple((name, tint) for name, tint in pairs if name in present)
+        annotations = Annotations(shape, load, reaction, gradient, layers)
+        self._stage = set_stage(body, self._side, up, half, annotations, mark_palette, DEFAULT_SIZE)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
         if self._side.towards @ up < 0:  # no ground in views from below
@@ -128,7 +128,7 @@ class Previewer:
         self._scene = Scene(self._stage.bodies, self._stage.centre, self._stage.radius)
         try:
             self._try_shader()
-            self._settle()
+            self._send_numbers()
         except BaseException:
             self.close()
             raise
@@ -154,23 +154,23 @@ class Previewer:
         return self._words
 
     @property
-    def bar(self) -> Bar | None:
+    def bar(self) -> ColourBar | None:
         """Colour bar of the picture, None without one."""
         return self._bar
 
     def set(self, changes: Mapping[str, Any]) -> None:
         """Change values at dotted keys, e.g. {"pattern.major.frequency": 9}; see `display`."""
-        self.display(overridden(self._preset, changes))
+        self.display(with_overrides(self._preset, changes))
 
     def can_display(self, preset: Preset) -> bool:
         """Return whether `display` can draw a preset: the same geometry under the same loads."""
-        old, drawn = self._preset, self._show
-        same = preset.first_difference(old) != "surface" and (
-            (drawn not in (*DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
+        old, shown = self._preset, self._show
+        same_shape = preset.first_difference(old) != "surface" and (
+            (shown not in (*DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
         )
-        if self._arrows and getattr(preset.pattern, drawn[:5]).mode != getattr(old.pattern, drawn[:5]).mode:
+        if self._arrows and getattr(preset.pattern, shown[:5]).mode != getattr(old.pattern, shown[:5]).mode:
             return False
-        return same and (not (self._arrows or drawn == "directions") or preset.diffusion == old.diffusion)
+        return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == old.diffusion)
 
     def display(self, preset: Preset) -> None:
         """Draw another preset of the same surface from now on.
@@ -189,31 +189,31 @@ class Previewer:
                 raise DsfabError("another mode has other gradients: make a new Previewer for it")
             why = "has other directions" if self._show == "directions" else f"has another shape of {self._show}"
             raise DsfabError(f"another [statics] {why}: make a new Previewer for it")
-        if not only_numbers(self._made.preset, preset):
-            made = draft(preset, old=self._made)
-            mesh = StripedMesh.of(made)
-            stressed = self._show in ("stress", *ANSWERS) and made.statics is not self._made.statics
-            if stressed or self._show in MODES:
-                colouring = coloured(made, self._show, self._palette)
+        if not needs_only_settings(self._made.preset, preset):
+            design = draft(preset, earlier=self._made)
+            mesh = StripedMesh.from_design(design)
+            stressed = self._show in ("stress", *STATICS_RESULTS) and design.statics is not self._made.statics
+            if stressed or self._show in MODE_FIELDS:
+                colouring = face_colouring(design, self._show, self._palette)
                 self._face, self._bar, self._words = colouring.face, colouring.bar, colouring.words
                 self._shader.recolour(self._mesh.on_faces(self._face))
-            now, old = made.preset.pattern, self._made.preset.pattern
-            if now.region != old.region or (now.region and now.keep != old.keep):
+            now, old_pattern = design.preset.pattern, self._made.preset.pattern
+            if now.region != old_pattern.region or (now.region and now.keep != old_pattern.keep):
                 self._distance = None
-            again = not mesh.same(self._mesh)
-            self._made, self._mesh = made, mesh
+            again = not mesh.is_same_mesh(self._mesh)
+            self._made, self._mesh = design, mesh
             if again:
                 body = self._body()
                 self._stage = replace(self._stage, bodies=[body, *self._stage.bodies[1:]])
-                self._scene.put(0, body)
+                self._scene.replace_body(0, body)
             else:
-                self._shader.replace_fields(fields(made, mesh, self._distances(made)))
+                self._shader.replace_fields(vertex_fields(design, mesh, self._distances(design)))
         self._preset = preset
-        self._settle()
+        self._send_numbers()
 
     def picture(
         self,
-        size: tuple[int, int] = NOMINAL,
+        size: tuple[int, int] = DEFAULT_SIZE,
         caption: str | None = None,
         quality: light.LightQuality = light.FINE,
         words: bool = True,
@@ -228,18 +228,18 @@ class Previewer:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
         view = self._view(size, words)
         stage = replace(self._stage, view=view)
-        image = rendered(self._scene, stage, self._palette, size, quality, self._clear)
-        give_back(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
+        image = render_stage(self._scene, stage, self._palette, size, quality, self._clear)
+        release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
         alone = len(stage.bodies) == 1  # then the eye's picture shows whether material is left
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         if words:
             line = self._caption() if caption is None else caption
-            image = lettered(image, legend(stage, line, self._palette, size, self._swatches), self._palette)
+            image = with_legend(image, legend(stage, line, self._palette, size, self._swatches), self._palette)
             image = with_bar(image, self._bar, self._palette) if self._bar else image
         return np.asarray(image)
 
-    def frame(self, size: tuple[int, int] = NOMINAL) -> None:
+    def frame(self, size: tuple[int, int] = DEFAULT_SIZE) -> None:
         """Draw the current preset without the light of a `picture`, and wait for it; editors show such frames."""
         self._scene.frame(self._view(size, False), *size)
 
@@ -248,21 +248,21 @@ class Previewer:
         """Name of the OpenGL renderer, after the first picture."""
         return self._scene.renderer
 
-    def mask(self, size: tuple[int, int] = NOMINAL, words: bool = True) -> Bools:
+    def mask(self, size: tuple[int, int] = DEFAULT_SIZE, words: bool = True) -> Bools:
         """Return (h, w) where a picture of a size would show material, ignoring marks in front of it."""
         return self._scene.mask(self._view(size, words), *size)
 
     def _view(self, size: tuple[int, int], words: bool) -> View:
         if (size, words) not in self._views:
-            self._views[size, words] = on_page(self._stage.bodies, self._side, size, words, self._bar is not None)
+            self._views[size, words] = page_view(self._stage.bodies, self._side, size, words, self._bar is not None)
         return self._views[size, words]
 
-    def write(self, path: str | Path, size: tuple[int, int] = NOMINAL, caption: str | None = None) -> Path:
+    def write(self, path: str | Path, size: tuple[int, int] = DEFAULT_SIZE, caption: str | None = None) -> Path:
         """Write `picture` as a PNG file, whole or not at all; raises ExportError if the file is not writable."""
         return write_png(self.picture(size, caption), Path(path))
 
     def _repr_png_(self) -> bytes:
-        return png(self.picture((800, 600)))
+        return png_bytes(self.picture((800, 600)))
 
     def _caption(self) -> str:
         before = "before cutting and tidying" if self._made.pattern.even else "before cutting"
@@ -270,7 +270,7 @@ class Previewer:
 
     def _body(self) -> Body:
         design, mesh = self._made, self._mesh
-        self._shader = StripeShader(fields(design, mesh, self._distances(design)), self._tints)
+        self._shader = StripeShader(vertex_fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
         if mesh.even:  # shading must not show the seams of the chart
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
@@ -284,17 +284,17 @@ class Previewer:
             normals=normals,
         )
 
-    def _settle(self) -> None:
-        whole = self._show in WHOLE_SHEET
-        self._shader.set(WHOLE if whole else numbers(self._preset, self._made.pattern, self._show))
+    def _send_numbers(self) -> None:
+        whole_sheet = self._show in WHOLE_SHEET
+        self._shader.set(ALL_MATERIAL if whole_sheet else shader_settings(self._preset, self._made.pattern, self._show))
 
     def _try_shader(self) -> None:
         """Test the shader, because drivers that refuse it draw all of the mesh, or nothing, without an error."""
-        view = self._view(TRIAL, True)
+        view = self._view(TRIAL_SIZE, True)
         seen = []
-        for settings in (WHOLE, NOTHING):
+        for settings in (ALL_MATERIAL, NO_MATERIAL):
             self._shader.set(settings)
-            seen.append(int(self._scene.mask(view, *TRIAL).sum()))
+            seen.append(int(self._scene.mask(view, *TRIAL_SIZE).sum()))
         if not seen[0] or seen[1]:
             raise DsfabError(
                 f"this machine's graphics driver does not run the preview's shader ({seen[0]} pixels where all is "
@@ -308,7 +308,7 @@ class Previewer:
         return self._distance
 
 
-def layers_of(marks: bool | Collection[str], view: str) -> set[str]:
+def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
     """Return the names of a view's layers; raises DsfabError for unknown names."""
     layers = set(LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
     if unknown := sorted(layers - set(EVERY_LAYER)):
@@ -325,7 +325,7 @@ class Previewers:
     def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
         self._sketched, self._options = sketched, options
         self._previewer: Previewer | None = None
-        self.made: Design | None = None
+        self.design: Design | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -339,35 +339,35 @@ class Previewers:
             self._previewer.close()
         self._previewer = None
 
-    def showing(self, preset: Preset, progress: Progress | None = None) -> "Previewer":
+    def previewer_for(self, preset: Preset, progress: Progress | None = None) -> "Previewer":
         """Return a previewer with this preset; raises DsfabError if the design or its picture is impossible."""
 
         if self._previewer and self._previewer.can_display(preset):
             self._previewer.display(preset)
             return self._previewer
-        made = self.drafted(preset, progress)
+        design = self.draft_for(preset, progress)
         self.close()
-        self._previewer = Previewer(made, **self._options)
+        self._previewer = Previewer(design, **self._options)
         return self._previewer
 
-    def drafted(self, preset: Preset, progress: Progress | None = None) -> Design:
+    def draft_for(self, preset: Preset, progress: Progress | None = None) -> Design:
         """Return the design up to its pattern, with unchanged stages of the previous design."""
-        design = Design.of(preset, self.made, progress)
+        design = Design.from_preset(preset, self.design, progress)
         if self._sketched and not design.has("pattern"):
             show = self._options.get("show")
-            sketch = design.sketch(modes=show in MODES, answers=show in ("stress", *ANSWERS))
+            sketch = design.sketch(modes=show in MODE_FIELDS, answers=show in ("stress", *STATICS_RESULTS))
             if sketch:
                 self._sketched(sketch)
-        self.made = design.until("pattern")
-        return self.made
+        self.design = design.until("pattern")
+        return self.design
 
 
-def across(count: int) -> int:
+def panel_columns(count: int) -> int:
     """Return the number of pictures in a row: up to 3 in one row, 4 as a square, more in rows of three."""
     return {1: 1, 2: 2, 4: 2}.get(count, 3)
 
 
-class Panels(NamedTuple):
+class PanelsPicture(NamedTuple):
     """Picture of several pictures, and the names of omitted ones with the reason."""
 
     pixels: Bytes
@@ -375,35 +375,35 @@ class Panels(NamedTuple):
 
 
 def panels(
-    made: Design,
+    design: Design,
     names: Sequence[str],
     pixels: tuple[int, int],
     progress: Progress,
     quality: LightQuality = FINE,
     **options: Any,
-) -> Panels:
+) -> PanelsPicture:
     """Return one picture with those of all `names`, each of a size in pixels; `options` are those of `Previewer`.
 
     If loads have their own picture, the others have no arrows, unless the options have `marks`.
     A picture without a result in this design is omitted and reported. Raises DsfabError if none is left.
     """
-    drawn, refused = [], []
+    pictures, refused = [], []
     alone = "marks" not in options and "loads" in names
     for name in names:
         progress("preview", f"drawing {name.replace('_', ' ')}")
         try:
-            given = {"marks": ("person",)} | options if alone and name != "loads" else options
-            with Previewer(made, show=name, **given) as previewer:
-                drawn.append(previewer.picture(pixels, quality=quality))
+            picture_options = {"marks": ("person",)} | options if alone and name != "loads" else options
+            with Previewer(design, show=name, **picture_options) as previewer:
+                pictures.append(previewer.picture(pixels, quality=quality))
         except DsfabError as error:
             refused.append(f"{name}: {error}")
-    if not drawn:
+    if not pictures:
         raise DsfabError(f"nothing can be shown; {'; '.join(refused)}")
-    return Panels(_tiled(drawn), tuple(refused))
+    return PanelsPicture(_tile_pictures(pictures), tuple(refused))
 
 
-def _tiled(pictures: Sequence[Bytes]) -> Bytes:
-    wide = across(len(pictures))
+def _tile_pictures(pictures: Sequence[Bytes]) -> Bytes:
+    columns = panel_columns(len(pictures))
     empty = np.broadcast_to(pictures[0][:1, :1], pictures[0].shape)
-    filled = [*pictures, *(empty for _ in range(-len(pictures) % wide))]
-    return np.concatenate([np.concatenate(filled[i : i + wide], axis=1) for i in range(0, len(filled), wide)])
+    filled = [*pictures, *(empty for _ in range(-len(pictures) % columns))]
+    return np.concatenate([np.concatenate(filled[i : i + columns], axis=1) for i in range(0, len(filled), columns)])

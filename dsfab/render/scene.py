@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.core.sparse import give_back
+from dsfab.core.sparse import release_freed_memory
 from dsfab.render.view import View
 from dsfab.surface import signed_volume
 
@@ -67,14 +67,14 @@ class Window:
         """Set the size of the pictures from now on (pixels)."""
         self.window.SetSize(width, height)
 
-    def rest(self) -> None:
+    def release_pictures(self) -> None:
         """Release the six pictures of the last size that the graphics side holds, until the next picture."""
         width, height = self.window.GetSize()
         self.window.SetSize(64, 64)
         self._renderer.DrawOff()
         self.window.Render()
         self._renderer.DrawOn()
-        give_back(6 * 4 * width * height)
+        release_freed_memory(6 * 4 * width * height)
 
     def fill(self, colour: tuple[float, float, float]) -> None:
         """Set the background colour, red green blue from 0 to 1."""
@@ -111,7 +111,7 @@ class Window:
         return _numbers(values)
 
 
-def warm_up() -> bool:
+def load_renderer() -> bool:
     """Load the drawing modules and draw a red frame, in a process that waits for requests; return whether it is red."""
     import PIL.ImageDraw
     import PIL.ImageFont
@@ -136,18 +136,18 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
     """
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
-    whole = _polydata(points, F)
-    set_array(whole.GetPointData(), "vertex", np.arange(len(points), dtype=np.int32))
-    asked = vtkPolyDataNormals()
-    asked.SetInputData(whole)
-    asked.SetFeatureAngle(split)
-    asked.ConsistencyOff()
-    asked.Update()
-    mesh = asked.GetOutput()
-    at = mesh.GetPointData()
-    normals, source = _numbers(at.GetNormals()).copy(), _numbers(at.GetArray("vertex")).copy()
-    for name in (at.GetNormals().GetName(), "vertex"):  # so that they are not sent to the graphics side
-        at.RemoveArray(name)
+    source_mesh = _polydata(points, F)
+    set_array(source_mesh.GetPointData(), "vertex", np.arange(len(points), dtype=np.int32))
+    normals_filter = vtkPolyDataNormals()
+    normals_filter.SetInputData(source_mesh)
+    normals_filter.SetFeatureAngle(split)
+    normals_filter.ConsistencyOff()
+    normals_filter.Update()
+    mesh = normals_filter.GetOutput()
+    attributes = mesh.GetPointData()
+    normals, source = _numbers(attributes.GetNormals()).copy(), _numbers(attributes.GetArray("vertex")).copy()
+    for name in (attributes.GetNormals().GetName(), "vertex"):  # so that they are not sent to the graphics side
+        attributes.RemoveArray(name)
     return mesh, normals, source
 
 
@@ -157,14 +157,14 @@ def corner_normals(points: Floats, F: Ints, split: float) -> NDArray[np.float32]
     return np.asarray(normals[_numbers(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)])
 
 
-def jointed_mesh(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
+def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
     """Return `split_mesh` for given normals (m, 3, 3) at corners of faces: split where normals differ."""
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
-    _, first, corner = np.unique(key, return_index=True, return_inverse=True)
-    source = F.ravel()[first]
+    _, first_corner, corner = np.unique(key, return_index=True, return_inverse=True)
+    source = F.ravel()[first_corner]
     mesh = _polydata(points[source], corner.reshape(-1, 3))
-    return mesh, np.asarray(normals.reshape(-1, 3)[first]), source
+    return mesh, np.asarray(normals.reshape(-1, 3)[first_corner]), source
 
 
 def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
@@ -201,7 +201,7 @@ Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-SPLIT = 35.0
+SHARP_DEGREES = 35.0
 """Angle (degrees) from which edges are shaded as sharp."""
 
 
@@ -231,13 +231,13 @@ class Body:
         """True for a closed mesh with outward faces, whose backs are invisible from outside."""
         F = np.asarray(self.F, dtype=np.int64)
         start, end = F.ravel(), np.roll(F, -1, axis=1).ravel()
-        there, back = start * len(self.V) + end, end * len(self.V) + start
-        return bool((np.sort(there) == np.sort(back)).all()) and signed_volume(self.V, F) > 0
+        forward, backward = start * len(self.V) + end, end * len(self.V) + start
+        return bool((np.sort(forward) == np.sort(backward)).all()) and signed_volume(self.V, F) > 0
 
 
 def shading(V: Floats, F: Ints) -> Floats32:
     """Return shading normals (m, 3, 3) of a body, for another division of the same surface."""
-    return corner_normals(V, F, SPLIT)
+    return corner_normals(V, F, SHARP_DEGREES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,7 +283,7 @@ class Scene:
         """Release the window."""
         self.window.close()
 
-    def put(self, index: int, body: Body) -> None:
+    def replace_body(self, index: int, body: Body) -> None:
         """Replace a body by another of the same size."""
         actor = self._add(body)
         self.window.remove(self.actors[index])
@@ -291,7 +291,7 @@ class Scene:
 
     def pixels(self, view: View, width: int, height: int) -> Pixels:
         """Return the view of the eye."""
-        near, far = self._look(view)
+        near, far = self._aim_camera(view)
         self.window.resize(width, height)
         with self._walls(view):
             self._colour_by("normal")
@@ -305,7 +305,7 @@ class Scene:
         depth = np.divide(near * far, z, out=z)
         depth[~hit] = np.inf
         colour = self.window.colours()
-        self.window.rest()
+        self.window.release_pictures()
         return Pixels(depth, normal, colour)
 
     @contextmanager
@@ -314,20 +314,20 @@ class Scene:
         eye = (view.eye - self.centre) / self.radius
         shaded = [(body.shader, body.half) for body in self.bodies if body.shader]
         for shader, half in shaded:
-            shader.look(eye, half / self.radius)
+            shader.show_walls(eye, half / self.radius)
         yield
         for shader, _ in shaded:
-            shader.look(None, 0.0)
+            shader.show_walls(None, 0.0)
 
     @property
     def renderer(self) -> str:
         """Name of the OpenGL renderer, after the first picture."""
-        said = re.search(r"OpenGL renderer string:\s*(.+)", self.window.window.ReportCapabilities())
-        return said.group(1).strip() if said else "unknown"
+        match = re.search(r"OpenGL renderer string:\s*(.+)", self.window.window.ReportCapabilities())
+        return match.group(1).strip() if match else "unknown"
 
     def frame(self, view: View, width: int, height: int) -> None:
         """Draw, wait for the picture, and read only its middle pixel."""
-        self._look(view)
+        self._aim_camera(view)
         self.window.resize(width, height)
         self.window.draw()
         self.window.wait()
@@ -335,7 +335,7 @@ class Scene:
     def mask(self, view: View, width: int, height: int) -> Bools:
         """Return (h, w) where the eye would see a shadow-casting body without the other bodies."""
         with self.lamps():
-            self._look(view)
+            self._aim_camera(view)
             self.window.resize(width, height)
             return np.asarray(self._depth() < 1)
 
@@ -372,7 +372,7 @@ class Scene:
         self.casting = self.casting or bool((seen < 1).any())
         return seen
 
-    def _look(self, view: View) -> tuple[float, float]:
+    def _aim_camera(self, view: View) -> tuple[float, float]:
         camera = self.window.camera
         eye = (view.eye - self.centre) / self.radius
         camera.SetParallelProjection(False)
@@ -405,9 +405,11 @@ class Scene:
         from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
         points = (body.V - self.centre) / self.radius
-        known = body.normals
+        body_normals = body.normals
         mesh, normals, source = (
-            split_mesh(points, body.F, SPLIT) if known is None else jointed_mesh(points, body.F, known)
+            split_mesh(points, body.F, SHARP_DEGREES)
+            if body_normals is None
+            else mesh_with_normals(points, body.F, body_normals)
         )
         set_array(mesh.GetPointData(), "normal", np.round((normals + 1) * 127.5).astype(np.uint8))
         set_array(mesh.GetCellData(), "colour", np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8))

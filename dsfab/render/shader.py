@@ -14,15 +14,15 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
-FAR = 1e30
+INFINITE_DISTANCE = 1e30
 """Distance to absent things, finite because infinity times a weight of zero is not a number."""
-NO_REACH = -FAR
+NO_REACH = -INFINITE_DISTANCE
 """Reach that keeps nothing; a reach of 0 would keep values interpolated to just below 0 at the silhouette."""
 BY_VERTEX = -1.0
 """Half-width uniform that makes the shader read half-widths at the vertices."""
 
 
-_DECLARED, _GIVEN = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
+_DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")
@@ -90,7 +90,7 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 
 
 @dataclass(frozen=True)
-class Settings:
+class StripeSettings:
     """Numbers of a pattern for the major and the minor family.
 
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
@@ -104,12 +104,12 @@ class Settings:
     shown: tuple[float, float] = (1.0, 1.0)
 
 
-WHOLE, NOTHING = Settings(), Settings(half_width=(0.0, 0.0))
+ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.0))
 """Settings for all of the surface and for none of it, which test the shader."""
 
 
 @dataclass(frozen=True)
-class Program:
+class ShaderProgram:
     """Parts of the shader's program; software rendering pays for each further number per triangle.
 
     vary : names of `FIELDS` that it reads at the vertices, with modes.
@@ -123,18 +123,20 @@ class Program:
 
     def vertex(self) -> tuple[tuple[str, str], ...]:
         """Return replacements in the vertex shader."""
-        declared, given = [f"in vec2 {name}MC;" for name in self.vary], []
+        declared, code = [f"in vec2 {name}MC;" for name in self.vary], []
         if self.walls:
             declared.append("out vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;")
-            widths, kept = (f"{name}MC" if name in self.vary else "vec2(0.0)" for name in FIELDS[1:])
-            given.append(f"  stripesVS = vec4(modesMC, {widths});\n  keptVS = {kept};\n  dsWhere = vertexMC.xyz;\n")
+            widths_code, kept_code = (f"{name}MC" if name in self.vary else "vec2(0.0)" for name in FIELDS[1:])
+            code.append(
+                f"  stripesVS = vec4(modesMC, {widths_code});\n  keptVS = {kept_code};\n  dsWhere = vertexMC.xyz;\n"
+            )
         else:
             declared.append("out vec4 dsStripes;")
-            given.append(_STRIPES.replace("HALF", _HALF if "widths" in self.vary else "dsDrawn"))
+            code.append(_STRIPES.replace("HALF", _HALF if "widths" in self.vary else "dsDrawn"))
             if "kept" in self.vary:
                 declared.append("out vec2 dsReached;")
-                given.append(_REACHED)
-        return (_DECLARED, "\n".join(declared) + "\n"), (_GIVEN, "".join(given))
+                code.append(_REACHED)
+        return (_DECLARED, "\n".join(declared) + "\n"), (_VERTEX_CODE, "".join(code))
 
     def fragment(self) -> tuple[tuple[str, str], ...]:
         """Return replacements in the fragment shader."""
@@ -143,9 +145,9 @@ class Program:
             declared = f"in vec4 stripesVS;\nin vec2 keptVS;\nin vec3 dsWhere;\n{GLSL}\n{_DEPTH}"
             colour += _WALL_NORMAL if self.normals else _WALL_COLOUR
             return (_DECLARED, declared), (_CLIP, _WALLS), (_COLOURS, colour)
-        kept = "kept" in self.vary
-        declared = "in vec4 dsStripes;\n" + ("in vec2 dsReached;\n" if kept else "")
-        thin = _THIN.replace("REACHED", "max(dsReached.x, dsReached.y)" if kept else "-1.0")
+        reads_kept = "kept" in self.vary
+        declared = "in vec4 dsStripes;\n" + ("in vec2 dsReached;\n" if reads_kept else "")
+        thin = _THIN.replace("REACHED", "max(dsReached.x, dsReached.y)" if reads_kept else "-1.0")
         return (_DECLARED, declared), (_CLIP, thin), (_COLOURS, colour)
 
 
@@ -161,7 +163,7 @@ class StripeShader:
 
     fields: Floats
     tints: tuple[Colour, Colour, Colour] | None = None
-    program: Program = Program()
+    program: ShaderProgram = ShaderProgram()
     _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
@@ -172,8 +174,8 @@ class StripeShader:
         self.replace_fields(self.fields)
         for name in FIELDS:
             mapper.MapDataArrayToVertexAttribute(name + "MC", name, vtkDataObject.FIELD_ASSOCIATION_POINTS, -1)
-        self.set(WHOLE)
-        self.look(None, 0.0)
+        self.set(ALL_MATERIAL)
+        self.show_walls(None, 0.0)
         for uniforms in self._uniforms():
             uniforms.SetUniformf("dsSteep", 1 / 4.0)  # seen edge on, a wall shows four half thicknesses at most
             uniforms.SetUniformf("dsShade", 0.82)  # walls are darker than faces
@@ -184,46 +186,48 @@ class StripeShader:
     def replace_fields(self, fields: Floats) -> None:
         """Replace modes, half-widths and distances (n, 6) on the same geometry."""
         self.fields = fields
-        values: Floats32 = np.where(np.isfinite(fields), fields, FAR).astype(np.float32)
+        values: Floats32 = np.where(np.isfinite(fields), fields, INFINITE_DISTANCE).astype(np.float32)
         for part in self._parts:
-            mesh, at = part["mesh"], part["source"]
+            mesh, source = part["mesh"], part["source"]
             for k, name in enumerate(FIELDS):
-                set_array(mesh.GetPointData(), name, values[at, 2 * k : 2 * k + 2])
+                set_array(mesh.GetPointData(), name, values[source, 2 * k : 2 * k + 2])
 
     def recolour(self, face: Bytes) -> None:
         """Replace the colours (m, 3) of the faces."""
         for part in self._parts:
             set_array(part["mesh"].GetCellData(), "colour", face)
 
-    def set(self, settings: Settings) -> None:
+    def set(self, settings: StripeSettings) -> None:
         """Replace the numbers, in microseconds unless the program changes for widths or reaches."""
-        drawn = [d if on > 0.5 else 0.0 for d, on in zip(settings.half_width, settings.shown, strict=True)]
-        widths, kept = min(drawn) < 0, max(settings.reach) > NO_REACH
-        self._run(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if kept else ())))
+        shown_widths = [
+            d if is_shown > 0.5 else 0.0 for d, is_shown in zip(settings.half_width, settings.shown, strict=True)
+        ]
+        widths, reads_kept = min(shown_widths) < 0, max(settings.reach) > NO_REACH
+        self._change_program(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if reads_kept else ())))
         for uniforms in self._uniforms():
             uniforms.SetUniform2f("dsFrequency", settings.frequency)
             uniforms.SetUniform2f("dsPhase", settings.phase)
             uniforms.SetUniform2f("dsHalfWidth", settings.half_width)
-            uniforms.SetUniform2f("dsDrawn", drawn)
+            uniforms.SetUniform2f("dsDrawn", shown_widths)
             uniforms.SetUniform2f("dsReach", settings.reach)
             uniforms.SetUniform2f("dsShown", settings.shown)
 
-    def look(self, eye: Floats | None, half: float) -> None:
+    def show_walls(self, eye: Floats | None, half: float) -> None:
         """Show walls of a sheet with half its thickness from `eye` (3,), both in scene units, or none without an eye.
 
         Walls are only a hint: those of a slab in the plane of each triangle, without the surface's rim.
         """
         walls = eye is not None and half > 0
-        self._run(walls=walls)
+        self._change_program(walls=walls)
         for uniforms in self._uniforms():
             uniforms.SetUniform3f("dsEye", [0.0, 0.0, 0.0] if eye is None else [float(x) for x in eye])
             uniforms.SetUniformf("dsThick", half if walls else 0.0)
 
     def colour_by(self, name: str) -> None:
         """Choose the output, "colour" or "normal"."""
-        self._run(normals=name == "normal")
+        self._change_program(normals=name == "normal")
 
-    def _run(self, **changes: Any) -> None:
+    def _change_program(self, **changes: Any) -> None:
         """Compose the program again if it changes; VTK keeps compiled programs."""
         self.program = replace(self.program, tinted=self.tints is not None, **changes)
         for part in self._parts:
@@ -238,4 +242,8 @@ class StripeShader:
 
     def _uniforms(self) -> list[Any]:
         codes = [part["actor"].GetShaderProperty() for part in self._parts]
-        return [one for code in codes for one in (code.GetVertexCustomUniforms(), code.GetFragmentCustomUniforms())]
+        return [
+            uniforms
+            for code in codes
+            for uniforms in (code.GetVertexCustomUniforms(), code.GetFragmentCustomUniforms())
+        ]

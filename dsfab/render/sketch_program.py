@@ -14,9 +14,9 @@ import threading
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
-from dsfab.render.opengl import take_for_granted
+from dsfab.render.opengl import assume_window
 from dsfab.render.picture import StructurePicture, write_png
-from dsfab.render.scene import warm_up
+from dsfab.render.scene import load_renderer
 
 if TYPE_CHECKING:
     from dsfab.render.previewer import Previewer
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
 def main(sketches: bool) -> None:
     """Draw the requests of standard input; `sketches` loads the modules for sketches beforehand."""
     requests: SimpleQueue[bytes] = SimpleQueue()
-    threading.Thread(target=_listen, args=(requests,), daemon=True).start()
-    window = take_for_granted()  # if this machine cannot draw, the process crashes silently
-    if not warm_up():
+    threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
+    window = assume_window()  # if this machine cannot draw, the process crashes silently
+    if not load_renderer():
         sys.exit(1)
-    _say(window)
+    _print_line(window)
     if sketches:
         import dsfab.render.previewer  # noqa: F401  (loaded ahead)
     while True:
         _draw(*pickle.loads(requests.get()))
-        _say("drawn")
+        _print_line("drawn")
         gc.enable()  # `--watch` requests many pictures
 
 
 def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = None) -> None:
     if isinstance(what, StructurePicture):
-        write_png(what.drawn(), path)
+        write_png(what.render(), path)
         return
     from dsfab.render.light import ROUGH
     from dsfab.render.previewer import Previewer
@@ -58,12 +58,12 @@ def _caption(previewer: "Previewer", show: str) -> str:
     return ", ".join(filter(None, (f"{previewer.preset.name} - first picture", words)))
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
 
 
-def _listen(requests: "SimpleQueue[bytes]") -> None:
+def _read_requests(requests: "SimpleQueue[bytes]") -> None:
     """Read requests while a picture is drawn, and end the process with its input."""
     source = sys.stdin.buffer
     while len(head := source.read(8)) == 8:

@@ -17,17 +17,17 @@ from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.layers import finest_half_widths
 from dsfab.preset.model import AUTO, FAMILIES, STAGES, Pattern, Preset
 from dsfab.render.scene import Bytes, Floats32
-from dsfab.render.shader import BY_VERTEX, FAR, NO_REACH, Settings
+from dsfab.render.shader import BY_VERTEX, INFINITE_DISTANCE, NO_REACH, StripeSettings
 from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
-SLIDING = 1 / 8
+EXACT_REACH_SHARE = 1 / 8
 """Largest reach with exact distances for all presets, over the size of the surface."""
 
 
-DRAWN = 1e33
+REGION_FACTOR = 1e33
 """Factor for distances from drawn regions, which makes every reach 0 beside them, even `NO_REACH`."""
-DRAWN_ONLY = -1e6
+REGION_REACH = -1e6
 """Reach for drawn regions alone: the shader reads distances only for reaches over `NO_REACH`."""
 
 
@@ -42,25 +42,29 @@ class StripedMesh:
     even: EvenStripes | None
 
     @classmethod
-    def of(cls, made: Design) -> Self:
+    def from_design(cls, design: Design) -> Self:
         """Return the mesh of a design."""
-        return cls(made.surface, made.pattern.even)
+        return cls(design.surface, design.pattern.even)
 
     @property
     def surface(self) -> Surface:
         """(n', m') mesh to draw; the same sheet as the uncut surface."""
         return self.even.chart.surface if self.even else self.uncut
 
-    def same(self, other: "StripedMesh") -> bool:
+    def is_same_mesh(self, mesh: "StripedMesh") -> bool:
         """Return whether the mesh and the phases of even stripes are equal."""
-        if self.uncut is not other.uncut or (self.even is None) != (other.even is None):
+        if self.uncut is not mesh.uncut or (self.even is None) != (mesh.even is None):
             return False
-        if self.even is None or other.even is None or self.even is other.even:
+        if self.even is None or mesh.even is None or self.even is mesh.even:
             return True
-        one, two = self.even.chart, other.even.chart
+        chart, other_chart = self.even.chart, mesh.even.chart
         return all(
             np.array_equal(a, b)
-            for a, b in ((one.z, two.z), (one.surface.F, two.surface.F), (one.surface.V, two.surface.V))
+            for a, b in (
+                (chart.z, other_chart.z),
+                (chart.surface.F, other_chart.surface.F),
+                (chart.surface.V, other_chart.surface.V),
+            )
         )
 
     def carry(self, x: Floats) -> Floats:
@@ -91,11 +95,11 @@ class StripedMesh:
             return self.uncut.vertex_normals
         return unit_vectors(self.carry(self.uncut.vertex_normals))
 
-    def phases(self, made: Design) -> Floats:
+    def phases(self, design: Design) -> Floats:
         """Return (n', 2) modes of both families, or the phases of even stripes."""
         if self.even:
             return self.even.chart.z
-        mode, modes = made.pattern.mode, made.diffusion
+        mode, modes = design.pattern.mode, design.diffusion
         return np.stack([modes.major.mode(mode[0]), modes.minor.mode(mode[1])], axis=1)
 
     @cached_property
@@ -116,100 +120,100 @@ class StripedMesh:
         return self.carry(np.stack(finest, axis=1)) * even.chart.scale
 
 
-def distances(made: Design) -> tuple[Floats, Floats]:
+def distances(design: Design) -> tuple[Floats, Floats]:
     """Return distances (n,) to loads and supports, and to the boundary (m), as far as a slider or the preset reaches.
 
-    With drawn regions the first is the distance outside of them and of kept material, times `DRAWN`.
+    With drawn regions the first is the distance outside of them and of kept material, times `REGION_FACTOR`.
     """
-    return _distances(made)
+    return _distances(design)
 
 
 @derived
-def _distances(made: Design) -> tuple[Floats, Floats]:
-    surface, load, ask = made.surface, made.load, made.preset.pattern
-    reach = max(SLIDING * surface.size, ask.keep, ask.rim)
-    near = distance_to_vertices(surface, load.held | load.loaded, reach)
-    if ask.drawn_regions:
-        near = DRAWN * _outside(made, near)
-    return near, distance_to_boundary(surface, reach)
+def _distances(design: Design) -> tuple[Floats, Floats]:
+    surface, load, pattern = design.surface, design.load, design.preset.pattern
+    reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)
+    to_held = distance_to_vertices(surface, load.supported | load.loaded, reach)
+    if pattern.drawn_regions:
+        to_held = REGION_FACTOR * _distances_outside(design, to_held)
+    return to_held, distance_to_boundary(surface, reach)
 
 
-def _outside(made: Design, near: Floats) -> Floats:
+def _distances_outside(design: Design, to_held: Floats) -> Floats:
     """Return distances (n,) outside of kept material and drawn regions (m), roughly; 0 along their outlines."""
-    surface, ask = made.surface, made.preset.pattern
-    off = np.where(np.isfinite(near) & (ask.keep > 0), near - ask.keep, surface.size)
-    for field in made.pattern.fields[: ask.drawn_regions]:
+    surface, pattern = design.surface, design.preset.pattern
+    outside = np.where(np.isfinite(to_held) & (pattern.keep > 0), to_held - pattern.keep, surface.size)
+    for field in design.pattern.fields[: pattern.drawn_regions]:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
             # vertices on the outline of a solid region lie a little outside of it
             region = np.where(x > 0, -surface.mean_edge, 1e-3 * surface.mean_edge)
-            off = np.where(x >= 0, np.minimum(off, region), off)
+            outside = np.where(x >= 0, np.minimum(outside, region), outside)
         else:
-            off = np.where(x[:, 0] >= 0, np.minimum(off, x[:, 1]), off)
-    return off
+            outside = np.where(x[:, 0] >= 0, np.minimum(outside, x[:, 1]), outside)
+    return outside
 
 
-def fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
+def vertex_fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
     """Return phases, half-widths and distances (n', 6) (see `StripeShader`); distances : (n,) each."""
     return np.concatenate(
-        [mesh.phases(design), mesh.half_widths(design.pattern), mesh.carry(finite(distances))], axis=1
+        [mesh.phases(design), mesh.half_widths(design.pattern), mesh.carry(finite_distances(distances))], axis=1
     )
 
 
-def finite(distances: tuple[Floats, Floats], far: float = FAR) -> Floats:
+def finite_distances(distances: tuple[Floats, Floats], limit: float = INFINITE_DISTANCE) -> Floats:
     """Return distances (n, 2) with a limit for infinity, because infinity times a weight of 0 is not a number."""
-    return np.where(np.isfinite(distances), distances, far).T
+    return np.where(np.isfinite(distances), distances, limit).T
 
 
-def only_numbers(made: Preset, preset: Preset) -> bool:
+def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
     """Return whether a preset differs from the drawn preset in numbers of the shader only."""
-    old, new = made.pattern, preset.pattern
-    first = preset.first_difference(made)
-    if first is None or STAGES.index(first) > STAGES.index("pattern"):
+    old_pattern, new_pattern = drawn_preset.pattern, preset.pattern
+    first_section = preset.first_difference(drawn_preset)
+    if first_section is None or STAGES.index(first_section) > STAGES.index("pattern"):
         return True
     if (
-        first != "pattern"
-        or old.region != new.region
-        or old.width != new.width
-        or new.width.solid_fraction
-        or old.method != new.method
+        first_section != "pattern"
+        or old_pattern.region != new_pattern.region
+        or old_pattern.width != new_pattern.width
+        or new_pattern.width.solid_fraction
+        or old_pattern.method != new_pattern.method
     ):
         return False
-    if new.drawn_regions and new.keep != old.keep:
+    if new_pattern.drawn_regions and new_pattern.keep != old_pattern.keep:
         return False
-    if new.method != "modes":
-        return new.method == "stripes" and _but_reaches(old) == _but_reaches(new)
-    if new.width.widths(1.0).vary or new.auto:  # these depend on every number
+    if new_pattern.method != "modes":
+        return new_pattern.method == "stripes" and _without_reaches(old_pattern) == _without_reaches(new_pattern)
+    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # these depend on every number
         return False
-    if new.major.spacing or new.minor.spacing:  # frequencies are solved for
+    if new_pattern.major.spacing or new_pattern.minor.spacing:  # frequencies are solved for
         return False
-    return (old.major.mode, old.minor.mode) == (new.major.mode, new.minor.mode)
+    return (old_pattern.major.mode, old_pattern.minor.mode) == (new_pattern.major.mode, new_pattern.minor.mode)
 
 
-def _but_reaches(pattern: Pattern) -> dict[str, object]:
+def _without_reaches(pattern: Pattern) -> dict[str, object]:
     """Return the pattern without the numbers of the shader for even stripes, whose widths vary at vertices."""
     return pattern.model_dump(exclude={"keep", "rim", "fillet", "tidy"})
 
 
-def numbers(preset: Preset, made: PatternResult, show: str) -> Settings:
+def shader_settings(preset: Preset, result: PatternResult, show: str) -> StripeSettings:
     """Return the shader settings of a preset, with solved numbers of its pattern's result."""
-    ask = preset.pattern
-    pair, width = (ask.major, ask.minor), ask.width
-    nothing = DRAWN_ONLY if ask.drawn_regions else NO_REACH
-    reach, shown = (ask.keep or nothing, ask.rim or NO_REACH), _SHOWN.get(show, (1.0, 1.0))
-    drawn = (shown[0] * ("major" in ask.family_names), shown[1] * ("minor" in ask.family_names))
-    if made.even:
-        return Settings(half_width=(BY_VERTEX, BY_VERTEX), reach=reach, shown=drawn)
+    pattern = preset.pattern
+    pair, width = (pattern.major, pattern.minor), pattern.width
+    nothing = REGION_REACH if pattern.drawn_regions else NO_REACH
+    reach, shown = (pattern.keep or nothing, pattern.rim or NO_REACH), _SHOWN_FAMILIES.get(show, (1.0, 1.0))
+    shown_families = (shown[0] * ("major" in pattern.family_names), shown[1] * ("minor" in pattern.family_names))
+    if result.even:
+        return StripeSettings(half_width=(BY_VERTEX, BY_VERTEX), reach=reach, shown=shown_families)
     by_vertex = width.solid_fraction > 0 or width.widths(1.0).vary
-    phase = [made.phase[k] if family.phase == AUTO else family.shift for k, family in enumerate(pair)]
-    return Settings(
-        (pair[0].frequency or made.frequency[0], pair[1].frequency or made.frequency[1]),
+    phase = [result.phase[k] if family.phase == AUTO else family.shift for k, family in enumerate(pair)]
+    return StripeSettings(
+        (pair[0].frequency or result.frequency[0], pair[1].frequency or result.frequency[1]),
         (phase[0] % 1, phase[1] % 1),
         (BY_VERTEX, BY_VERTEX) if by_vertex else (pair[0].stripes.half_width, pair[1].stripes.half_width),
         reach,
-        drawn,
+        shown_families,
     )
 
 
-_SHOWN = {"major": (1.0, 0.0), "minor": (0.0, 1.0)}
+_SHOWN_FAMILIES = {"major": (1.0, 0.0), "minor": (0.0, 1.0)}

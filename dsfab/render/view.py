@@ -8,7 +8,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
-ANGLE = 24.0
+VIEW_DEGREES = 24.0
 """Vertical view angle (degrees): a long lens, so that near members are no larger than far members."""
 
 
@@ -27,7 +27,7 @@ class View:
     floor: Floats
     front: bool
 
-    def seen(self, points: Floats) -> Floats:
+    def page_coordinates(self, points: Floats) -> Floats:
         """Return points (k, 3) as (x, y, depth): x and y are 1 at the upper edge of a square picture."""
         local = (points - self.eye) @ np.stack([self.right, self.up, self.forward], axis=1)
         local[:, :2] /= self.slope * local[:, 2:]
@@ -50,22 +50,22 @@ def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats
     if _is_plate(V):
         return y if abs(_normal(V)[1]) < 0.5 else z
     lowest, highest = V[:, 1].min(), V[:, 1].max()
-    return y if surface.V[load.held, 1].mean() < lowest + 0.3 * (highest - lowest) else z
+    return y if surface.V[load.supported, 1].mean() < lowest + 0.3 * (highest - lowest) else z
 
 
-def _spread(V: Floats) -> tuple[Floats, Floats]:
+def _principal_spread(V: Floats) -> tuple[Floats, Floats]:
     """Return standard deviations of points along their principal axes, largest first, and the axes as rows."""
     values, axes = np.linalg.eigh(np.cov((V - V.mean(axis=0)).T))
     return np.sqrt(np.maximum(values[::-1], 0.0)), axes.T[::-1]
 
 
 def _is_plate(V: Floats) -> bool:
-    spread, _ = _spread(V)
+    spread, _ = _principal_spread(V)
     return bool(spread[2] < 0.03 * spread[1])
 
 
 def _normal(V: Floats) -> Floats:
-    return np.asarray(_spread(V)[1][2])
+    return np.asarray(_principal_spread(V)[1][2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ def best_side(V: Floats, up: Floats) -> ViewSide:
     """Return the three-quarter view of V (n, 3) from a little above; standing plates are seen face on."""
     if _is_plate(V) and abs(_normal(V) @ up) < 0.7:
         return _face_on(_normal(V), up)
-    front, right = _plan(V, up)
+    front, right = _plan_axes(V, up)
     depth, width, height = np.ptp(V @ np.stack([front, right, up], axis=1), axis=0)
     # low structures are seen from higher up, towers almost from eye level
     lift = np.radians(np.interp(height / max(width, depth), [0.0, 0.15, 0.35, 1.0, 2.0], [40.0, 32.0, 24.0, 17.0, 9.0]))
@@ -91,7 +91,7 @@ def best_side(V: Floats, up: Floats) -> ViewSide:
     return ViewSide(np.cos(lift) * level + np.sin(lift) * up, up, up, False)
 
 
-NAMED = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
+NAMED_ANGLES = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
 """Azimuth and elevation (degrees); low views are a little raised, because the ground would be a line."""
 
 
@@ -103,8 +103,8 @@ def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
     """
     if name == "iso":
         return best_side(V, up)
-    azimuth, elevation = NAMED[name] if name in NAMED else _angles(name)
-    front, right = _plan(V, up)
+    azimuth, elevation = NAMED_ANGLES[name] if name in NAMED_ANGLES else _angles(name)
+    front, right = _plan_axes(V, up)
     turn, lift = np.radians([azimuth, elevation])
     level = np.cos(turn) * front + np.sin(turn) * right
     towards = np.cos(lift) * level + np.sin(lift) * up
@@ -134,7 +134,7 @@ def _face_on(normal: Floats, up: Floats) -> ViewSide:
     return ViewSide(towards / np.linalg.norm(towards), up, normal, True)
 
 
-def _plan(V: Floats, up: Floats) -> tuple[Floats, Floats]:
+def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
     """Return the front direction, which long plans turn their long side to, and the direction right of it (3,)."""
     vertical = int(np.argmax(np.abs(up)))
     right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
@@ -148,22 +148,24 @@ def _plan(V: Floats, up: Floats) -> tuple[Floats, Floats]:
     return front, right
 
 
-def framed(points: Floats, side: ViewSide, box: tuple[float, float, float, float]) -> View:
+def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, float]) -> View:
     """Return the view of a side in which points (n, 3) fill a box (left, right, bottom, top) in units of the page."""
     towards = side.towards
     right = np.cross(side.up, towards)
     right /= np.linalg.norm(right)
     forward, vertical = -towards, np.cross(towards, right)
-    slope = float(np.tan(np.radians(ANGLE / 2)))
+    slope = float(np.tan(np.radians(VIEW_DEGREES / 2)))
     low, high = points.min(axis=0), points.max(axis=0)
     middle, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     distance, centre = 2 * reach / slope, middle
-    left, wide, bottom, top = box
+    left_edge, right_edge, bottom, top = box
     for _ in range(30):
         view = View(centre + distance * towards, right, vertical, forward, slope, side.floor, side.front)
-        x, y, _ = view.seen(points).T
-        scale = max(np.ptp(x) / (wide - left), np.ptp(y) / (top - bottom))
-        shift = (x.min() + x.max() - left - wide) / 2 * right + (y.min() + y.max() - bottom - top) / 2 * vertical
+        x, y, _ = view.page_coordinates(points).T
+        scale = max(np.ptp(x) / (right_edge - left_edge), np.ptp(y) / (top - bottom))
+        shift = (x.min() + x.max() - left_edge - right_edge) / 2 * right + (
+            y.min() + y.max() - bottom - top
+        ) / 2 * vertical
         centre = centre + shift * slope * distance
         distance *= scale
         if abs(scale - 1) < 1e-4 and np.linalg.norm(shift) < 1e-4:

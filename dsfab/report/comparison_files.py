@@ -11,9 +11,9 @@ from urllib.parse import quote
 
 from dsfab.core.limits import SEVERITY
 from dsfab.core.messages import mass
-from dsfab.report.compliance.findings import LABELS, digits_of, enumeration, share_of, within
+from dsfab.report.compliance.findings import LABELS, enumeration, share_words, significant_digits, within
 from dsfab.report.design.facts import versions
-from dsfab.report.html_pages import Block, Document, Paragraph, ReportSection, Table, escaped
+from dsfab.report.html_pages import Block, Document, Paragraph, ReportSection, Table, escaped_text
 
 if TYPE_CHECKING:
     from dsfab.preset.model import Preset
@@ -21,18 +21,22 @@ if TYPE_CHECKING:
 
 
 def write_results(
-    preset: "Preset", found: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
+    preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
     """Write results.csv and results.json, and return the text of the latter; `verdict` is the full check of the
     design.
     """
     from dsfab.preset.file import preset_toml
 
-    rows = [{"volume": share, **row} for share, one in found for row in one.record()["competitors"]]
-    about = {"name": preset.name, "command": command, "versions": versions(), "preset": preset_toml(preset)}
-    own = next((one for share, one in found if share is None), None)
-    beside = {"alternatives": [one.record() for one in own.alternatives]} if own else {}
-    document = json.dumps({**about, **_verdict(found), **beside, "competitors": rows}, indent=2)
+    rows = [{"volume": share, **row} for share, compared in comparisons for row in compared.record()["competitors"]]
+    origin = {"name": preset.name, "command": command, "versions": versions(), "preset": preset_toml(preset)}
+    design_comparison = next((compared for share, compared in comparisons if share is None), None)
+    alternatives = (
+        {"alternatives": [compared.record() for compared in design_comparison.alternatives]}
+        if design_comparison
+        else {}
+    )
+    document = json.dumps({**origin, **_verdict_facts(comparisons), **alternatives, "competitors": rows}, indent=2)
     (folder / "results.json").write_text(document + "\n", encoding="utf-8")
     (folder / "results.csv").write_text(_csv(rows), encoding="utf-8", newline="")
     shared = [row for row in rows if row["volume"] is not None]
@@ -43,13 +47,13 @@ def write_results(
     return document
 
 
-def _verdict(found: "Sequence[tuple[float | None, Comparison]]") -> dict[str, Any]:
+def _verdict_facts(comparisons: "Sequence[tuple[float | None, Comparison]]") -> dict[str, Any]:
     """Full check of the design as its preset draws it, or the reason of its failure; empty after one solve."""
-    for share, one in found:
+    for share, compared in comparisons:
         if share is None:
-            if one.design.judgement is None:
-                return {"verdict": {"status": "fail", "reason": one.design.error}}
-            return {"verdict": check.record()} if (check := one.design.judgement.check) else {}
+            if compared.design.judgement is None:
+                return {"verdict": {"status": "fail", "reason": compared.design.error}}
+            return {"verdict": check.record()} if (check := compared.design.judgement.check) else {}
     return {}
 
 
@@ -69,16 +73,16 @@ def _cell(value: Any) -> Any:
     return json.dumps(value) if isinstance(value, dict) else value
 
 
-def summary_page(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
-    """Return a document on several designs. rows : see `dsfab.app.compare.Row`.    folder : where the page will
+def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
+    """Return a document on several designs. rows : see `dsfab.app.compare.SummaryRow`.    folder : where the page will
     stand.
     """
-    made = [row for row in rows if not row["error"]]
-    blocks: list[Block] = [Paragraph(_counted(rows), "lead")]
-    if made:
-        blocks.append(_table(made, against, folder))
-    told = [row for row in rows if row["error"] or row["verdict"] == "fail"]
-    reasons = [(escaped(row["name"]), escaped(row["error"] or row["reason"])) for row in told]
+    compared = [row for row in rows if not row["error"]]
+    blocks: list[Block] = [Paragraph(_verdict_counts(rows), "lead")]
+    if compared:
+        blocks.append(_table(compared, against, folder))
+    unfit = [row for row in rows if row["error"] or row["verdict"] == "fail"]
+    reasons = [(escaped_text(row["name"]), escaped_text(row["error"] or row["reason"])) for row in unfit]
     if reasons:
         caption = "<b>Table 2.</b> Not compared, or not carrying their loads."
         blocks.append(Table(caption, ("Design", "Why"), reasons, 2, "", (1, 5)))
@@ -87,25 +91,25 @@ def summary_page(rows: Sequence[Mapping[str, Any]], against: Sequence[str], fold
     return Document("Structural compliance", "Several designs", facts, [ReportSection("Summary", blocks)], footer)
 
 
-def _counted(rows: Sequence[Mapping[str, Any]]) -> str:
-    told = [f"{count} {verdict}" for verdict in SEVERITY if (count := sum(row["verdict"] == verdict for row in rows))]
+def _verdict_counts(rows: Sequence[Mapping[str, Any]]) -> str:
+    counts = [f"{count} {verdict}" for verdict in SEVERITY if (count := sum(row["verdict"] == verdict for row in rows))]
     if refused := sum(bool(row["error"]) for row in rows):
-        told.append(f"{refused} refused")
-    return f"Of {len(rows)} designs: {enumeration(told)}."
+        counts.append(f"{refused} refused")
+    return f"Of {len(rows)} designs: {enumeration(counts)}."
 
 
-def _table(made: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Table:
+def _table(compared: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Table:
     rows = []
-    for row in made:
+    for row in compared:
         stiff = row["compliance_J"] is not None
         rows.append(
             (
-                _linked(row, folder),
+                _report_link(row, folder),
                 row["verdict"],
                 mass(row["mass_kg"]) if row["mass_kg"] is not None else "-",
-                share_of(row["area_fraction"]) if row["area_fraction"] is not None else "-",
+                share_words(row["area_fraction"]) if row["area_fraction"] is not None else "-",
                 within(row["compliance_J"], row["bound"], "J") if stiff else "-",
-                digits_of(row["ratio_to_full"]) if stiff else "-",
+                significant_digits(row["ratio_to_full"]) if stiff else "-",
                 *(_ratio(row, name) for name in against),
                 f"{row['seconds']:.0f}",
             )
@@ -119,12 +123,12 @@ def _table(made: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Pa
     return Table("<b>Table 1.</b> Compliance, and competitors of the same mass.", head, rows, 1, note, widths)
 
 
-def _linked(row: Mapping[str, Any], folder: Path) -> str:
+def _report_link(row: Mapping[str, Any], folder: Path) -> str:
     report = Path(row["folder"]) / "report.html"
-    name = escaped(row["name"])
+    name = escaped_text(row["name"])
     return f'<a href="{quote(os.path.relpath(report, folder))}">{name}</a>' if report.exists() else name
 
 
 def _ratio(row: Mapping[str, Any], name: str) -> str:
     value = row.get(f"{name}_ratio")
-    return "-" if value is None else f"{digits_of(value)} ×"
+    return "-" if value is None else f"{significant_digits(value)} ×"

@@ -12,7 +12,7 @@ import numpy as np
 
 from dsfab.core.errors import DsfabError
 from dsfab.render import Palette
-from dsfab.report.html_pages import html_page, image, why
+from dsfab.report.html_pages import html_page, image_tag, reason_paragraph
 from dsfab.study.variations import Values
 
 if TYPE_CHECKING:
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104
 """Pixels between tiles, around the sheet, below each tile for its label, and above all for the title."""
 
-WIDEST = 8
+MAX_COLUMNS = 8
 """Tiles in a row, at most."""
 
 PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 
 @dataclass(frozen=True, eq=False)
-class Tile:
+class ContactTile:
     """A variant: its number from 1, parameters as (short name, text), command, and picture or error.
 
     png : the picture as a PNG file, because hundreds of images in memory would take ten times as much.
@@ -59,47 +59,56 @@ class Tile:
         return "   ".join(f"{name} {text}" for name, (_, text) in zip(names, self.parameters, strict=True))
 
 
-def columns(count: int, runs: Sequence[int]) -> int:
+def column_count(count: int, runs: Sequence[int]) -> int:
     """Return the number of tiles in a row: whole runs of the fastest keys if they fit, else a sheet wider than high."""
-    row, best = 1, 1
+    row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run
-        best = row if row <= WIDEST else best
-    return best if best > 1 else min(count, WIDEST, int(np.ceil(np.sqrt(1.3 * count))))
+        columns_of_runs = row if row <= MAX_COLUMNS else columns_of_runs
+    return columns_of_runs if columns_of_runs > 1 else min(count, MAX_COLUMNS, int(np.ceil(np.sqrt(1.3 * count))))
 
 
 def contact_sheet(
-    tiles: Sequence[Tile], title: str, line: str, across: int, wide: int, aspect: float, palette: Palette
+    tiles: Sequence[ContactTile],
+    title: str,
+    subtitle: str,
+    columns: int,
+    tile_width: int,
+    aspect: float,
+    palette: Palette,
 ) -> "Image":
-    """Return all tiles on one sheet, each `wide` pixels of width to height `aspect`, with a title and a line below
+    """Return all tiles on one sheet, each `tile_width` pixels of width to height `aspect`, with a title and a line
+    below
     it.
     """
     from PIL import Image, ImageDraw, ImageFont
 
-    high, rows = round(wide / aspect), -(-len(tiles) // across)
-    width = max(2 * MARGIN + across * wide + (across - 1) * GAP, 520)
-    height = MARGIN + HEAD + rows * (high + FOOT + GAP) - GAP + MARGIN // 2
+    tile_height, rows = round(tile_width / aspect), -(-len(tiles) // columns)
+    width = max(2 * MARGIN + columns * tile_width + (columns - 1) * GAP, 520)
+    height = MARGIN + HEAD + rows * (tile_height + FOOT + GAP) - GAP + MARGIN // 2
     sheet = Image.new("RGB", (width, height), palette.paper)
     draw = ImageDraw.Draw(sheet)
     draw.text((MARGIN, MARGIN + 6), title, fill=palette.text, font=ImageFont.load_default(size=34), anchor="lt")
-    grey = _between(palette.text, palette.paper, 0.35)
+    grey = _mixed_colour(palette.text, palette.paper, 0.35)
     font = ImageFont.load_default(size=17)
-    draw.text((MARGIN, MARGIN + 56), _cut(line, width - 2 * MARGIN, font), fill=grey, font=font, anchor="lt")
+    draw.text((MARGIN, MARGIN + 56), _shortened(subtitle, width - 2 * MARGIN, font), fill=grey, font=font, anchor="lt")
     for place, tile in enumerate(tiles):
-        x = MARGIN + place % across * (wide + GAP)
-        y = MARGIN + HEAD + place // across * (high + FOOT + GAP)
-        _put(sheet, tile, (x, y), (wide, high), palette)
+        x = MARGIN + place % columns * (tile_width + GAP)
+        y = MARGIN + HEAD + place // columns * (tile_height + FOOT + GAP)
+        _paste_tile(sheet, tile, (x, y), (tile_width, tile_height), palette)
     return sheet
 
 
-def _put(sheet: "Image", tile: Tile, at: tuple[int, int], size: tuple[int, int], palette: Palette) -> None:
+def _paste_tile(
+    sheet: "Image", tile: ContactTile, corner: tuple[int, int], size: tuple[int, int], palette: Palette
+) -> None:
     from PIL import Image, ImageDraw, ImageFont
 
-    draw, (x, y), (wide, high) = ImageDraw.Draw(sheet), at, size
-    hair, grey = _between(palette.text, palette.paper, 0.86), _between(palette.text, palette.paper, 0.5)
+    draw, (x, y), (wide, high) = ImageDraw.Draw(sheet), corner, size
+    hair, grey = _mixed_colour(palette.text, palette.paper, 0.86), _mixed_colour(palette.text, palette.paper, 0.5)
     if (picture := tile.picture) is None:
         small = ImageFont.load_default(size=15)
-        lines = _wrapped(tile.error, wide - 48, small)[: max(1, high // 22 - 2)]
+        lines = _wrapped_lines(tile.error, wide - 48, small)[: max(1, high // 22 - 2)]
         draw.rectangle((x, y, x + wide - 1, y + high - 1), outline=hair)
         draw.multiline_text(
             (x + wide / 2, y + high / 2),
@@ -111,7 +120,7 @@ def _put(sheet: "Image", tile: Tile, at: tuple[int, int], size: tuple[int, int],
             spacing=6,
         )
     else:
-        sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), at)
+        sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), corner)
     draw.line((x, y + high + 6, x + wide - 1, y + high + 6), fill=hair)
     number, font = f"{tile.number:03}", ImageFont.load_default(size=17)
     base = y + high + 30
@@ -119,18 +128,18 @@ def _put(sheet: "Image", tile: Tile, at: tuple[int, int], size: tuple[int, int],
     draw.text((x + 2, base), _label(tile, wide - 50, font), fill=palette.text, font=font, anchor="ls")
 
 
-def _between(one: tuple[int, int, int], other: tuple[int, int, int], share: float) -> tuple[int, int, int]:
-    r, g, b = (round(p + share * (q - p)) for p, q in zip(one, other, strict=True))
+def _mixed_colour(start: tuple[int, int, int], end: tuple[int, int, int], share: float) -> tuple[int, int, int]:
+    r, g, b = (round(p + share * (q - p)) for p, q in zip(start, end, strict=True))
     return r, g, b
 
 
-def _label(tile: Tile, room: float, font: Any) -> str:
+def _label(tile: ContactTile, room: float, font: Any) -> str:
     """Label of a tile; names are shortened before values, because values distinguish tiles."""
-    shorter = (tile.label(letters) for letters in (None, 6, 5, 4, 3, 2, 1))
-    return next((text for text in shorter if font.getlength(text) <= room), _cut(tile.label(1), room, font))
+    labels = (tile.label(letters) for letters in (None, 6, 5, 4, 3, 2, 1))
+    return next((text for text in labels if font.getlength(text) <= room), _shortened(tile.label(1), room, font))
 
 
-def _cut(text: str, room: float, font: Any) -> str:
+def _shortened(text: str, room: float, font: Any) -> str:
     if font.getlength(text) <= room:
         return text
     while text and font.getlength(text + "...") > room:
@@ -138,7 +147,7 @@ def _cut(text: str, room: float, font: Any) -> str:
     return text.rstrip() + "..."
 
 
-def _wrapped(text: str, room: float, font: Any) -> list[str]:
+def _wrapped_lines(text: str, room: float, font: Any) -> list[str]:
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()
@@ -149,24 +158,24 @@ def _wrapped(text: str, room: float, font: Any) -> list[str]:
     return lines
 
 
-def page(tiles: Sequence[Tile], title: str, line: str, across: int) -> str:
+def contact_page(tiles: Sequence[ContactTile], title: str, subtitle: str, columns: int) -> str:
     """Return the contact sheet as HTML with relative links to the pictures: picture, parameters and command of each."""
     figures = "\n".join(_figure(tile) for tile in tiles)
-    body = f"<header><h1>{escape(title)}</h1><p>{escape(line)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
-    return html_page(title, body, _STYLE.replace("ACROSS", str(_on_page(across))))
+    body = f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
+    return html_page(title, body, _STYLE.replace("ACROSS", str(_page_columns(columns))))
 
 
-def _on_page(across: int) -> int:
+def _page_columns(columns: int) -> int:
     """Columns of the page that keep rows of the sheet together."""
-    return across if across <= 4 else next((k for k in (4, 3) if across % k == 0), 4)
+    return columns if columns <= 4 else next((k for k in (4, 3) if columns % k == 0), 4)
 
 
-def _figure(tile: Tile) -> str:
+def _figure(tile: ContactTile) -> str:
     terms = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in tile.parameters)
     if (picture := tile.picture) is None:
-        shown = why(tile.error)
+        shown = reason_paragraph(tile.error)
     else:
-        inside = image(tile.file, f"Variant {tile.number}: {tile.label()}", picture.size)
+        inside = image_tag(tile.file, f"Variant {tile.number}: {tile.label()}", picture.size)
         shown = f'<a href="{tile.file}">{inside}</a>'
     return (
         f'<figure id="v{tile.number:03}">{shown}<figcaption><span class="number">{tile.number:03}</span>'
@@ -174,7 +183,7 @@ def _figure(tile: Tile) -> str:
     )
 
 
-def pictures_of(folder: Path) -> set[str]:
+def pictures_on_page(folder: Path) -> set[str]:
     """Return the names of the pictures that the page in a folder shows, so that a new page can remove them."""
     try:
         return set(re.findall(r'src="(\d{3,}\.png)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
@@ -182,7 +191,7 @@ def pictures_of(folder: Path) -> set[str]:
         return set()
 
 
-def save(tiles: Sequence[Tile], folder: Path) -> None:
+def save(tiles: Sequence[ContactTile], folder: Path) -> None:
     """Write the pictures of the tiles."""
     for tile in tiles:
         if tile.png is not None:
@@ -219,19 +228,19 @@ def check_film(values: Values, fps: float) -> None:
         raise DsfabError(f"--fps {fps:g} is not between 0.1 and 50 pictures a second; write for instance 8")
 
 
-def write_film(tiles: Sequence[Tile], path: Path, name: str, fps: float, palette: Palette) -> None:
+def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, palette: Palette) -> None:
     """Write the pictures and their parameters as a film, forth and back without end; skip variants without a
     picture.
     """
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
-    turned = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
+    order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}
-    long = [round(1000 / fps * (4 if place in ends else 1)) for place in turned]  # a pause at both ends
+    durations = [round(1000 / fps * (4 if place in ends else 1)) for place in order]  # a pause at both ends
     if path.suffix == ".gif":
-        frames = _of_few_colours(frames)
-    first, *rest = [frames[place] for place in turned]
+        frames = _with_shared_palette(frames)
+    first_frame, *rest = [frames[place] for place in order]
     lossy = {"quality": 85, "method": 4} if path.suffix == ".webp" else {"disposal": 1}
-    first.save(path, save_all=True, append_images=rest, duration=long, loop=0, **lossy)
+    first_frame.save(path, save_all=True, append_images=rest, duration=durations, loop=0, **lossy)
 
 
 def _frame(picture: "Image", label: str, name: str, palette: Palette) -> "Image":
@@ -247,13 +256,13 @@ def _frame(picture: "Image", label: str, name: str, palette: Palette) -> "Image"
     return page
 
 
-def _of_few_colours(frames: "list[Image]") -> "list[Image]":
+def _with_shared_palette(frames: "list[Image]") -> "list[Image]":
     """Frames with one shared palette, chosen on a strip of samples, so that parts at rest do not flicker."""
     from PIL import Image
 
-    some = frames[:: max(1, len(frames) // 4)]
-    strip = Image.new("RGB", (some[0].width, sum(one.height for one in some)))
-    for place, one in enumerate(some):
-        strip.paste(one, (0, place * one.height))
-    chosen = strip.quantize(96)
-    return [one.quantize(palette=chosen, dither=Image.Dither.NONE) for one in frames]
+    sample = frames[:: max(1, len(frames) // 4)]
+    strip = Image.new("RGB", (sample[0].width, sum(frame.height for frame in sample)))
+    for place, frame in enumerate(sample):
+        strip.paste(frame, (0, place * frame.height))
+    palette = strip.quantize(96)
+    return [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]

@@ -46,7 +46,7 @@ code { font: 12.5px/1.55 var(--mono); background: var(--tint); padding: .15rem .
 """
 
 
-def style() -> str:
+def page_style() -> str:
     """Return the CSS of every page: variables and common rules, before a page's own rules."""
     colours = " ".join(f"--{name}: rgb{colour};" for name, colour in COLOURS.items())
     fonts = (
@@ -56,28 +56,28 @@ def style() -> str:
     return f"\n:root {{ color-scheme: light; {colours}\n  {fonts} }}{_STYLE}"
 
 
-def html_page(title: str, body: str, own: str = "") -> str:
+def html_page(title: str, body: str, page_rules: str = "") -> str:
     """Return a whole file: plain `title`, `body` as markup, and further rules in CSS."""
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{style()}{own}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+        f"<title>{escape(title)}</title>\n<style>{page_style()}{page_rules}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
     )
 
 
-def image(source: str, alt: str, size: tuple[int, int], lazy: bool = True) -> str:
+def image_tag(source: str, alt: str, size: tuple[int, int], lazy: bool = True) -> str:
     """Return an image tag for a picture of this size in pixels; `alt` is plain text."""
     wide, high = size
     loading = ' loading="lazy"' if lazy else ""
     return f'<img src="{source}" alt="{escape(alt, quote=True)}" width="{wide}" height="{high}"{loading}>'
 
 
-def why(text: str) -> str:
+def reason_paragraph(text: str) -> str:
     """Return the reason for a missing picture, to stand in its place."""
     return f'<p class="why">{escape(text)}</p>'
 
 
-Colour = tuple[int, int, int]
+PageColour = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
@@ -121,18 +121,18 @@ class Table:
     caption: str
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
-    left: int = 1
+    left_columns: int = 1
     note: str = ""
     widths: Sequence[float] = ()
     strong: Sequence[int] = ()
 
 
 @dataclass(frozen=True)
-class Scale:
+class ColourScale:
     """A legend of colour bands from left to right, with labels at their borders and a title."""
 
     title: str
-    colours: Sequence[Colour]
+    colours: Sequence[PageColour]
     labels: Sequence[str]
 
 
@@ -147,7 +147,7 @@ class ReportFigure:
     image: bytes
     size: tuple[int, int]
     width: float = 1.0
-    scale: Scale | None = None
+    scale: ColourScale | None = None
     missing: str = ""
 
     @property
@@ -157,13 +157,13 @@ class ReportFigure:
 
 
 @dataclass(frozen=True)
-class Across:
+class FigureRow:
     """Figures side by side."""
 
     figures: Sequence[ReportFigure]
 
 
-Block = Paragraph | Bullets | Code | Banner | Table | ReportFigure | Across
+Block = Paragraph | Bullets | Code | Banner | Table | ReportFigure | FigureRow
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class Document:
 
 
 @dataclass
-class Numbers:
+class CaptionNumbers:
     """Counters of figures and tables."""
 
     figures: int = 0
@@ -205,18 +205,22 @@ class Numbers:
         return f"<b>Table {self.tables}.</b> {text}"
 
 
-def escaped(text: str) -> str:
+def escaped_text(text: str) -> str:
     """Return any text as markup."""
     return escape(text, quote=False)
 
 
-def page(document: Document) -> str:
+def document_html(document: Document) -> str:
     """Return a document as an HTML file."""
-    running, footer = _css_text(f"{document.title} · {document.subject}"), _css_text(document.footer)
-    own = STYLE.replace("QUIET", f"rgb{COLOURS['quiet']}").replace("RUNNING", running).replace("FOOTER", footer)
+    running_title, footer = _css_text(f"{document.title} · {document.subject}"), _css_text(document.footer)
+    rules = (
+        DOCUMENT_STYLE.replace("QUIET", f"rgb{COLOURS['quiet']}")
+        .replace("RUNNING", running_title)
+        .replace("FOOTER", footer)
+    )
     sections = [_section(number, section) for number, section in enumerate(document.sections, start=1)]
     body = [_title(document), *sections, f"<footer>{escape(document.footer)}</footer>"]
-    return html_page(f"{document.title}: {document.subject}", "\n".join(body), own)
+    return html_page(f"{document.title}: {document.subject}", "\n".join(body), rules)
 
 
 def _css_text(text: str) -> str:
@@ -248,15 +252,15 @@ def _block(block: Block) -> str:
             return f'<div class="banner {status}"><b>{title}</b><p>{text}</p></div>'
         case Table():
             return _table(block)
-        case Across(figures):
-            return f'<div class="across">{"".join(_figure(one) for one in figures)}</div>'
+        case FigureRow(figures):
+            return f'<div class="across">{"".join(_figure(figure) for figure in figures)}</div>'
         case ReportFigure():
             return _figure(block)
 
 
 def _table(table: Table) -> str:
     def cells(row: Sequence[str], tag: str) -> str:
-        return "".join(f"<{tag}{_kind(cell, i < table.left)}>{cell}</{tag}>" for i, cell in enumerate(row))
+        return "".join(f"<{tag}{_kind(cell, i < table.left_columns)}>{cell}</{tag}>" for i, cell in enumerate(row))
 
     rows = "".join(
         f"<tr{' class=strong' if i in table.strong else ''}>{cells(row, 'td')}</tr>" for i, row in enumerate(table.rows)
@@ -268,17 +272,19 @@ def _table(table: Table) -> str:
     )
 
 
-def _kind(cell: str, left: bool) -> str:
-    names = [name for name, true in (("left", left), (cell, cell in MARKS)) if true]
+def _kind(cell: str, is_left: bool) -> str:
+    names = [name for name, applies in (("left", is_left), (cell, cell in MARKS)) if applies]
     return f' class="{" ".join(names)}"' if names else ""
 
 
 def _figure(figure: ReportFigure) -> str:
     caption = f"<figcaption>{figure.caption}</figcaption>"
     if figure.missing:
-        return f"<figure>{why(figure.missing)}{caption}</figure>"
+        return f"<figure>{reason_paragraph(figure.missing)}{caption}</figure>"
     data = base64.b64encode(figure.image).decode("ascii")
-    inside = image(f"data:image/{figure.kind};base64,{data}", without_markup(figure.caption), figure.size, lazy=False)
+    inside = image_tag(
+        f"data:image/{figure.kind};base64,{data}", without_markup(figure.caption), figure.size, lazy=False
+    )
     width = "" if figure.width == 1 else f' style="width: {100 * figure.width:.0f}%"'
     scale = _scale(figure.scale) if figure.scale else ""
     return f"<figure{width}>{inside}{scale}{caption}</figure>"
@@ -289,13 +295,13 @@ def without_markup(markup: str) -> str:
     return re.sub(r"<[^>]+>", "", markup)
 
 
-def _scale(scale: Scale) -> str:
+def _scale(scale: ColourScale) -> str:
     bands = "".join(f'<i style="background: rgb{colour}"></i>' for colour in scale.colours)
     labels = "".join(f"<span>{escape(label)}</span>" for label in scale.labels)
     return f'<div class="scale"><p>{escape(scale.title)}</p><div>{bands}</div><div class="labels">{labels}</div></div>'
 
 
-STYLE = """
+DOCUMENT_STYLE = """
 :root { --paper: white; } html { background: rgb(236, 233, 228); }
 body { margin: 2rem auto; padding: 18mm 20mm; max-width: 210mm; font-size: 10pt; line-height: 1.45;
   box-shadow: 0 1px 8px rgba(0, 0, 0, .14); font-variant-numeric: tabular-nums; }

@@ -11,25 +11,25 @@ from dsfab.core.errors import ExportError
 from dsfab.core.limits import MARKS
 from dsfab.report.html_pages import COLOURS as PAGE
 from dsfab.report.html_pages import (
-    Across,
     Banner,
     Block,
     Bullets,
     Code,
-    Colour,
+    ColourScale,
     Document,
+    FigureRow,
+    PageColour,
     Paragraph,
     ReportFigure,
     ReportSection,
-    Scale,
     Table,
-    escaped,
+    escaped_text,
 )
 
 MM = 72 / 25.4
 """Points per millimetre."""
 
-COLOURS: Mapping[str, Colour] = {
+COLOURS: Mapping[str, PageColour] = {
     **PAGE,
     "pass": PAGE["good"],
     "fail": PAGE["bad"],
@@ -39,27 +39,27 @@ COLOURS: Mapping[str, Colour] = {
 """Colours of the page on a screen, and those of the verdicts."""
 
 
-def colour(rgb: Colour) -> Any:
+def reportlab_colour(rgb: PageColour) -> Any:
     """Return a colour of reportlab."""
     from reportlab.lib.colors import Color
 
     return Color(*(part / 255 for part in rgb))
 
 
-def hexed(rgb: Colour) -> str:
+def hex_colour(rgb: PageColour) -> str:
     """Return for example '#2054a8'."""
     return "#{:02x}{:02x}{:02x}".format(*rgb)
 
 
 @dataclass(frozen=True)
-class Styles:
+class PdfStyles:
     """Paragraph styles by kind, and the name of the regular font."""
 
-    of: Mapping[str, Any]
+    by_kind: Mapping[str, Any]
     regular: str
 
     @classmethod
-    def fit_for(cls, text: str) -> Self:
+    def from_text(cls, text: str) -> Self:
         """Return styles in fonts that have the letters of a text; see `fonts`."""
         names = fonts(text)
         return cls(_styles(*names), names[0])
@@ -68,16 +68,16 @@ class Styles:
         """Return a paragraph."""
         from reportlab.platypus import Paragraph
 
-        code = f'<font face="{self.of["code"].fontName}">'
-        return Paragraph(markup.replace("<code>", code).replace("</code>", "</font>"), self.of[kind], **named)
+        code = f'<font face="{self.by_kind["code"].fontName}">'
+        return Paragraph(markup.replace("<code>", code).replace("</code>", "</font>"), self.by_kind[kind], **named)
 
-    def cell(self, markup: str, kind: str, left: bool) -> Any:
+    def cell(self, markup: str, kind: str, is_left: bool) -> Any:
         """Return a cell of a table; verdicts are coloured."""
         if markup in MARKS:
-            markup = f'<font color="{hexed(COLOURS[markup])}"><b>{markup}</b></font>'
-        if not left and kind != "head" and "<" not in markup:
+            markup = f'<font color="{hex_colour(COLOURS[markup])}"><b>{markup}</b></font>'
+        if not is_left and kind != "head" and "<" not in markup:
             markup = markup.replace(" ", "\u00a0")  # a number stays beside its unit
-        return self.text(markup, f"{kind}_{'left' if left else 'right'}")
+        return self.text(markup, f"{kind}_{'left' if is_left else 'right'}")
 
     def gap(self, millimetres: float) -> Any:
         """Return an empty gap."""
@@ -114,44 +114,44 @@ def _styles(regular: str, bold: str, typed: str) -> dict[str, Any]:
     from reportlab.lib.enums import TA_CENTER, TA_RIGHT
     from reportlab.lib.styles import ParagraphStyle
 
-    ink, soft = colour(COLOURS["text"]), colour(COLOURS["quiet"])
+    ink, soft = reportlab_colour(COLOURS["text"]), reportlab_colour(COLOURS["quiet"])
     base = ParagraphStyle("body", fontName=regular, fontSize=9.5, leading=13.2, textColor=ink, spaceAfter=2.4 * MM)
     small = ParagraphStyle("small", base, fontSize=8, leading=10.2, spaceAfter=0)
 
-    def made(parent: Any, **named: Any) -> Any:
+    def style(parent: Any, **named: Any) -> Any:
         return ParagraphStyle("kind", parent, **named)
 
     kinds = {
         "body": base,
-        "lead": made(base, fontSize=11, leading=15),
-        "quiet": made(base, textColor=soft),
-        "bullet": made(base, leftIndent=4 * MM, bulletIndent=0, spaceAfter=1 * MM),
-        "code": made(small, fontName=typed, fontSize=7, leading=9.2, spaceAfter=4 * MM),
-        "over": made(small, textColor=soft),
-        "title": made(base, fontName=bold, fontSize=21, leading=25, spaceBefore=1 * MM, spaceAfter=4 * MM),
-        "fact_name": made(small, fontSize=7, leading=9, textColor=soft),
-        "fact": made(small, fontSize=9, leading=11.5),
-        "heading": made(base, fontName=bold, fontSize=13, leading=16, spaceBefore=5 * MM, spaceAfter=2.2 * MM),
-        "banner": made(base, fontName=bold, fontSize=13, leading=17, spaceAfter=1 * MM),
-        "caption": made(small, spaceBefore=2 * MM, spaceAfter=1.2 * MM),
-        "figure_caption": made(small, spaceBefore=1.2 * MM, spaceAfter=4 * MM),
-        "note": made(small, fontSize=7.5, textColor=soft, spaceBefore=1 * MM, spaceAfter=4 * MM),
-        "missing": made(base, textColor=soft, alignment=TA_CENTER, borderPadding=12, spaceBefore=8 * MM),
-        "scale_title": made(small, spaceBefore=1 * MM, spaceAfter=0.6 * MM),
-        "scale_left": made(small, fontSize=7, textColor=soft),
-        "scale": made(small, fontSize=7, textColor=soft, alignment=TA_CENTER),
-        "scale_right": made(small, fontSize=7, textColor=soft, alignment=TA_RIGHT),
+        "lead": style(base, fontSize=11, leading=15),
+        "quiet": style(base, textColor=soft),
+        "bullet": style(base, leftIndent=4 * MM, bulletIndent=0, spaceAfter=1 * MM),
+        "code": style(small, fontName=typed, fontSize=7, leading=9.2, spaceAfter=4 * MM),
+        "over": style(small, textColor=soft),
+        "title": style(base, fontName=bold, fontSize=21, leading=25, spaceBefore=1 * MM, spaceAfter=4 * MM),
+        "fact_name": style(small, fontSize=7, leading=9, textColor=soft),
+        "fact": style(small, fontSize=9, leading=11.5),
+        "heading": style(base, fontName=bold, fontSize=13, leading=16, spaceBefore=5 * MM, spaceAfter=2.2 * MM),
+        "banner": style(base, fontName=bold, fontSize=13, leading=17, spaceAfter=1 * MM),
+        "caption": style(small, spaceBefore=2 * MM, spaceAfter=1.2 * MM),
+        "figure_caption": style(small, spaceBefore=1.2 * MM, spaceAfter=4 * MM),
+        "note": style(small, fontSize=7.5, textColor=soft, spaceBefore=1 * MM, spaceAfter=4 * MM),
+        "missing": style(base, textColor=soft, alignment=TA_CENTER, borderPadding=12, spaceBefore=8 * MM),
+        "scale_title": style(small, spaceBefore=1 * MM, spaceAfter=0.6 * MM),
+        "scale_left": style(small, fontSize=7, textColor=soft),
+        "scale": style(small, fontSize=7, textColor=soft, alignment=TA_CENTER),
+        "scale_right": style(small, fontSize=7, textColor=soft, alignment=TA_RIGHT),
     }
     for kind, font in (("cell", regular), ("strong", bold), ("head", bold)):
-        kinds[f"{kind}_left"] = made(small, fontName=font)
-        kinds[f"{kind}_right"] = made(small, fontName=font, alignment=TA_RIGHT)
+        kinds[f"{kind}_left"] = style(small, fontName=font)
+        kinds[f"{kind}_right"] = style(small, fontName=font, alignment=TA_RIGHT)
     return kinds
 
 
-WIDTH = 174.0
+TEXT_WIDTH = 174.0
 """Width of the text, millimetres: A4 less its margins."""
 
-PADDING = 6.0
+FRAME_PADDING = 6.0
 """Padding of reportlab's frames, points."""
 
 
@@ -163,18 +163,18 @@ def require_pdf() -> None:
         raise ExportError("report.pdf needs reportlab, which is not installed; pip install reportlab") from None
 
 
-def pdf(document: Document) -> bytes:
+def document_pdf(document: Document) -> bytes:
     """Return a document as a PDF; the same document gives the same bytes. Raises ExportError without reportlab."""
     require_pdf()
     from reportlab.platypus import SimpleDocTemplate
 
-    styles = Styles.fit_for(_all_text(document))
-    written = io.BytesIO()
-    made = SimpleDocTemplate(
-        written,
+    styles = PdfStyles.from_text(_all_text(document))
+    file = io.BytesIO()
+    template = SimpleDocTemplate(
+        file,
         pagesize=(210 * MM, 297 * MM),
-        leftMargin=18 * MM - PADDING,
-        rightMargin=18 * MM - PADDING,
+        leftMargin=18 * MM - FRAME_PADDING,
+        rightMargin=18 * MM - FRAME_PADDING,
         topMargin=18 * MM,
         bottomMargin=16 * MM,
         title=f"{document.title}: {document.subject}",
@@ -184,21 +184,21 @@ def pdf(document: Document) -> bytes:
     story = _title(document, styles)
     for number, section in enumerate(document.sections, start=1):
         story += _section(number, section, styles)
-    made.build(story, canvasmaker=partial(_canvas, document, styles))
-    return written.getvalue()
+    template.build(story, canvasmaker=partial(_numbered_canvas, document, styles))
+    return file.getvalue()
 
 
 def _all_text(document: Document) -> str:
     return repr(document.sections) + document.subject + repr(document.facts)
 
 
-def _canvas(document: Document, styles: Styles, *given: Any, **named: Any) -> Any:
+def _numbered_canvas(document: Document, styles: PdfStyles, *arguments: Any, **named: Any) -> Any:
     """Return a canvas that draws the edges of all pages at the end, because only then it knows their number."""
     from reportlab.pdfgen.canvas import Canvas
 
-    class Counted(Canvas):  # type: ignore[misc]
-        def __init__(self, *given: Any, **named: Any) -> None:
-            super().__init__(*given, **named)
+    class NumberedCanvas(Canvas):  # type: ignore[misc]
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            super().__init__(*arguments, **named)
             self.pages: list[dict[str, Any]] = []
 
         def showPage(self) -> None:  # noqa: N802
@@ -212,13 +212,13 @@ def _canvas(document: Document, styles: Styles, *given: Any, **named: Any) -> An
                 Canvas.showPage(self)
             Canvas.save(self)
 
-    return Counted(*given, **named)
+    return NumberedCanvas(*arguments, **named)
 
 
-def _edges(canvas: Any, document: Document, styles: Styles, number: int, count: int) -> None:
+def _edges(canvas: Any, document: Document, styles: PdfStyles, number: int, count: int) -> None:
     canvas.setFont(styles.regular, 7.5)
-    canvas.setFillColor(colour(COLOURS["quiet"]))
-    canvas.setStrokeColor(colour(COLOURS["hair"]))
+    canvas.setFillColor(reportlab_colour(COLOURS["quiet"]))
+    canvas.setStrokeColor(reportlab_colour(COLOURS["hair"]))
     if number > 1:
         canvas.drawString(18 * MM, 284 * MM, f"{document.title} · {document.subject}")
         canvas.line(18 * MM, 282 * MM, 192 * MM, 282 * MM)
@@ -227,20 +227,24 @@ def _edges(canvas: Any, document: Document, styles: Styles, number: int, count: 
     canvas.drawRightString(192 * MM, 9.5 * MM, f"{number} / {count}")
 
 
-def _title(document: Document, styles: Styles) -> list[Any]:
+def _title(document: Document, styles: PdfStyles) -> list[Any]:
     from reportlab.platypus import HRFlowable, Spacer
 
-    rule = HRFlowable(width="100%", thickness=2, color=colour(COLOURS["blue"]), spaceAfter=3 * MM)
-    words = [styles.text(escaped(document.title.upper()), "over"), styles.text(escaped(document.subject), "title")]
+    rule = HRFlowable(width="100%", thickness=2, color=reportlab_colour(COLOURS["blue"]), spaceAfter=3 * MM)
+    words = [
+        styles.text(escaped_text(document.title.upper()), "over"),
+        styles.text(escaped_text(document.subject), "title"),
+    ]
     cells = [
-        [styles.text(escaped(name), "fact_name"), styles.text(escaped(value), "fact")] for name, value in document.facts
+        [styles.text(escaped_text(name), "fact_name"), styles.text(escaped_text(value), "fact")]
+        for name, value in document.facts
     ]
     cells += [[]] * (-len(cells) % 4 or 4 * (not cells))
     rows = [cells[i : i + 4] for i in range(0, len(cells), 4)]
     return [
         rule,
         *words,
-        _grid(rows, [WIDTH / 4] * 4, [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]),
+        _grid(rows, [TEXT_WIDTH / 4] * 4, [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]),
         Spacer(1, 5 * MM),
     ]
 
@@ -249,24 +253,31 @@ def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequenc
     """Cells in columns of these widths, millimetres, with the lines that `lines` names."""
     from reportlab.platypus import Table as Cells
 
-    drawn = [(*line, 0.5, colour(COLOURS["hair"])) for line in lines]
-    look = [("VALIGN", (0, 0), (-1, -1), "TOP"), ("LEFTPADDING", (0, 0), (-1, -1), 0), *drawn]
+    line_styles = [(*line, 0.5, reportlab_colour(COLOURS["hair"])) for line in lines]
+    look = [("VALIGN", (0, 0), (-1, -1), "TOP"), ("LEFTPADDING", (0, 0), (-1, -1), 0), *line_styles]
     return Cells([list(row) for row in rows], [width * MM for width in widths], style=look, hAlign="LEFT")
 
 
-def _section(number: int, section: ReportSection, styles: Styles) -> list[Any]:
+def _section(number: int, section: ReportSection, styles: PdfStyles) -> list[Any]:
     from reportlab.platypus import CondPageBreak, KeepTogether, PageBreak
 
-    accent = hexed(COLOURS["blue"])
-    head = styles.text(f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped(section.title)}', "heading")
-    begin = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
-    first, *rest = [_block(block, styles) for block in section.blocks]
+    accent = hex_colour(COLOURS["blue"])
+    head = styles.text(
+        f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped_text(section.title)}', "heading"
+    )
+    page_break = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
+    first_block, *rest = [_block(block, styles) for block in section.blocks]
     # a KeepTogether must not be nested in the one of the heading
-    kept = first[0]._content if isinstance(first[0], KeepTogether) else first[:1]
-    return [*begin, KeepTogether([head, *kept]), *first[1:], *(part for parts in rest for part in parts)]
+    with_heading = first_block[0]._content if isinstance(first_block[0], KeepTogether) else first_block[:1]
+    return [
+        *page_break,
+        KeepTogether([head, *with_heading]),
+        *first_block[1:],
+        *(part for parts in rest for part in parts),
+    ]
 
 
-def _block(block: Block, styles: Styles) -> list[Any]:
+def _block(block: Block, styles: PdfStyles) -> list[Any]:
     match block:
         case Paragraph(text, kind):
             return [styles.text(text, kind or "body")]
@@ -278,48 +289,48 @@ def _block(block: Block, styles: Styles) -> list[Any]:
             return [_banner(block, styles)]
         case Table():
             return _table(block, styles)
-        case Across(figures):
-            return _across(figures, styles)
+        case FigureRow(figures):
+            return _figure_rows(figures, styles)
         case ReportFigure():
-            return [_together(_figure(block, styles, WIDTH * block.width))]
+            return [_on_one_page(_figure(block, styles, TEXT_WIDTH * block.width))]
 
 
-def _code(text: str, styles: Styles) -> Any:
+def _code(text: str, styles: PdfStyles) -> Any:
     from reportlab.platypus import XPreformatted
 
     size = 112  # characters of a line
     lines = [line[i : i + size] for line in text.splitlines() for i in range(0, max(len(line), 1), size)]
-    return XPreformatted(escaped("\n".join(lines)), styles.of["code"])
+    return XPreformatted(escaped_text("\n".join(lines)), styles.by_kind["code"])
 
 
-def _banner(banner: Banner, styles: Styles) -> Any:
+def _banner(banner: Banner, styles: PdfStyles) -> Any:
     from reportlab.platypus import Table as Cells
 
-    shade = colour(COLOURS[banner.status])
+    shade = reportlab_colour(COLOURS[banner.status])
     words = [
-        styles.text(f'<font color="{hexed(COLOURS[banner.status])}">{banner.title}</font>', "banner"),
+        styles.text(f'<font color="{hex_colour(COLOURS[banner.status])}">{banner.title}</font>', "banner"),
         styles.text(banner.text, "body"),
     ]
     look = [
-        ("BACKGROUND", (0, 0), (-1, -1), colour(COLOURS["tint"])),
+        ("BACKGROUND", (0, 0), (-1, -1), reportlab_colour(COLOURS["tint"])),
         ("LINEBEFORE", (0, 0), (0, -1), 3, shade),
         ("LEFTPADDING", (0, 0), (-1, -1), 10),
         ("TOPPADDING", (0, 0), (-1, -1), 7),
     ]
-    return Cells([[words]], [WIDTH * MM], style=look, spaceAfter=4 * MM)
+    return Cells([[words]], [TEXT_WIDTH * MM], style=look, spaceAfter=4 * MM)
 
 
-def _table(table: Table, styles: Styles) -> list[Any]:
+def _table(table: Table, styles: PdfStyles) -> list[Any]:
     from reportlab.platypus import KeepTogether
     from reportlab.platypus import Table as Cells
 
     def line(row: Sequence[str], kind: str) -> list[Any]:
-        return [styles.cell(cell, kind, i < table.left) for i, cell in enumerate(row)]
+        return [styles.cell(cell, kind, i < table.left_columns) for i, cell in enumerate(row)]
 
     body = [line(row, "strong" if i in table.strong else "cell") for i, row in enumerate(table.rows)]
     shares = table.widths or [1.0] * len(table.head)
-    widths = [WIDTH * MM * share / sum(shares) for share in shares]
-    ink, faint = colour(COLOURS["text"]), colour(COLOURS["hair"])
+    widths = [TEXT_WIDTH * MM * share / sum(shares) for share in shares]
+    ink, faint = reportlab_colour(COLOURS["text"]), reportlab_colour(COLOURS["hair"])
     look: list[Any] = [
         ("VALIGN", (0, 0), (-1, -1), "TOP"),
         ("VALIGN", (0, 0), (-1, 0), "BOTTOM"),
@@ -329,49 +340,49 @@ def _table(table: Table, styles: Styles) -> list[Any]:
         ("LINEBELOW", (0, -1), (-1, -1), 0.7, ink),
         *((f"{side}PADDING", (0, 0), (-1, -1), pad) for side, pad in (("LEFT", 2), ("RIGHT", 3))),
         *((f"{side}PADDING", (0, 0), (-1, -1), 2.2) for side in ("TOP", "BOTTOM")),
-        *(("BACKGROUND", (0, i + 1), (-1, i + 1), colour(COLOURS["tint"])) for i in table.strong),
+        *(("BACKGROUND", (0, i + 1), (-1, i + 1), reportlab_colour(COLOURS["tint"])) for i in table.strong),
     ]
     cells = Cells([line(table.head, "head"), *body], widths, style=look, repeatRows=1, hAlign="LEFT")
-    after = [styles.text(table.note, "note")] if table.note else [styles.gap(4)]
-    whole = [styles.text(table.caption, "caption"), cells, *after]
-    return [KeepTogether(whole)] if len(body) < 20 else whole
+    below = [styles.text(table.note, "note")] if table.note else [styles.gap(4)]
+    flowables = [styles.text(table.caption, "caption"), cells, *below]
+    return [KeepTogether(flowables)] if len(body) < 20 else flowables
 
 
-def _across(figures: Sequence[ReportFigure], styles: Styles) -> list[Any]:
-    half = WIDTH / 2 - 3
-    cells = [_figure(one, styles, half) for one in figures] + [[]] * (len(figures) % 2)
-    return [_grid([cells[i : i + 2]], [WIDTH / 2] * 2) for i in range(0, len(cells), 2)]
+def _figure_rows(figures: Sequence[ReportFigure], styles: PdfStyles) -> list[Any]:
+    half = TEXT_WIDTH / 2 - 3
+    cells = [_figure(figure, styles, half) for figure in figures] + [[]] * (len(figures) % 2)
+    return [_grid([cells[i : i + 2]], [TEXT_WIDTH / 2] * 2) for i in range(0, len(cells), 2)]
 
 
-def _together(parts: list[Any]) -> Any:
+def _on_one_page(parts: list[Any]) -> Any:
     from reportlab.platypus import KeepTogether
 
     return KeepTogether(parts)
 
 
-def _figure(figure: ReportFigure, styles: Styles, width: float) -> list[Any]:
+def _figure(figure: ReportFigure, styles: PdfStyles, width: float) -> list[Any]:
     from reportlab.platypus import Image
 
     caption = styles.text(figure.caption, "figure_caption")
     if figure.missing:
-        return [styles.text(escaped(figure.missing), "missing"), caption]
+        return [styles.text(escaped_text(figure.missing), "missing"), caption]
     wide, high = figure.size
     height = min(width * high / wide, 150.0)  # mm
     image = Image(io.BytesIO(figure.image), height * wide / high * MM, height * MM, hAlign="LEFT")
     return [image, *(_scale(figure.scale, styles, width) if figure.scale else ()), caption]
 
 
-def _scale(scale: Scale, styles: Styles, width: float) -> list[Any]:
+def _scale(scale: ColourScale, styles: PdfStyles, width: float) -> list[Any]:
     from reportlab.platypus import Table as Cells
 
     count, share = len(scale.colours), width * MM
-    look: list[Any] = [("BACKGROUND", (i, 0), (i, 0), colour(one)) for i, one in enumerate(scale.colours)]
+    look: list[Any] = [("BACKGROUND", (i, 0), (i, 0), reportlab_colour(band)) for i, band in enumerate(scale.colours)]
     bands = Cells([[""] * count], [share / count] * count, [3.2 * MM], style=look, hAlign="LEFT")
     ends = len(scale.labels)
     kinds = ["scale_left", *["scale"] * (ends - 2), "scale_right"]
-    words = [styles.text(escaped(text), kind) for text, kind in zip(scale.labels, kinds, strict=True)]
+    words = [styles.text(escaped_text(text), kind) for text, kind in zip(scale.labels, kinds, strict=True)]
     bare = [(f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")]
     # labels stand at the borders of the bands, so the first and the last have half a cell
     step = share / (ends - 1)
     labels = Cells([words], [step / 2, *[step] * (ends - 2), step / 2], style=bare, hAlign="LEFT")
-    return [styles.text(escaped(scale.title), "scale_title"), bands, labels]
+    return [styles.text(escaped_text(scale.title), "scale_title"), bands, labels]

@@ -20,16 +20,16 @@ from dsfab.core.errors import DsfabError
 from dsfab.core.messages import sentence
 from dsfab.design import draft
 from dsfab.design.design import Design
-from dsfab.export import replacing, write_chunks
-from dsfab.preset.file import overridden
+from dsfab.export import atomic_file, write_chunks
+from dsfab.preset.file import with_overrides
 from dsfab.render import light
-from dsfab.render.drawing import Annotations, Stage, on_page, rendered, set_stage
+from dsfab.render.drawing import Annotations, Stage, page_view, render_stage, set_stage
 from dsfab.render.lettering import PAPER
 from dsfab.render.opengl import require_rendering
 from dsfab.render.scene import Body, Scene
 from dsfab.render.view import named_side, up_axis
-from dsfab.report.contact_sheet import SHEET_NAME, Tile, columns, contact_sheet
-from dsfab.report.html_pages import style
+from dsfab.report.contact_sheet import SHEET_NAME, ContactTile, column_count, contact_sheet
+from dsfab.report.html_pages import page_style
 from dsfab.study import ALTERNATIVE_WORDS, design_alternatives, losing_line
 from dsfab.study.sweeps.folder import SweepFolder, best, feasible, pareto, picture_of
 from dsfab.study.sweeps.metrics import ABOUT
@@ -64,36 +64,36 @@ class SheetDrawer:
     size: tuple[int, int]
     view: str
 
-    def __call__(self, made: Design) -> bytes:
+    def __call__(self, design: Design) -> bytes:
         from PIL import Image
 
-        sheet = made.sheet.surface
-        stage = self._stage(made)
+        sheet = design.sheet.surface
+        stage = self._empty_stage(design)
         body = Body(sheet.V, sheet.F, MEMBERS, casts=True)
         stage = replace(stage, bodies=[body])
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-            picture: Image.Image = rendered(scene, stage, PAPER, self.size, light.QUICK)
+            picture: Image.Image = render_stage(scene, stage, PAPER, self.size, light.QUICK)
         file = io.BytesIO()
         picture.save(file, format="PNG", optimize=False)
         return file.getvalue()
 
-    def _stage(self, made: Design) -> Stage:
+    def _empty_stage(self, design: Design) -> Stage:
         """Camera and ground of a surface; each thread keeps the last one."""
-        if getattr(_stages, "of", None) != (id(made.surface), self):
+        if getattr(_stages, "of", None) != (id(design.surface), self):
             require_rendering()
-            surface, load = made.surface, made.load
+            surface, load = design.surface, design.load
             up = up_axis(surface.V, surface, load)
             side = named_side(surface.V, up, self.view)
-            whole = Body(surface.V, surface.F, MEMBERS, casts=True)
-            half = made.preset.statics.thickness / 2
-            stage = set_stage(whole, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
-            stage = replace(stage, view=on_page([whole], side, self.size, words=False))
+            uncut_body = Body(surface.V, surface.F, MEMBERS, casts=True)
+            half = design.preset.statics.thickness / 2
+            stage = set_stage(uncut_body, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
+            stage = replace(stage, view=page_view([uncut_body], side, self.size, words=False))
             if side.towards @ up < 0:  # a view from below looks through the ground
                 stage = replace(stage, level=None)
             # a reference to the surface stays, so that its id remains unique
-            _stages.of, _stages.surface, _stages.stage = (id(made.surface), self), surface, stage
-        stage_there: Stage = _stages.stage
-        return stage_there
+            _stages.of, _stages.surface, _stages.stage = (id(design.surface), self), surface, stage
+        cached: Stage = _stages.stage
+        return cached
 
 
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
@@ -103,18 +103,18 @@ USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mas
 PAGE = "index.html"
 
 
-def headline(plan: Plan) -> str:
+def first_metric(plan: Plan) -> str:
     """Return the metric that ranks the runs by default: that of the search, or the stiffness."""
     if plan.search is not None:
         return plan.search.metric
-    return next((name for name in USUAL[0] if name in plan.measured), plan.measured[0])
+    return next((name for name in USUAL[0] if name in plan.measured_metrics), plan.measured_metrics[0])
 
 
-def against(plan: Plan) -> str:
+def second_metric(plan: Plan) -> str:
     """Return the metric of the other axis of the chart."""
-    first, measured = headline(plan), plan.measured
-    others = [name for name in measured if name != first]
-    return next((name for name in USUAL[1] if name in others), others[0] if others else first)
+    metric, measured = first_metric(plan), plan.measured_metrics
+    candidates = [name for name in measured if name != metric]
+    return next((name for name in USUAL[1] if name in candidates), candidates[0] if candidates else metric)
 
 
 class SweepPages:
@@ -123,46 +123,46 @@ class SweepPages:
     def __init__(self, folder: SweepFolder) -> None:
         self._folder, self._written = folder, time.monotonic()
 
-    def now_and_then(self) -> None:
+    def write_if_old(self) -> None:
         """Write the page if the last one is older than half a minute."""
         if time.monotonic() - self._written > 30:
-            self._page(self._folder.rows())
+            self._write_page(self._folder.rows())
             self._written = time.monotonic()
 
     def write(self) -> None:
         """Write the page and the contact sheet."""
         rows = self._folder.rows()
-        self._page(rows)
+        self._write_page(rows)
         if any(picture_of(row) for row in rows):
-            with replacing(self._folder.path / SHEET_NAME) as temporary:
-                _sheet(self._folder, rows).save(temporary, format="PNG")
+            with atomic_file(self._folder.path / SHEET_NAME) as temporary:
+                _contact_sheet(self._folder, rows).save(temporary, format="PNG")
 
-    def _page(self, rows: list[RunRow]) -> None:
+    def _write_page(self, rows: list[RunRow]) -> None:
         plan = self._folder.plan
-        text = page(self._folder, rows, headline(plan), against(plan))
-        with replacing(self._folder.path / PAGE) as temporary:
+        text = sweep_page(self._folder, rows, first_metric(plan), second_metric(plan))
+        with atomic_file(self._folder.path / PAGE) as temporary:
             write_chunks(temporary, [text.encode()])
 
 
-def _sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
-    plan, most = folder.plan, 240
+def _contact_sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
+    plan, limit = folder.plan, 240
     shown = [row for row in rows if row.state in ("done", "failed", "killed")]
-    which = f"{len(shown)} runs"
-    if len(shown) > most:
-        chosen = {row.number for row in best(rows, headline(plan), plan.limits)[:most]}
+    subject = f"{len(shown)} runs"
+    if len(shown) > limit:
+        chosen = {row.number for row in best(rows, first_metric(plan), plan.limits)[:limit]}
         shown = [row for row in shown if row.number in chosen]
-        which = f"the best {len(shown)} of {len(rows)} runs by {headline(plan)}"
-    tiles = [_tile(folder.path, row, headline(plan)) for row in shown]
-    across = columns(
+        subject = f"the best {len(shown)} of {len(rows)} runs by {first_metric(plan)}"
+    tiles = [_tile(folder.path, row, first_metric(plan)) for row in shown]
+    column_number = column_count(
         len(tiles),
-        [len(axis.listed()) for axis in plan.axes] if plan.sampling == "grid" and plan.search is None else [],
+        [len(axis.grid_changes()) for axis in plan.axes] if plan.sampling == "grid" and plan.search is None else [],
     )
     wide, high = (int(word) for word in plan.size.split("x"))
-    line = "   ·   ".join(key for axis in plan.axes for key in axis.keys)
-    return contact_sheet(tiles, f"{folder.preset.name}, {which}", line, across, 260, wide / high, PAPER)
+    subtitle = "   ·   ".join(key for axis in plan.axes for key in axis.keys)
+    return contact_sheet(tiles, f"{folder.preset.name}, {subject}", subtitle, column_number, 260, wide / high, PAPER)
 
 
-def _tile(folder: Path, row: RunRow, metric: str) -> Tile:
+def _tile(folder: Path, row: RunRow, metric: str) -> ContactTile:
     from PIL import Image
 
     picture, name = None, picture_of(row)
@@ -174,54 +174,59 @@ def _tile(folder: Path, row: RunRow, metric: str) -> Tile:
         except OSError:  # the user removed or damaged the picture, but its numbers remain
             picture = None
     short = short_names(list(row.changes))
-    parameters = [(short[key], _brief(value)) for key, value in row.changes.items()]
+    parameters = [(short[key], _short_value(value)) for key, value in row.changes.items()]
     if metric in row.metrics:
         parameters.insert(0, (f"{row.metrics[metric]:.3g} {ABOUT[metric].unit}".strip(), ""))
-    return Tile(row.number, tuple(parameters), "", picture, row.error or "no picture")
+    return ContactTile(row.number, tuple(parameters), "", picture, row.error or "no picture")
 
 
-def _brief(value: Any) -> str:
+def _short_value(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else spelled_value(value)
 
 
-def summary(folder: SweepFolder) -> str:
+def sweep_summary(folder: SweepFolder) -> str:
     """Return a few lines at the end: states of the runs, the best, the front, and the files."""
     rows, plan = folder.rows(), folder.plan
-    metric, other = headline(plan), against(plan)
-    done, failed, killed = (sum(row.state == state for row in rows) for state in ("done", "failed", "killed"))
-    left = len(rows) - done - failed - killed
-    more = f", {killed} killed" * (killed > 0) + f", {left} left" * (left > 0)
-    lines = [f"{len(rows)} runs: {done} done, {failed} failed{more}"]
+    metric, other_metric = first_metric(plan), second_metric(plan)
+    done_count, failed_count, killed_count = (
+        sum(row.state == state for row in rows) for state in ("done", "failed", "killed")
+    )
+    left_count = len(rows) - done_count - failed_count - killed_count
+    rest_words = f", {killed_count} killed" * (killed_count > 0) + f", {left_count} left" * (left_count > 0)
+    lines = [f"{len(rows)} runs: {done_count} done, {failed_count} failed{rest_words}"]
     if plan.constraints:
-        meets = sum(feasible(row, plan.limits) for row in rows)
-        lines.append(f"{meets} of them meet {', '.join(plan.constraints)}")
+        feasible_count = sum(feasible(row, plan.limits) for row in rows)
+        lines.append(f"{feasible_count} of them meet {', '.join(plan.constraints)}")
     if ranked := best(rows, metric, plan.limits):
         lines.append(f"best {metric}: {ranked[0].metrics[metric]:.4g} (run {ranked[0].number})")
-        lines.append(f"{len(pareto(rows, metric, other, plan.limits))} runs on the front of {metric} against {other}")
+        lines.append(
+            f"{len(pareto(rows, metric, other_metric, plan.limits))} runs on the front of {metric} against "
+            f"{other_metric}"
+        )
     files = [PAGE, "results.csv", "results.parquet", SHEET_NAME]
     return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])
 
 
-def best_loss(folder: SweepFolder) -> str:
+def loss_sentence(folder: SweepFolder) -> str:
     """Return a sentence if an alternative is stiffer than the best run of a search; else ''.
 
     If the runs did not measure it, the best design is made again.
     """
-    ranked = best(folder.rows(), headline(folder.plan), folder.plan.limits)
+    ranked = best(folder.rows(), first_metric(folder.plan), folder.plan.limits)
     if not ranked:
         return ""
     row, names = ranked[0], [f"over_{name}" for name in ALTERNATIVE_WORDS]
     if all(name in row.metrics for name in names) and max(row.metrics[name] for name in names) <= 1:
         return ""
     try:
-        found = design_alternatives(draft(overridden(folder.preset, row.changes)))
+        alternatives = design_alternatives(draft(with_overrides(folder.preset, row.changes)))
     except DsfabError:
         return ""  # the run says why
-    lost = losing_line(found)
-    return sentence(f"the best is run {row.number}, and {lost}") if lost else ""
+    losing_words = losing_line(alternatives)
+    return sentence(f"the best is run {row.number}, and {losing_words}") if losing_words else ""
 
 
-def missing_runs(folder: SweepFolder) -> str:
+def missing_runs_line(folder: SweepFolder) -> str:
     """Return a line on the runs without a result, with the numbers of killed ones; '' if none is missing.
 
     A failed run has a result.
@@ -236,24 +241,26 @@ def missing_runs(folder: SweepFolder) -> str:
     return f"{missing} of {len(rows)} runs {'is' if missing == 1 else 'are'} missing{why}"
 
 
-def page(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> str:
-    """Return index.html, which opens offline; `stiff` and `heavy` are the metrics of its chart at first.
+def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
+    """Return index.html, which opens offline; `y_metric` and `x_metric` are the metrics of its chart at first.
 
     Pictures are files beside it, named relative to it; everything else is inside. It shows failed runs and missing
     values
     as such. See sweep_page.html for its script.
     """
-    facts = json.dumps(_facts(folder, rows, stiff, heavy), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    facts = json.dumps(
+        _page_facts(folder, rows, y_metric, x_metric), ensure_ascii=False, separators=(",", ":"), allow_nan=False
+    )
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")
     title = escape(f"{folder.preset.name}, {len(rows)} runs")
     return (
         template.replace("{{title}}", title)
-        .replace("{{style}}", style())
+        .replace("{{style}}", page_style())
         .replace("{{facts}}", facts.replace("</", "<\\/"))
     )
 
 
-def _facts(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> dict[str, Any]:
+def _page_facts(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> dict[str, Any]:
     plan = folder.plan
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     short = short_names(keys)
@@ -264,17 +271,17 @@ def _facts(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) 
         "inputs": [{"key": key, "short": short[key]} for key in keys],
         "metrics": [
             {"name": name, "unit": ABOUT[name].unit, "better": ABOUT[name].better, "says": ABOUT[name].says}
-            for name in plan.measured
+            for name in plan.measured_metrics
         ],
-        "x": heavy,
-        "y": stiff,
+        "x": x_metric,
+        "y": y_metric,
         "constraints": list(plan.constraints),
         "size": [wide, high],
-        "runs": [_run(row, keys, plan.measured, feasible(row, plan.limits)) for row in rows],
+        "runs": [_run_facts(row, keys, plan.measured_metrics, feasible(row, plan.limits)) for row in rows],
     }
 
 
-def _run(row: RunRow, keys: Sequence[str], metrics: Sequence[str], meets: bool) -> list[Any]:
+def _run_facts(row: RunRow, keys: Sequence[str], metrics: Sequence[str], meets: bool) -> list[Any]:
     values = [row.metrics.get(name) for name in metrics]
     return [
         row.number,

@@ -49,45 +49,45 @@ class Web:
         )
 
 
-def web(surface: Surface, phases: Floats, load: Bools, held: Bools) -> Web:
+def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
     """Return the better web of the two that either family may form.
 
     phases : (n, 2) of the major and minor family, whole numbers in the middle of members.
     load, supported : (n,) vertices under the load, and at supports.
     """
-    found = []
+    webs = []
     for k, name in enumerate(("major", "minor")):
         levels = _levels(phases[:, k])
-        regions = [_around(surface, phases[:, k], level, load, held) for level in levels]
+        regions = [_disc_around(surface, phases[:, k], level, load, supported) for level in levels]
         rings = sorted((int(r.sum()), level, r) for level, r in zip(levels, regions, strict=True) if r is not None)
         crossed = tuple(_crossings(surface, phases[:, k] - z, phases[:, 1 - k], r) for _, z, r in rings)
-        found.append(Web(name if crossed else "", crossed))
-    return max(found, key=lambda one: (sum(c >= SPOKES for c in one.crossed), len(one.crossed)))
+        webs.append(Web(name if crossed else "", crossed))
+    return max(webs, key=lambda one: (sum(c >= SPOKES for c in one.crossed), len(one.crossed)))
 
 
-def links(surface: Surface, phases: Floats, first: Bools, second: Bools) -> tuple[int, int]:
+def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[int, int]:
     """Return how many middle lines of the major and minor family run unbroken between two sets of vertices."""
-    both = [0, 0]
+    counts = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):
             faces, label = _lines(surface, z - level)
-            one, other = (label[marked[surface.F[faces]].any(axis=1)] for marked in (first, second))
-            both[k] += len(np.intersect1d(one, other))
-    return both[0], both[1]
+            start_lines, end_lines = (label[marked[surface.F[faces]].any(axis=1)] for marked in (start, end))
+            counts[k] += len(np.intersect1d(start_lines, end_lines))
+    return counts[0], counts[1]
 
 
 def design_phases(design: Design) -> Floats:
     """Return (n, 2) phases of a design whose stripes lie on modes."""
-    given, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
-    x = np.stack([family.mode(number) for family, number in zip(modes, given.mode, strict=True)], axis=1)
-    return np.asarray(x * np.array(given.frequency) + np.array(given.phase))
+    pattern, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
+    x = np.stack([family.mode(number) for family, number in zip(modes, pattern.mode, strict=True)], axis=1)
+    return np.asarray(x * np.array(pattern.frequency) + np.array(pattern.phase))
 
 
 def loaded_patches(surface: Surface, loaded: Bools) -> list[Bools]:
     """Return the connected parts (n,) of the loaded vertices, the largest first."""
     a, b = surface.edges.ends.T
-    both = loaded[a] & loaded[b]
-    label = _labels(a[both], b[both], surface.n)
+    is_loaded = loaded[a] & loaded[b]
+    label = _labels(a[is_loaded], b[is_loaded], surface.n)
     names, count = np.unique(label[loaded], return_counts=True)
     return [loaded & (label == name) for name in names[np.argsort(-count, kind="stable")]]
 
@@ -100,18 +100,18 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
     return np.asarray(connected_components(coo_array((np.ones(len(a)), (a, b)), (n, n)), directed=False)[1])
 
 
-def _around(surface: Surface, z: Floats, level: int, load: Bools, held: Bools) -> Bools | None:
+def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
     """Return (n,) the loaded part of the surface inside the line z = level, if it is a disc without supports; else
     None."""
     a, b = surface.edges.ends.T
     above = z >= level
-    same = above[a] == above[b]
-    label = _labels(a[same], b[same], surface.n)
+    same_side = above[a] == above[b]
+    label = _labels(a[same_side], b[same_side], surface.n)
     inside = np.unique(label[load])
     if len(inside) != 1:  # the line runs under the load
         return None
     region = label == inside[0]
-    return region if not region[held].any() and _is_disc(surface, region) else None
+    return region if not region[supported].any() and _is_disc(surface, region) else None
 
 
 def _is_disc(surface: Surface, region: Bools) -> bool:
@@ -126,16 +126,16 @@ def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
     the whole numbers of z between the two ends of the line."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
-    at = np.empty((len(faces), 3))
+    crossing_values = np.empty((len(faces), 3))
     p, q = ring[F[faces]], z[F[faces]]
     inside = region[F[faces]]
     for side in range(3):
-        other = (side + 1) % 3
-        cut = inside[:, side] != inside[:, other]
+        next_side = (side + 1) % 3
+        cut = inside[:, side] != inside[:, next_side]
         with np.errstate(divide="ignore", invalid="ignore"):
-            t = p[:, side] / (p[:, side] - p[:, other])
-        at[:, side] = np.where(cut, q[:, side] + t * (q[:, other] - q[:, side]), np.nan)
-    low, high = np.nanmin(at, axis=1), np.nanmax(at, axis=1)
+            t = p[:, side] / (p[:, side] - p[:, next_side])
+        crossing_values[:, side] = np.where(cut, q[:, side] + t * (q[:, next_side] - q[:, side]), np.nan)
+    low, high = np.nanmin(crossing_values, axis=1), np.nanmax(crossing_values, axis=1)
     return int((np.floor(high) - np.floor(low)).sum())
 
 
@@ -144,58 +144,58 @@ def _lines(surface: Surface, z: Floats) -> tuple[Ints, Ints]:
     above = z >= 0
     side = above[surface.F]
     faces = np.flatnonzero(side.any(axis=1) & ~side.all(axis=1))
-    of = surface.edges.of[faces]
+    face_edges = surface.edges.of[faces]
     cut = side[faces] != np.roll(side[faces], -1, axis=1)
-    pair = np.sort(np.where(cut, of, -1), axis=1)[:, 1:]
+    pair = np.sort(np.where(cut, face_edges, -1), axis=1)[:, 1:]
     return faces, _labels(pair[:, 0], pair[:, 1], len(surface.edges.ends))[pair[:, 0]]
 
 
 def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
     """Return (n,) marked vertices (n,) and `rows` rows of vertices around them."""
-    found = marked.copy()
+    reached = marked.copy()
     a, b = surface.edges.ends.T
     for _ in range(rows):
-        reach = found[a] | found[b]
-        found[a[reach]] = found[b[reach]] = True
-    return found
+        reach = reached[a] | reached[b]
+        reached[a[reach]] = reached[b[reach]] = True
+    return reached
 
 
 ANGLE, EVENNESS = 60.0, 3.0
 """Least crossing angle (degrees) of a grid's members, and largest P95 over P5 of their spacing."""
 
 
-def finding(claim: str, made: Rendition) -> str:
+def finding(claim: str, rendition: Rendition) -> str:
     """Return the measured result for a claim (see `PaperFigure`) as a clause; '' without a claim or a design.
 
     rendition : its stripes lie on modes.
     """
-    if not claim or made.design is None:
+    if not claim or rendition.design is None:
         return ""
     if claim == "grid":
-        return _grid(made)
-    design = made.design
+        return _grid_finding(rendition)
+    design = rendition.design
     phases, loads = design_phases(design), loaded_patches(design.surface, design.load.loaded)
     if claim == "web":
-        told = web(design.surface, phases, loads[0], design.load.held).sentence
+        text = web(design.surface, phases, loads[0], design.load.supported).sentence
     else:
-        told = _beams(design, phases, loads, between=claim == "beams")
-    return f"{told}; it carries {made.carried:.0%} of the load" if made.carried < 0.995 else told
+        text = _beam_finding(design, phases, loads, between=claim == "beams")
+    return f"{text}; it carries {rendition.carried:.0%} of the load" if rendition.carried < 0.995 else text
 
 
-def _beams(design: Design, phases: Floats, loads: list[Bools], between: bool) -> str:
+def _beam_finding(design: Design, phases: Floats, loads: list[Bools], between: bool) -> str:
     surface = design.surface
-    first, second = (loads[0], loads[-1]) if between else (np.logical_or.reduce(loads), design.load.held)
-    found = links(surface, phases, nearby(surface, first), nearby(surface, second))
+    start, end = (loads[0], loads[-1]) if between else (np.logical_or.reduce(loads), design.load.supported)
+    counts = links(surface, phases, nearby(surface, start), nearby(surface, end))
     where = "from one load to the other" if between else "from the load to the supports"
-    if not any(found):
+    if not any(counts):
         return f"no beam here, because no line of either family runs unbroken {where}"
-    name = "a beam" if sum(found) == 1 else "beams"
-    return f"{name}: {found[0]} major and {found[1]} minor lines run unbroken {where}"
+    name = "a beam" if sum(counts) == 1 else "beams"
+    return f"{name}: {counts[0]} major and {counts[1]} minor lines run unbroken {where}"
 
 
-def _grid(made: Rendition) -> str:
-    told = f"members cross at {made.crossing:.0f} degrees or more, and P95 over P5 of their spacing is "
-    told += f"{made.evenness:.3g}"
-    if made.crossing >= ANGLE and made.evenness <= EVENNESS:
-        return f"a grid: {told}"
-    return f"no even grid here, because {told} (a grid: {ANGLE:g} degrees, {EVENNESS:g})"
+def _grid_finding(rendition: Rendition) -> str:
+    text = f"members cross at {rendition.crossing:.0f} degrees or more, and P95 over P5 of their spacing is "
+    text += f"{rendition.evenness:.3g}"
+    if rendition.crossing >= ANGLE and rendition.evenness <= EVENNESS:
+        return f"a grid: {text}"
+    return f"no even grid here, because {text} (a grid: {ANGLE:g} degrees, {EVENNESS:g})"

@@ -13,35 +13,36 @@ import numpy as np
 from dsfab.core.errors import DsfabError
 from dsfab.design import Design, draft
 from dsfab.diffusion import Modes
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.render import PAPER as RENDER_PAPER
 from dsfab.render.picture import Look, picture
 from dsfab.reproduction import drawing
 from dsfab.reproduction.drawing import SMALL, PaperComparison, PaperPicture, paper_picture, previewer_of, save_picture
-from dsfab.reproduction.earlier_methods import StressLine, integrated_design, ribbons, traced
+from dsfab.reproduction.earlier_methods import StressLine, integrated_design, ribbons, traced_lines
 from dsfab.reproduction.upsampling import upsampled_beside_exact
 from dsfab.results import DiffusionResult
 from dsfab.slicing.measures.pattern_quality import PatternQuality
-from dsfab.study.baselines.structures import as_mode
+from dsfab.study.baselines.structures import mode_like_field
 
 
-def beside_earlier(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
+def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
     """Compare stripes by diffusion with equally many stripes of an integrated field, and with traced lines."""
     name = design.preset.name
-    other, lines = integrated_design(design), traced(design)
+    integrated, lines = integrated_design(design), traced_lines(design)
     rows = []
     for show, title in (("major", "Major stripes"), ("minor", "Minor stripes"), ("structure", "Structure")):
-        drawn = paper_picture(other, folder, show, f"{name}-integrated", f"{title}, integrated")
-        rows.append(tuple(one for one in (shown.get(f"{name}-{show}.webp"), drawn) if one))
+        drawn_picture = paper_picture(integrated, folder, show, f"{name}-integrated", f"{title}, integrated")
+        rows.append(tuple(cell for cell in (shown.get(f"{name}-{show}.webp"), drawn_picture) if cell))
     crosses = shown.get(f"{name}-directions.webp")
-    rows.append(tuple(one for one in (crosses, _lines_picture(design, folder, lines)) if one))
-    both = [*lines[0], *lines[1]]
+    rows.append(tuple(cell for cell in (crosses, _lines_picture(design, folder, lines)) if cell))
+    all_lines = [*lines[0], *lines[1]]
     words = (
         "Earlier methods choose a direction on every face and integrate one field over all of them, or trace lines one "
         "after another. Where directions part or turn round a point, no choice of signs is right everywhere; diffusion "
         "makes no choice, and the paper says that its stripes are more regular there. "
-        f"{_compared(design, other)}"
-        f"Traced as far apart as the stripes: {len(both)} lines, {sum(line.loose for line in both)} of whose ends lie "
+        f"{_measures_text(design, integrated)}"
+        f"Traced as far apart as the stripes: {len(all_lines)} lines, {sum(line.loose for line in all_lines)} of "
+        "whose ends lie "
         "inside the surface, for they came too near to another line or to where no direction is clear."
     )
     return PaperComparison("Beside earlier work", words, tuple(rows))
@@ -50,52 +51,53 @@ def beside_earlier(design: Design, folder: Path, shown: Mapping[str, PaperPictur
 def _lines_picture(design: Design, folder: Path, lines: tuple[list[StressLine], list[StressLine]]) -> PaperPicture:
     surface, title = design.surface, "Lines traced along the principal directions"
     V, F, family = [surface.V], [surface.F], [np.full(surface.m, 2)]
-    for k, one in enumerate(lines):
-        if not one:
+    for k, family_lines in enumerate(lines):
+        if not family_lines:
             continue
-        apart = surface.area / sum(line.length for line in one)
-        points, faces = ribbons(surface, one, 0.25 * apart, 0.1 * apart)
+        apart = surface.area / sum(line.length for line in family_lines)
+        points, faces = ribbons(surface, family_lines, 0.25 * apart, 0.1 * apart)
         F.append(faces + sum(map(len, V)))
         V.append(points)
         family.append(np.full(len(faces), k))
     file = f"{design.preset.name}-traced.webp"
     look = Look(SMALL, palette=replace(RENDER_PAPER, families=RENDER_PAPER.tints))
     try:
-        drawn = picture(np.vstack(V), np.vstack(F), family=np.concatenate(family), look=look)
+        image = picture(np.vstack(V), np.vstack(F), family=np.concatenate(family), look=look)
     except DsfabError as error:
         return PaperPicture("", title, str(error))
-    save_picture(drawn, folder / file)
+    save_picture(image, folder / file)
     return PaperPicture(file, title, "Major red, minor blue.")
 
 
-def _compared(design: Design, other: Design) -> str:
+def _measures_text(design: Design, integrated: Design) -> str:
     try:
-        own, rival = (one.quality(symmetry=False) for one in (design, other))
+        quality, rival = (candidate.quality(symmetry=False) for candidate in (design, integrated))
     except DsfabError as error:
         return f"Nothing can be measured ({error}). "
-    better = sum(a < b for a, b in zip(_numbers(own), _numbers(rival), strict=True))
+    better = sum(a < b for a, b in zip(_quality_numbers(quality), _quality_numbers(rival), strict=True))
     return (
-        f"Measured, by diffusion: {_regular(own)}. Integrated: {_regular(rival)}. "
-        f"Diffusion is the better one in {better} of these {len(_numbers(own))} numbers. "
+        f"Measured, by diffusion: {_quality_text(quality)}. Integrated: {_quality_text(rival)}. "
+        f"Diffusion is the better one in {better} of these {len(_quality_numbers(quality))} numbers. "
     )
 
 
-def _numbers(found: PatternQuality) -> tuple[float, ...]:
-    both = found.major, found.minor
+def _quality_numbers(quality: PatternQuality) -> tuple[float, ...]:
+    families = quality.major, quality.minor
     return (
-        *(one.deviation for one in both),
-        *(one.evenness for one in both),
-        -found.crossing_angle,
-        float(found.dead_ends),
+        *(family.deviation for family in families),
+        *(family.evenness for family in families),
+        -quality.crossing_angle,
+        float(quality.dead_ends),
     )
 
 
-def _regular(found: PatternQuality) -> str:
-    major, minor = found.major, found.minor
+def _quality_text(quality: PatternQuality) -> str:
+    major, minor = quality.major, quality.minor
     return (
         f"members lie {major.deviation:.0f} and {minor.deviation:.0f} degrees off the stress (major and minor, in the "
-        f"mean), cross at {found.crossing_angle:.0f} degrees or more, P95/P5 of their spacing is {major.evenness:.1f} "
-        f"and {minor.evenness:.1f}, and {found.dead_ends} ends lie in the air"
+        f"mean), cross at {quality.crossing_angle:.0f} degrees or more, P95/P5 of their spacing is "
+        f"{major.evenness:.1f} "
+        f"and {minor.evenness:.1f}, and {quality.dead_ends} ends lie in the air"
     )
 
 
@@ -110,7 +112,7 @@ PAPER = 37
 """Frames a second of the paper's editor, on a laptop of 2015."""
 
 
-def edited(design: Design, folder: Path) -> PaperComparison:
+def editing_comparison(design: Design, folder: Path) -> PaperComparison:
     """Draw one pattern with other numbers, and measure frames a second during the changes, as the paper does for
     Bob."""
     title = "Frequency and thickness, edited"
@@ -159,44 +161,44 @@ def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture])
     """Return the comparisons that the paper shows for this figure; existing pictures are used again."""
     name = design.preset.name
     if name == "hanging_bar":
-        return [_michell(design, shown), _ratios(design, folder)]
+        return [_michell_comparison(design, shown), _anisotropy_comparison(design, folder)]
     if name == "sphere":
-        return [_one_family(design, folder, shown), upsampled_beside_exact(design, folder)]
+        return [_von_mises_comparison(design, folder, shown), upsampled_beside_exact(design, folder)]
     if name == "bridge":
-        return [beside_earlier(design, folder, shown)]
+        return [earlier_work_comparison(design, folder, shown)]
     if name == "bob":
         words = "What the statics find on Bob: the stress gathers between the head and the feet."
         again = tuple(shown[file] for file in ("bob-loads.webp", "bob-vonmises.webp") if file in shown)
-        return [PaperComparison("Bob under his load", words, (again,)), edited(design, folder)]
+        return [PaperComparison("Bob under his load", words, (again,)), editing_comparison(design, folder)]
     return []
 
 
-def _michell(design: Design, shown: Mapping[str, PaperPicture]) -> PaperComparison:
+def _michell_comparison(design: Design, shown: Mapping[str, PaperPicture]) -> PaperComparison:
     name = design.preset.name
     rows = (("directions", "structure"), ("major-mode", "major"), ("minor-mode", "minor"))
-    pictures = (tuple(shown[file] for one in row if (file := f"{name}-{one}.webp") in shown) for row in rows)
-    told = "what is kept cannot be cut"
+    pictures = (tuple(shown[file] for show in row if (file := f"{name}-{show}.webp") in shown) for row in rows)
+    measured_text = "what is kept cannot be cut"
     with suppress(DsfabError):
-        found = design.quality(symmetry=False)
-        told = (
-            f"members lie {found.deviation:.1f} degrees off the principal directions in the mean, of the family that "
-            f"is further off, and cross at {found.crossing_angle:.0f} degrees or more"
+        quality = design.quality(symmetry=False)
+        measured_text = (
+            f"members lie {quality.deviation:.1f} degrees off the principal directions in the mean, of the family that "
+            f"is further off, and cross at {quality.crossing_angle:.0f} degrees or more"
         )
     words = (
         "In the stiffest frame of so much material each member lies along a principal direction of the stress, and the "
         "families cross at right angles [Michell 1904]. Stripes lie across the gradient of their mode, so modes whose "
-        f"gradients follow the directions give such a frame. Here {told}."
+        f"gradients follow the directions give such a frame. Here {measured_text}."
     )
     return PaperComparison("Towards the Michell truss", words, tuple(pictures))
 
 
-def _ratios(design: Design, folder: Path) -> PaperComparison:
+def _anisotropy_comparison(design: Design, folder: Path) -> PaperComparison:
     rows = []
     for show, name in (("major_mode", "major mode 1"), ("minor_mode", "minor mode 1"), ("structure", "structure")):
         row = []
         for r in RATIOS:
-            other = draft(overridden(design.preset, {"diffusion.r": r}), old=design)
-            row.append(paper_picture(other, folder, show, f"r{r:g}-{design.preset.name}", f"r = {r:g}, {name}"))
+            changed = draft(with_overrides(design.preset, {"diffusion.r": r}), earlier=design)
+            row.append(paper_picture(changed, folder, show, f"r{r:g}-{design.preset.name}", f"r = {r:g}, {name}"))
         rows.append(tuple(row))
     words = (
         "With r = 1 the stress is not heard and both families have the same modes; the larger r, the closer modes, "
@@ -205,19 +207,19 @@ def _ratios(design: Design, folder: Path) -> PaperComparison:
     return PaperComparison("The effect of the anisotropy r", words, tuple(rows))
 
 
-def _one_family(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    value = as_mode(design.surface, design.statics.answers.stress.largest)
+def _von_mises_comparison(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
+    value = mode_like_field(design.surface, design.statics.answers.stress.largest)
     modes = Modes(np.zeros(1), value[:, None])
-    changed = overridden(design.preset, {"pattern.major.mode": 1, "pattern.minor.mode": 1})
+    changed = with_overrides(design.preset, {"pattern.major.mode": 1, "pattern.minor.mode": 1})
     along = DiffusionResult(design.diffusion.tensors, modes, modes)
-    kept: dict[str, Any] = {"surface": design.surface, "statics": design.statics, "pattern": design.pattern}
-    striped = Design.known(changed, diffusion=along, **kept)
+    stages: dict[str, Any] = {"surface": design.surface, "statics": design.statics, "pattern": design.pattern}
+    striped = Design.from_results(changed, diffusion=along, **stages)
     name = design.preset.name
     field = shown.get(f"{name}-vonmises.webp")
     stripes = paper_picture(striped, folder, "major", f"{name}-vonmises", "Stripes along the von Mises stress")
     pairs = [tuple(shown.get(f"{name}-{family}{end}.webp") for end in ("-mode", "")) for family in ("major", "minor")]
     columns = (pairs[0], (field, stripes), pairs[1])
-    rows = tuple(tuple(one for column in columns if (one := column[i])) for i in range(2))
+    rows = tuple(tuple(cell for column in columns if (cell := column[i])) for i in range(2))
     words = (
         "Stripes of the same frequency along the von Mises stress, a single field: it hardly changes away from the "
         "poles, and neither do its stripes. The families of the diffusion give rings and meridians everywhere."

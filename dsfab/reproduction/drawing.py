@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dsfab.core.errors import DsfabError
 from dsfab.design import Design
-from dsfab.render.colouring import Bar
+from dsfab.render.colouring import ColourBar
 from dsfab.render.light import LightQuality
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
@@ -45,7 +45,7 @@ class PaperPicture:
     file: str
     title: str
     words: str = ""
-    bar: Bar | None = None
+    bar: ColourBar | None = None
     size: tuple[int, int] = SMALL
 
 

@@ -28,12 +28,12 @@ class DrawnFamily(NamedTuple):
 
 def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
     """Return both families of a design on numbered modes."""
-    found, pattern = design.diffusion, design.preset.pattern
+    diffusion, pattern = design.diffusion, design.preset.pattern
     major, minor = (
-        DrawnFamily(D, number := int(own.mode), modes.mode(number), own.frequency)
-        for D, modes, own in (
-            (found.tensors.major, found.major, pattern.major),
-            (found.tensors.minor, found.minor, pattern.minor),
+        DrawnFamily(D, number := int(family.mode), modes.mode(number), family.frequency)
+        for D, modes, family in (
+            (diffusion.tensors.major, diffusion.major, pattern.major),
+            (diffusion.tensors.minor, diffusion.minor, pattern.minor),
         )
     )
     return major, minor
@@ -43,19 +43,19 @@ def integrated_design(design: Design) -> Design:
     """Return a design on numbered modes with both modes replaced by integrated fields of equal stripe density."""
     surface, tensors, modes = design.surface, design.diffusion.tensors, []
     for family in drawn_families(design):
-        field = integrated_field(surface, across(family.D), ~tensors.isotropic)
+        field = integrated_field(surface, weakest_directions(family.D), ~tensors.isotropic)
         field *= typical_slope(surface, family.mode) / typical_slope(surface, field)
         modes.append(Modes(np.zeros(family.number), np.repeat(field[:, None], family.number, axis=1)))
-    made = DiffusionResult(tensors, *modes)
-    return Design.known(design.preset, surface=surface, statics=design.statics, diffusion=made)
+    integrated = DiffusionResult(tensors, *modes)
+    return Design.from_results(design.preset, surface=surface, statics=design.statics, diffusion=integrated)
 
 
-def along(D: Floats) -> Floats:
+def strongest_directions(D: Floats) -> Floats:
     """Return (m, 3) unit directions of the largest diffusion of tensors D (m, 3, 3); stripes run along them."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 2])
 
 
-def across(D: Floats) -> Floats:
+def weakest_directions(D: Floats) -> Floats:
     """Return (m, 3) unit directions in the faces' planes of the least diffusion of tensors D (m, 3, 3). They belong to
     the middle one of the eigenvalues 0, 1 and r; stripes lie across them."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
@@ -67,8 +67,8 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
     direction : (m, 3) units up to sign.    clear : (m,) faces with a direction; on other faces the field is as flat as
     possible.
     """
-    wanted = signed(surface, direction) * clear[:, None]
-    pull = np.einsum("mik,mk->mi", hat_gradients(surface), wanted) * surface.areas[:, None]
+    target = consistent_directions(surface, direction) * clear[:, None]
+    pull = np.einsum("mik,mk->mi", hat_gradients(surface), target) * surface.areas[:, None]
     K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
     # a weak spring, because a constant on each piece of the surface is free
     K = csr_array(K + 1e-9 * K.diagonal().mean() * eye_array(surface.n))
@@ -76,7 +76,7 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
     return np.asarray(factorise(K, surface.V)(b))
 
 
-def signed(surface: Surface, direction: Floats) -> Floats:
+def consistent_directions(surface: Surface, direction: Floats) -> Floats:
     """Return (m, 3) directions whose signs agree between faces along the tree of faces with the least turns."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
@@ -121,12 +121,14 @@ class StressLine:
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
 
-def traced(design: Design) -> tuple[list[StressLine], list[StressLine]]:
+def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
     """Return the lines of both families of a design on numbered modes, at the median distance of its stripes."""
     surface, clear = design.surface, ~design.diffusion.tensors.isotropic
     major, minor = (
-        stress_lines(surface, along(one.D), clear, 1 / (one.frequency * typical_slope(surface, one.mode)))
-        for one in drawn_families(design)
+        stress_lines(
+            surface, strongest_directions(family.D), clear, 1 / (family.frequency * typical_slope(surface, family.mode))
+        )
+        for family in drawn_families(design)
     )
     return major, minor
 
@@ -143,7 +145,7 @@ def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float
         distance = np.minimum(distance, cKDTree(np.vstack([line.points, centres[seed]])).query(centres)[0])
         if line.length > apart:
             lines.append(line)
-            walk.others = cKDTree(np.vstack([each.points for each in lines]))
+            walk.others = cKDTree(np.vstack([traced_line.points for traced_line in lines]))
     return lines
 
 
@@ -161,8 +163,8 @@ class _Walk:
         ahead, faces, end = self._half(seed, start, self.direction[seed])
         if end == "round":
             return StressLine(np.array(ahead), tuple(faces), loose=0)
-        behind, back, other = self._half(seed, start, -self.direction[seed])
-        loose = (end == "inside") + (other == "inside")
+        behind, back, back_end = self._half(seed, start, -self.direction[seed])
+        loose = (end == "inside") + (back_end == "inside")
         return StressLine(np.array(behind[:0:-1] + ahead), (*back[::-1], *faces), loose)
 
     def _half(self, face: int, start: Floats, t: Floats) -> tuple[list[Floats], list[int], End]:
@@ -177,7 +179,7 @@ class _Walk:
             faces.append(face)
             # a closed line returns after at least three distances
             passed = int(np.searchsorted(runs, runs[-1] - 3 * self.apart))
-            if (back := self._came_back(points[:passed], p)) is not None:
+            if (back := self._return_index(points[:passed], p)) is not None:
                 came = back * 2 < passed
                 return ([*points, start], [*faces, face], "round") if came else (points, faces, "inside")
             entered = int(self.surface.edges.twins[half_edge])
@@ -191,13 +193,13 @@ class _Walk:
             t = turned
         return points, faces, "inside"
 
-    def _came_back(self, passed: list[Floats], p: Floats) -> int | None:
+    def _return_index(self, passed: list[Floats], p: Floats) -> int | None:
         """Return the index of an earlier point near the line's end, if any."""
         if not passed:
             return None
-        far = np.linalg.norm(np.array(passed) - p, axis=1)
-        best = int(np.argmin(far))
-        return best if far[best] < NEAR * self.apart else None
+        distances = np.linalg.norm(np.array(passed) - p, axis=1)
+        index = int(np.argmin(distances))
+        return index if distances[index] < NEAR * self.apart else None
 
     def _exit(self, face: int, p: Floats, t: Floats, entered: int) -> tuple[int, Floats]:
         """Return the half-edge through which a ray leaves a face, and the point; -1 if it would leave through its
@@ -205,12 +207,12 @@ class _Walk:
         corners = self.surface.V[self.surface.F[face]]
         outward = np.cross(np.roll(corners, -1, axis=0) - corners, self.surface.normals[face])
         speed = outward @ t
-        ways = [k for k in range(3) if speed[k] > 0 and 3 * face + k != entered]
-        if not ways:
+        sides = [k for k in range(3) if speed[k] > 0 and 3 * face + k != entered]
+        if not sides:
             return -1, p
-        far = [max(float((corners[k] - p) @ outward[k]) / speed[k], 0.0) for k in ways]
-        best = int(np.argmin(far))
-        return 3 * face + ways[best], p + far[best] * t
+        distances = [max(float((corners[k] - p) @ outward[k]) / speed[k], 0.0) for k in sides]
+        choice = int(np.argmin(distances))
+        return 3 * face + sides[choice], p + distances[choice] * t
 
     def _is_near(self, p: Floats) -> bool:
         reach = NEAR * self.apart

@@ -8,7 +8,7 @@ from statistics import median
 
 from dsfab.core.errors import DsfabError, SurfaceError
 from dsfab.design import Design, Log, draft
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.reproduction.captions import finding
 from dsfab.reproduction.comparisons import comparisons
@@ -24,7 +24,7 @@ STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode",
 RUNS = 3
 """Number of runs whose median gives the seconds."""
 
-WAYS = {
+RENDITION_TITLES = {
     "letter": "The paper to the letter",
     "preset": "The preset",
     "stripes": "dsfab's stripes",
@@ -77,23 +77,23 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
     coarser : factor on the preset's edges, which falls until the mesh has all details: quicker, and rougher.
     """
     try:
-        design, coarser = coarsened(load_preset(figure.preset), coarser)
-        made = renditions(design)
-        carried, notes = _carried(made[1])
+        design, coarser = coarsened_draft(load_preset(figure.preset), coarser)
+        results = renditions(design)
+        carried, notes = _load_transfer(results[1])
         shown = tuple(paper_picture(design, folder, show, figure.preset) for show in ("structure", *STEPS))
-        compared = tuple(comparisons(design, folder, {one.file: one for one in shown}))
-        ways = tuple(_told(_pictured(figure, one, folder, shown[0])) for one in made)
+        compared = tuple(comparisons(design, folder, {entry.file: entry for entry in shown}))
+        ways = tuple(_without_design(_rendition_picture(figure, entry, folder, shown[0])) for entry in results)
     except DsfabError as error:
         return FigurePictures(figure, error=str(error))
     surface, seconds = design.surface, processor_seconds(design)
     return FigurePictures(figure, surface.n, surface.m, seconds, carried, notes, shown, compared, ways, coarser)
 
 
-def _told(way: RenditionPicture) -> RenditionPicture:
+def _without_design(picture: RenditionPicture) -> RenditionPicture:
     """Remove the design, which is large, because figures come from other processes."""
-    design = way.rendition.design
+    design = picture.rendition.design
     edge = float(design.preset.surface.model_dump()["edge"]) if design else 0.0
-    return replace(way, rendition=replace(way.rendition, design=None), edge=edge)
+    return replace(picture, rendition=replace(picture.rendition, design=None), edge=edge)
 
 
 def processor_seconds(design: Design) -> dict[str, float]:
@@ -102,12 +102,12 @@ def processor_seconds(design: Design) -> dict[str, float]:
     runs = []
     for _ in range(RUNS):
         log = Log(None, clock=time.process_time)
-        Design.known(design.preset, log, surface=design.surface).until("diffusion")
+        Design.from_results(design.preset, log, surface=design.surface).until("diffusion")
         runs.append(log.seconds)
     return {row: median(run[row] for run in runs) for row in runs[0]}
 
 
-def coarsened(preset: Preset, coarser: float) -> tuple[Design, float]:
+def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
     """Return a preset up to its pattern with edges `coarser` times as long, and the actual factor.
 
     The factor falls by a fifth at a time, until the shape has its details and each load a vertex. Raises DsfabError if
@@ -116,37 +116,43 @@ def coarsened(preset: Preset, coarser: float) -> tuple[Design, float]:
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:
-            return draft(overridden(preset, {"surface.edge": coarser * edge}) if coarser != 1 else preset), coarser
+            return draft(with_overrides(preset, {"surface.edge": coarser * edge}) if coarser != 1 else preset), coarser
         except SurfaceError:
             if coarser <= 1:
                 raise
             coarser = max(0.8 * coarser, 1.0)
 
 
-def _pictured(figure: PaperFigure, made: Rendition, folder: Path, shipped: PaperPicture) -> RenditionPicture:
-    if made.name == "preset":
-        return RenditionPicture(made, replace(shipped, title=WAYS[made.name]), finding(figure.claim, made))
-    if made.design is None:
-        return RenditionPicture(made, PaperPicture("", WAYS[made.name], made.refused))
-    picture = paper_picture(made.design, folder, "structure", f"{figure.preset}-{made.name}", WAYS[made.name])
-    found = finding(figure.claim, made) if made.name == "letter" else ""
-    return RenditionPicture(made, picture, found)
+def _rendition_picture(
+    figure: PaperFigure, rendition: Rendition, folder: Path, shipped: PaperPicture
+) -> RenditionPicture:
+    if rendition.name == "preset":
+        return RenditionPicture(
+            rendition, replace(shipped, title=RENDITION_TITLES[rendition.name]), finding(figure.claim, rendition)
+        )
+    if rendition.design is None:
+        return RenditionPicture(rendition, PaperPicture("", RENDITION_TITLES[rendition.name], rendition.refused))
+    picture = paper_picture(
+        rendition.design, folder, "structure", f"{figure.preset}-{rendition.name}", RENDITION_TITLES[rendition.name]
+    )
+    claim_text = finding(figure.claim, rendition) if rendition.name == "letter" else ""
+    return RenditionPicture(rendition, picture, claim_text)
 
 
-def _carried(made: Rendition) -> tuple[str, tuple[str, ...]]:
-    if made.design is None:
-        return f"it cannot be built: {made.refused}", ()
-    slicing, notes = made.design.slicing, made.design.notes
-    share = slicing.sheet.surface.area / made.design.surface.area
-    told = f"{share:.0%} of the surface is kept, in {_count(len(slicing.pieces))}; {_reached(slicing.pieces)}"
-    return told, tuple(f"{note.stage}: {note.text}" for note in notes)
+def _load_transfer(rendition: Rendition) -> tuple[str, tuple[str, ...]]:
+    if rendition.design is None:
+        return f"it cannot be built: {rendition.refused}", ()
+    slicing, notes = rendition.design.slicing, rendition.design.notes
+    share = slicing.sheet.surface.area / rendition.design.surface.area
+    text = f"{share:.0%} of the surface is kept, in {_count(len(slicing.pieces))}; {_supports_text(slicing.pieces)}"
+    return text, tuple(f"{note.stage}: {note.text}" for note in notes)
 
 
 def _count(pieces: int) -> str:
     return "one piece" if pieces == 1 else f"{pieces} pieces"
 
 
-def _reached(pieces: Sequence[Piece]) -> str:
+def _supports_text(pieces: Sequence[Piece]) -> str:
     loaded = [piece for piece in pieces if piece.loaded]
     if not loaded:
         lost = sum(not piece.held for piece in pieces)

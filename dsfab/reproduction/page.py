@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.core.messages import bounded
-from dsfab.render.colouring import Bar
-from dsfab.report.html_pages import html_page, image, why
+from dsfab.core.messages import value_with_bound
+from dsfab.render.colouring import ColourBar
+from dsfab.report.html_pages import html_page, image_tag, reason_paragraph
 from dsfab.reproduction.drawing import PaperComparison, PaperPicture
-from dsfab.reproduction.figures import RUNS, WAYS, FigurePictures
+from dsfab.reproduction.figures import RENDITION_TITLES, RUNS, FigurePictures
 from dsfab.reproduction.published import Parameters, Timings
 from dsfab.reproduction.renditions import Rendition
 from dsfab.reproduction.volumes import RIVALS
@@ -32,16 +32,17 @@ def claim_section(rows: Sequence[Row]) -> str:
     """Return the section of the page about the sphere; '' without rows."""
     if not rows:
         return ""
-    known = {(row["name"], row["volume"]): row for row in rows}
+    row_by_key = {(row["name"], row["volume"]): row for row in rows}
     shares = sorted({row["volume"] for row in rows})
     head = "".join(f"<th>{share:.0%}</th>" for share in shares)
     lines = []
-    for name in (name for name in RIVALS if any(key[0] == name for key in known)):
-        cells = "".join(_cell(known.get((name, share))) for share in shares)
+    for name in (name for name in RIVALS if any(key[0] == name for key in row_by_key)):
+        cells = "".join(_cell(row_by_key.get((name, share))) for share in shares)
         lines.append(f"<tr><th>{escape(RIVALS[name])}</th>{cells}</tr>")
     words = (
         "<p>The paper's claim, tested: how stiff is a sphere of one mass, held at a pole and pressed at the other?</p>"
-        f"<ul>{''.join(f'<li>{line}</li>' for line in _words(known, shares))}</ul><p>{_verdicts(rows)} The numbers are "
+        f"<ul>{''.join(f'<li>{line}</li>' for line in _claim_lines(row_by_key, shares))}</ul>"
+        f"<p>{_verdict_text(rows)} The numbers are "
         'in <a href="sphere_volumes.json">its data</a>, again by <code>dsfab reproduce sphere --volumes</code>.</p>'
     )
     table = (
@@ -52,14 +53,14 @@ def claim_section(rows: Sequence[Row]) -> str:
     return f'<section id="volumes"><h2>Compliance over mass</h2>{words}{table}{image}</section>'
 
 
-def stiffness(own: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
+def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
     """Return the ratio of stiffness of two rows, and its lower and upper bound; None if either does not carry its
     loads."""
-    if not own or not rival or not own["compliance_J"] or not rival["compliance_J"]:
+    if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
-    ratio = rival["compliance_J"] / own["compliance_J"]
-    mine, theirs = (float(row.get("bound") or 0.0) for row in (own, rival))
-    return ratio, ratio * (1 - theirs) / (1 + mine), ratio * (1 + theirs) / (1 - mine)
+    ratio = rival["compliance_J"] / own_row["compliance_J"]
+    own_bound, rival_bound = (float(row.get("bound") or 0.0) for row in (own_row, rival))
+    return ratio, ratio * (1 - rival_bound) / (1 + own_bound), ratio * (1 + rival_bound) / (1 - own_bound)
 
 
 def _cell(row: Row | None) -> str:
@@ -68,38 +69,38 @@ def _cell(row: Row | None) -> str:
         reason = (row or {}).get("error") or "not judged"
         return f'<td title="{escape(reason, quote=True)}">not carried</td>'
     value, bound = 1000 * row["compliance_J"], row.get("bound")
-    told = bounded(value, bound) if bound else f"{value:.3g}"
+    text = value_with_bound(value, bound) if bound else f"{value:.3g}"
     if row["verdict"] != "pass":
-        told = f"<i>{told}</i>"
-    return f'<td title="{escape(row["reason"], quote=True)}">{told}</td>'
+        text = f"<i>{text}</i>"
+    return f'<td title="{escape(row["reason"], quote=True)}">{text}</td>'
 
 
-def _words(known: Mapping[tuple[str, float], Row], shares: Sequence[float]) -> Iterator[str]:
+def _claim_lines(row_by_key: Mapping[tuple[str, float], Row], shares: Sequence[float]) -> Iterator[str]:
     for name in OURS:
-        for other, called in OTHERS:
-            told = []
+        for rival, called in OTHERS:
+            parts = []
             for share in shares:
-                if found := stiffness(known.get((name, share)), known.get((other, share))):
-                    ratio, least, most = found
-                    alike = " (too close to tell)" if least <= 1 <= most else ""
+                if bounded_ratio := stiffness_ratio(row_by_key.get((name, share)), row_by_key.get((rival, share))):
+                    ratio, lowest, highest = bounded_ratio
+                    alike = " (too close to tell)" if lowest <= 1 <= highest else ""
                     how = f"{ratio:.3g} times as stiff" if ratio >= 1 else f"{1 / ratio:.3g} times as soft"
-                    told.append(f"{how} at {share:.0%}{alike}")
-            if told:
-                yield f"{RIVALS[name][0].upper()}{RIVALS[name][1:]} against {called}: {', '.join(told)}."
+                    parts.append(f"{how} at {share:.0%}{alike}")
+            if parts:
+                yield f"{RIVALS[name][0].upper()}{RIVALS[name][1:]} against {called}: {', '.join(parts)}."
 
 
-def _verdicts(rows: Sequence[Row]) -> str:
+def _verdict_text(rows: Sequence[Row]) -> str:
     judged = [row for row in rows if row["compliance_J"]]
     sure = [row for row in judged if row["verdict"] == "pass"]
     if not sure:
         return "Every number is of one solve on the cut mesh; none is a verdict of finer and finer meshes."
-    least, most = (f"{100 * end(row['bound'] for row in sure):.1f}" for end in (min, max))
-    told = (
-        f"{len(sure)} of {len(judged)} numbers are verdicts that pass, of finer and finer meshes, known to {least} to "
-        f"{most} %; all are about thin sheets."
+    lowest, highest = (f"{100 * end(row['bound'] for row in sure):.1f}" for end in (min, max))
+    text = (
+        f"{len(sure)} of {len(judged)} numbers are verdicts that pass, of finer and finer meshes, known to {lowest} to "
+        f"{highest} %; all are about thin sheets."
     )
     open_ones = [f"{RIVALS[row['name']]} at {row['volume']:.0%}" for row in judged if row["verdict"] != "pass"]
-    return told + (f" Without a verdict, in italics: {', '.join(open_ones)}." if open_ones else "")
+    return text + (f" Without a verdict, in italics: {', '.join(open_ones)}." if open_ones else "")
 
 
 COLUMNS = (
@@ -114,70 +115,74 @@ COLUMNS = (
 """Measures and their meaning."""
 
 
-def measured(made: FigurePictures, coarser: float) -> str:
+def rendition_section(pictures: FigurePictures, coarser: float) -> str:
     """Return the pictures of the renditions, a table of measures, departures, and the command."""
-    if not made.ways:
+    if not pictures.ways:
         return ""
-    name = made.figure.preset
-    cells = "".join(picture_cell(one.picture, name) for one in made.ways)
+    name = pictures.figure.preset
+    cells = "".join(picture_cell(entry.picture, name) for entry in pictures.ways)
     head = "".join(f'<th title="{escape(words)}">{escape(column)}</th>' for column, words in COLUMNS)
-    rows = "".join(_row(one.rendition) for one in made.ways)
+    rows = "".join(_row(entry.rendition) for entry in pictures.ways)
     findings = "".join(
-        f"<p><b>{escape(WAYS[one.rendition.name])}:</b> {escape(one.found)}.</p>" for one in made.ways if one.found
+        f"<p><b>{escape(RENDITION_TITLES[entry.rendition.name])}:</b> {escape(entry.found)}.</p>"
+        for entry in pictures.ways
+        if entry.found
     )
     return (
-        f'{findings}<div class="compared ways" style="--across: {len(made.ways)}">{cells}</div>'
-        f'<table class="measured"><caption>Measured, again by {again(name, coarser)}</caption>'
-        f"<tr><th></th>{head}</tr>{rows}</table>{_built(made)}"
+        f'{findings}<div class="compared ways" style="--across: {len(pictures.ways)}">{cells}</div>'
+        f'<table class="measured"><caption>Measured, again by {command_html(name, coarser)}</caption>'
+        f"<tr><th></th>{head}</tr>{rows}</table>{_built(pictures)}"
     )
 
 
-def again(name: str, coarser: float) -> str:
+def command_html(name: str, coarser: float) -> str:
     """Return the command that reproduces a figure of the page with all its measures."""
     return f"<code>{escape(f'dsfab reproduce {name}' + (f' --coarser {coarser:g}' if coarser != 1 else ''))}</code>"
 
 
-def rendition_facts(made: Rendition) -> tuple[str, ...]:
+def rendition_facts(rendition: Rendition) -> tuple[str, ...]:
     """Return the cells of a rendition under `COLUMNS` as text."""
-    if made.refused:
+    if rendition.refused:
         return ("none", *("" for _ in COLUMNS[1:]))
-    pieces = f"{made.pieces} ({made.loose} loose)" if made.loose else f"{made.pieces}"
+    pieces = f"{rendition.pieces} ({rendition.loose} loose)" if rendition.loose else f"{rendition.pieces}"
     return (
-        f"{made.share:.0%}",
+        f"{rendition.share:.0%}",
         pieces,
-        "no load" if np.isnan(made.carried) else f"{made.carried:.0%}",
-        _ratio(made.over_uncut),
-        _ratio(made.over_thinner),
-        f"{made.deviation:.1f}",
-        f"{made.evenness:.3g}",
+        "no load" if np.isnan(rendition.carried) else f"{rendition.carried:.0%}",
+        _ratio(rendition.over_uncut),
+        _ratio(rendition.over_thinner),
+        f"{rendition.deviation:.1f}",
+        f"{rendition.evenness:.3g}",
     )
 
 
-def _row(made: Rendition) -> str:
-    cells = "".join(f"<td>{escape(cell)}</td>" for cell in rendition_facts(made))
-    return f"<tr><th>{escape(WAYS[made.name])}</th>{cells}</tr>"
+def _row(rendition: Rendition) -> str:
+    cells = "".join(f"<td>{escape(cell)}</td>" for cell in rendition_facts(rendition))
+    return f"<tr><th>{escape(RENDITION_TITLES[rendition.name])}</th>{cells}</tr>"
 
 
 def _ratio(x: float) -> str:
     return "no load" if np.isnan(x) else "not carried" if np.isinf(x) else f"{x:.3g}"
 
 
-def _built(made: FigurePictures) -> str:
+def _built(pictures: FigurePictures) -> str:
     lines = []
-    for way in made.ways:
-        one = way.rendition
-        told = one.refused or "; ".join(one.departures) or "no departure but the scale of the modes"
-        told += f"; not carried: {one.uncarried}" if one.uncarried else ""
-        mesh = f" --set surface.edge={way.edge:.6g}" if made.coarser != 1 and way.edge else ""
+    for entry in pictures.ways:
+        rendition = entry.rendition
+        text = rendition.refused or "; ".join(rendition.departures) or "no departure but the scale of the modes"
+        text += f"; not carried: {rendition.uncarried}" if rendition.uncarried else ""
+        mesh = f" --set surface.edge={entry.edge:.6g}" if pictures.coarser != 1 and entry.edge else ""
         lines.append(
-            f'<p class="quiet"><b>{escape(WAYS[one.name])}</b>: {escape(told)}. '
-            f"<code>dsfab build {escape(made.figure.preset + mesh + one.command)}</code></p>"
+            f'<p class="quiet"><b>{escape(RENDITION_TITLES[rendition.name])}</b>: {escape(text)}. '
+            f"<code>dsfab build {escape(pictures.figure.preset + mesh + rendition.command)}</code></p>"
         )
     return "".join(lines)
 
 
 def picture_cell(shown: PaperPicture, name: str, kind: str = "") -> str:
-    inside = image(shown.file, f"{name}: {shown.title}", shown.size) if shown.file else why(shown.words)
+    inside = (
+        image_tag(shown.file, f"{name}: {shown.title}", shown.size) if shown.file else reason_paragraph(shown.words)
+    )
     if shown.file:
         inside = f'<a href="{shown.file}">{inside}</a>'
     words = f"<small>{escape(shown.words)}</small>" if shown.file and shown.words else ""
@@ -185,7 +190,7 @@ def picture_cell(shown: PaperPicture, name: str, kind: str = "") -> str:
     return f'<figure class="{kind}">{inside}<figcaption><b>{escape(shown.title)}</b>{bar}{words}</figcaption></figure>'
 
 
-def _bar(bar: Bar) -> str:
+def _bar(bar: ColourBar) -> str:
     colours = ", ".join(f"rgb({r:.0f}, {g:.0f}, {b:.0f})" for r, g, b in bar.colours)
     left, right = (f"{label} {name}".strip() for label, name in zip(bar.labels[::2], bar.names, strict=True))
     strip = f'<i style="background: linear-gradient(to right, {colours})"></i>'
@@ -224,7 +229,9 @@ class PageFacts:
 def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
     """Return the whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json for the chart."""
     compared = [
-        _comparison(one, again(figure.figure.preset, about.coarser)) for figure in figures for one in figure.comparisons
+        _comparison_section(comparison, command_html(figure.figure.preset, about.coarser))
+        for figure in figures
+        for comparison in figure.comparisons
     ]
     sections = [_section(figure, about.coarser) for figure in figures]
     body = [_header(about), _overview(figures), *sections, *compared, claim_section(volumes)]
@@ -261,77 +268,84 @@ def _header(about: PageFacts) -> str:
 
 def _overview(figures: Sequence[FigurePictures]) -> str:
     tiles = []
-    for made in figures:
-        shown, name = made.structure, made.figure.preset
-        inside = image(shown.file, f"{name}, structure", shown.size) if shown and shown.file else why("not made")
-        tiles.append(f'<a href="#{name}">{inside}<span>{escape(made.figure.label)}</span> {escape(name)}</a>')
+    for pictures in figures:
+        shown, name = pictures.structure, pictures.figure.preset
+        inside = (
+            image_tag(shown.file, f"{name}, structure", shown.size)
+            if shown and shown.file
+            else reason_paragraph("not made")
+        )
+        tiles.append(f'<a href="#{name}">{inside}<span>{escape(pictures.figure.label)}</span> {escape(name)}</a>')
     return f'<nav aria-label="All figures">{"".join(tiles)}</nav>'
 
 
-def _section(made: FigurePictures, coarser: float) -> str:
-    figure = made.figure
+def _section(pictures: FigurePictures, coarser: float) -> str:
+    figure = pictures.figure
     head = (
         f'<section id="{figure.preset}"><h2>{escape(figure.preset)} <span>{escape(figure.label)}</span></h2>'
         f"<p>{escape(figure.caption)}</p>"
     )
-    if made.error:
-        return f"{head}{why(f'Not made: {made.error}')}</section>"
-    shown = [picture_cell(one, figure.preset, "large" if i == 0 else "") for i, one in enumerate(made.shown)]
+    if pictures.error:
+        return f"{head}{reason_paragraph(f'Not made: {pictures.error}')}</section>"
+    shown = [
+        picture_cell(picture, figure.preset, "large" if i == 0 else "") for i, picture in enumerate(pictures.shown)
+    ]
     # after the structure and three pictures, so that families begin a row
-    cells = "".join([*shown[:4], _facts(made, coarser), *shown[4:]])
-    return f'{head}{measured(made, coarser)}<div class="steps">{cells}</div>{_tables(made)}</section>'
+    cells = "".join([*shown[:4], _facts(pictures, coarser), *shown[4:]])
+    return f'{head}{rendition_section(pictures, coarser)}<div class="steps">{cells}</div>{_tables(pictures)}</section>'
 
 
-def _facts(made: FigurePictures, coarser: float) -> str:
-    figure = made.figure
+def _facts(pictures: FigurePictures, coarser: float) -> str:
+    figure = pictures.figure
     edge = "" if coarser == 1 else " (on its own mesh)"
-    finer = f"No mesh {coarser:g} times coarser has all its details: it was made {made.coarser:.3g} times coarser."
-    lines = [escape(f"{made.carried[0].upper()}{made.carried[1:]}.")]
-    if made.coarser != coarser:
+    finer = f"No mesh {coarser:g} times coarser has all its details: it was made {pictures.coarser:.3g} times coarser."
+    lines = [escape(f"{pictures.carried[0].upper()}{pictures.carried[1:]}.")]
+    if pictures.coarser != coarser:
         lines.append(finer)
     if figure.stand_in:
         lines.append(f"The surface stands in for the paper's: {escape(figure.stand_in)}.")
-    lines += [f'<span class="quiet">Note on {escape(note)}.</span>' for note in made.notes]
+    lines += [f'<span class="quiet">Note on {escape(note)}.</span>' for note in pictures.notes]
     lines.append(f"<code>dsfab build {figure.preset}</code>{edge}")
     return f'<div class="facts">{"".join(f"<p>{line}</p>" for line in lines)}</div>'
 
 
-def _tables(made: FigurePictures) -> str:
-    row = made.figure.row
-    first = _parameters(row) if row else "<p>Table 1 has no row for it.</p>"
-    return f'<div class="tables">{first}{_seconds(made, made.figure.timings)}</div>'
+def _tables(pictures: FigurePictures) -> str:
+    row = pictures.figure.row
+    parameters = _parameters_table(row) if row else "<p>Table 1 has no row for it.</p>"
+    return f'<div class="tables">{parameters}{_seconds_table(pictures, pictures.figure.timings)}</div>'
 
 
-def _parameters(row: Parameters) -> str:
+def _parameters_table(row: Parameters) -> str:
     values = (row.gamma, row.r, *row.modes, *row.thresholds, *row.frequencies, *row.phases)
     head = "".join(f'<th title="{words}">{sign}</th>' for sign, words in PARAMETERS)
     cells = "".join(f"<td>{value:g}</td>" for value in values)
     return f"<table><caption>Table 1</caption><tr>{head}</tr><tr>{cells}</tr></table>"
 
 
-def _seconds(made: FigurePictures, paper: Timings) -> str:
+def _seconds_table(pictures: FigurePictures, paper: Timings) -> str:
     theirs: dict[str, float | None] = {name: getattr(paper, name) for name in TIMED}
-    given = made.seconds or {}
-    ours: dict[str, float | None] = {name: given.get(name) for name in TIMED}
+    own_seconds = pictures.seconds or {}
+    ours: dict[str, float | None] = {name: own_seconds.get(name) for name in TIMED}
     head = "".join(f"<th>{word}</th>" for word in ("", "|V|", "|T|", *(name.capitalize() for name in TIMED), "Sum"))
     lines = [_timing("paper", paper.vertices, paper.triangles, theirs)]
-    lines.append(_timing("dsfab", made.vertices, made.triangles, ours))
+    lines.append(_timing("dsfab", pictures.vertices, pictures.triangles, ours))
     return f"<table><caption>Table 2, seconds</caption><tr>{head}</tr>{''.join(lines)}</table>"
 
 
 def _timing(who: str, vertices: int, triangles: int, seconds: dict[str, float | None]) -> str:
-    known = [value for value in seconds.values() if value is not None]
+    values = [value for value in seconds.values() if value is not None]
     cells = "".join("<td>n/a</td>" if value is None else f"<td>{value:.3f}</td>" for value in seconds.values())
-    return f"<tr><th>{who}</th><td>{vertices:,}</td><td>{triangles:,}</td>{cells}<td>{sum(known):.3f}</td></tr>"
+    return f"<tr><th>{who}</th><td>{vertices:,}</td><td>{triangles:,}</td>{cells}<td>{sum(values):.3f}</td></tr>"
 
 
-def _comparison(one: PaperComparison, command: str) -> str:
+def _comparison_section(comparison: PaperComparison, command: str) -> str:
     rows = "".join(
-        f'<div class="compared" style="--across: {len(row)}">{"".join(picture_cell(s, one.title) for s in row)}</div>'
-        for row in one.rows
+        f'<div class="compared" style="--across: {len(row)}">'
+        f"{''.join(picture_cell(s, comparison.title) for s in row)}</div>"
+        for row in comparison.rows
     )
-    words = f'<p>{escape(one.words)}</p><p class="quiet">Again by {command}</p>'
-    return f"<section><h2>{escape(one.title)}</h2>{words}{rows}</section>"
+    words = f'<p>{escape(comparison.words)}</p><p class="quiet">Again by {command}</p>'
+    return f"<section><h2>{escape(comparison.title)}</h2>{words}{rows}</section>"
 
 
 STYLE = """
@@ -372,13 +386,13 @@ def small_page(text: str, folders: Sequence[Path]) -> str:
 
     text : the page whose pictures lie in one of the `folders`.
     """
-    known: dict[str, str] = {}
+    data_by_name: dict[str, str] = {}
 
-    def inside(found: re.Match[str]) -> str:
-        name = found.group(1)
-        if name not in known:
-            known[name] = _data(next(path for folder in folders if (path := folder / name).is_file()))
-        return f'src="{known[name]}"'
+    def inside(match: re.Match[str]) -> str:
+        name = match.group(1)
+        if name not in data_by_name:
+            data_by_name[name] = _data(next(path for folder in folders if (path := folder / name).is_file()))
+        return f'src="{data_by_name[name]}"'
 
     return PICTURE.sub(inside, LINKED.sub(r"\1", text))
 

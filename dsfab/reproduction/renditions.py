@@ -10,7 +10,7 @@ import numpy as np
 
 from dsfab.core.errors import DsfabError
 from dsfab.design import Design, draft
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.statics import solve_for
 from dsfab.surface import pieces
@@ -77,7 +77,7 @@ class Rendition:
     @property
     def command(self) -> str:
         """Options that make this structure from the shipped preset."""
-        return "".join(f" --set {quote(f'{key}={_toml(value)}')}" for key, value in self.settings.items())
+        return "".join(f" --set {quote(f'{key}={_toml_value(value)}')}" for key, value in self.settings.items())
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
@@ -103,18 +103,18 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
 
 def departures(preset: Preset) -> tuple[str, ...]:
     """Return texts about the settings in which a preset is not the paper to the letter."""
-    told = []
+    texts = []
     for key, (paper, words) in DEPARTURES.items():
         section, name = key.split(".")
         if (value := getattr(getattr(preset, section), name)) != paper:
-            told.append(f"{words} ({value:g} m)" if isinstance(value, float) else words)
+            texts.append(f"{words} ({value:g} m)" if isinstance(value, float) else words)
     if preset.pattern.method == "stripes":
-        told.append("evenly spaced stripes along the stress, as wide as it is large, in place of modes")
-    return tuple(told)
+        texts.append("evenly spaced stripes along the stress, as wide as it is large, in place of modes")
+    return tuple(texts)
 
 
 def measured_rendition(
-    name: str, old: Design, settings: Mapping[str, Any], known: dict[str, float] | None = None
+    name: str, base_design: Design, settings: Mapping[str, Any], uncut_compliance: dict[str, float] | None = None
 ) -> Rendition:
     """Return a measured rendition; it shares the stages of `base_design` before the first changed section.
 
@@ -122,15 +122,15 @@ def measured_rendition(
                        surface.
     """
     try:
-        preset = overridden(old.preset, dict(settings)) if settings else old.preset
-        design = draft(preset, old=old)
+        preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
+        design = draft(preset, earlier=base_design)
         # loose pieces are a result here: count them before they are dropped
-        drawn = draft(overridden(preset, {"slicing.loose": "keep"}), old=design)
-        listed, quality = drawn.slicing.pieces, design.quality(symmetry=False)
+        with_loose = draft(with_overrides(preset, {"slicing.loose": "keep"}), earlier=design)
+        listed, quality = with_loose.slicing.pieces, design.quality(symmetry=False)
     except DsfabError as error:
         return Rendition(name, settings, refused=str(error))
-    share = drawn.sheet.surface.area / old.surface.area
-    uncut, thinner, uncarried = _compliances(design, share, {} if known is None else known)
+    share = with_loose.sheet.surface.area / base_design.surface.area
+    uncut, thinner, uncarried = _compliances(design, share, {} if uncut_compliance is None else uncut_compliance)
     return Rendition(
         name,
         settings,
@@ -139,7 +139,7 @@ def measured_rendition(
         share,
         len(listed),
         sum(not piece.held for piece in listed),
-        _carried(drawn),
+        _carried_share(with_loose),
         uncut,
         thinner,
         quality.deviation,
@@ -149,47 +149,51 @@ def measured_rendition(
     )
 
 
-def _carried(drawn: Design) -> float:
+def _carried_share(design: Design) -> float:
     """Return the share of the loads on pieces with a support; nan without loads.
 
     design : with its loose pieces. A load without material of its own stands on the nearest material.
     """
-    if not any(load.force.any() for load in drawn.statics.loads(drawn.preset.followed).values()):
+    if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:
-        loads = drawn.cut_loads.values()
+        loads = design.cut_loads.values()
     except DsfabError:  # no material near the load, or no support is left
         return 0.0
-    sheet = drawn.sheet.surface
+    sheet = design.sheet.surface
     _, label = pieces(sheet.F, sheet.edges)
-    held = np.zeros(sheet.n, dtype=bool)
-    held[sheet.F[np.array([piece.held for piece in drawn.slicing.pieces])[label]]] = True
+    supported = np.zeros(sheet.n, dtype=bool)
+    supported[sheet.F[np.array([piece.held for piece in design.slicing.pieces])[label]]] = True
     size = sum(np.linalg.norm(load.force, axis=1) for load in loads)
-    return min(float(np.sum(size[held]) / np.sum(size)), 1.0)
+    return min(float(np.sum(size[supported]) / np.sum(size)), 1.0)
 
 
-def _compliances(design: Design, share: float, known: dict[str, float]) -> tuple[float, float, str]:
+def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
     """Return the cut sheet's compliance over the uncut sheet's and over a thinner one's, and the reason of a failure.
     nan without loads; infinite if the loads are not carried."""
-    statics, weights = design.preset.statics, design.preset.followed
-    whole = design.statics.loads(weights)
-    if not any(load.force.any() for load in whole.values()):
+    statics, weights = design.preset.statics, design.preset.followed_weights
+    uncut_loads = design.statics.loads(weights)
+    if not any(load.force.any() for load in uncut_loads.values()):
         return np.nan, np.nan, ""
 
     def compliance(surface: Any, thickness: float, loads: Mapping[str, Any]) -> float:
-        answers = solve_for(statics.sheet(thickness).on(surface), loads, "ranking")
+        answers = solve_for(statics.sheet(thickness).model_for(surface), loads, "ranking")
         return sum(weight * answers[name].compliance for name, weight in weights.items())
 
     try:
-        own = compliance(design.sheet.surface, statics.thickness, design.cut_loads)
+        cut_compliance = compliance(design.sheet.surface, statics.thickness, design.cut_loads)
     except DsfabError as error:
         return np.inf, np.inf, str(error)
-    if statics.law not in known:
-        known[statics.law] = compliance(design.surface, statics.thickness, whole)
-    return own / known[statics.law], own / compliance(design.surface, share * statics.thickness, whole), ""
+    if statics.law not in uncut_compliance:
+        uncut_compliance[statics.law] = compliance(design.surface, statics.thickness, uncut_loads)
+    return (
+        cut_compliance / uncut_compliance[statics.law],
+        cut_compliance / compliance(design.surface, share * statics.thickness, uncut_loads),
+        "",
+    )
 
 
-def _toml(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{" + ",".join(f"{key}={_toml(each)}" for key, each in value.items()) + "}"
+        return "{" + ",".join(f"{key}={_toml_value(entry)}" for key, entry in value.items()) + "}"
     return f'"{value}"' if isinstance(value, str) else f"{value:g}"

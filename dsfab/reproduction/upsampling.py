@@ -15,7 +15,7 @@ from dsfab.reproduction import drawing
 from dsfab.reproduction.drawing import PaperComparison, PaperPicture, save_picture
 from dsfab.reproduction.earlier_methods import drawn_families
 from dsfab.slicing import Sheet, cut_polygons, sheet_of
-from dsfab.surface import Surface, halved
+from dsfab.surface import Surface, halved_edges
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,30 +49,30 @@ class CutComparison(NamedTuple):
     exact: int
 
 
-def compared_cuts(design: Design, rounds: int = 6) -> CutComparison:
+def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
     """Return both cuts of a design's stripes on modes, in plain widths."""
     settings = (design.preset.pattern.major, design.preset.pattern.minor)
     families = [
-        StripedField(Stripes(one.frequency, float(own.phase), own.threshold), one.mode)
-        for one, own in zip(drawn_families(design), settings, strict=True)
+        StripedField(Stripes(family.frequency, float(options.phase), options.threshold), family.mode)
+        for family, options in zip(drawn_families(design), settings, strict=True)
     ]
-    return cuts_of(design.surface, families, rounds)
+    return compare_cuts(design.surface, families, rounds)
 
 
-def cuts_of(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
+def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
     """Return both cuts of any stripes on any surface. Division ends before `rounds` if no triangle is crowded any more,
     or the mesh has over 200 000 triangles. Where families cross, triangles stay crowded."""
-    exact = _cut(surface, [one.x for one in families], [one.stripes.levels(one.x) for one in families])
-    found: list[UpsampledCut] = []
+    exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
+    cuts: list[UpsampledCut] = []
     for number in range(rounds + 1):
         crowded = lines_through(surface, families) > 1
-        value = [one.stripes.value(one.x) for one in families]
+        value = [family.stripes.value(family.x) for family in families]
         sheet = _cut(surface, value, [np.zeros(1)] * len(families))
-        found.append(UpsampledCut(number, sheet.surface.m, int(crowded.sum()), _wrong(surface, families, value)))
+        cuts.append(UpsampledCut(number, sheet.surface.m, int(crowded.sum()), _wrong_share(surface, families, value)))
         if not crowded.any() or surface.m > 200_000:
             break
-        surface, families = _divided(surface, families, crowded)
-    return CutComparison(tuple(found), exact.surface.m)
+        surface, families = _divide(surface, families, crowded)
+    return CutComparison(tuple(cuts), exact.surface.m)
 
 
 def _cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[Floats]) -> Sheet:
@@ -90,58 +90,61 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
     return count
 
 
-def _divided(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
+def _divide(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
     """Split crowded triangles into four, and their neighbours into two or three, so that the mesh stays conforming."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
-    V, F, _ = halved(surface.V, surface.F, edges, marked)
+    V, F, _ = halved_edges(surface.V, surface.F, edges, marked)
     ends = edges.ends[marked]
-    return Surface(V, F), [one._replace(x=np.append(one.x, one.x[ends].mean(axis=1))) for one in families]
+    return Surface(V, F), [family._replace(x=np.append(family.x, family.x[ends].mean(axis=1))) for family in families]
 
 
-def _wrong(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
+def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
     """Return the share of the surface where the interpolated stripe value (n,) contradicts that of the interpolated
     mode. Each triangle is sampled at `side` points along its side."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side
     weight = np.stack([1 - u - v, u, v])
-    told, true = (np.zeros((surface.m, len(u)), dtype=bool) for _ in range(2))
+    interpolated, true = (np.zeros((surface.m, len(u)), dtype=bool) for _ in range(2))
     for (stripes, x), s in zip(families, value, strict=True):
-        told |= s[surface.F] @ weight > 0
+        interpolated |= s[surface.F] @ weight > 0
         true |= stripes.value(x[surface.F] @ weight) > 0
-    return float(surface.areas @ (told != true).mean(axis=1) / surface.area)
+    return float(surface.areas @ (interpolated != true).mean(axis=1) / surface.area)
 
 
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
     """Compare cuts of the same stripes in plain widths: after more and more rounds of division, and exact."""
     title = "Adaptive upsampling beside the exact cut"
     try:
-        found = compared_cuts(design)
+        comparison = compare_design_cuts(design)
     except DsfabError as error:
         return PaperComparison(title, f"Nothing can be compared: {error}.", ())
-    first, last = found.upsampled[0], found.upsampled[-1]
+    coarsest, finest = comparison.upsampled[0], comparison.upsampled[-1]
     words = (
         "The paper divides triangles that more than one line passes through at the middles of their sides, and cuts "
         "where the stripe value, interpolated between corners, is zero. dsfab cuts along all lines of a triangle at "
         "once, at values that are known. Measured, of the same modes: without division "
-        f"{_percent(first.wrong)} of the surface is on the wrong side with {first.triangles:,} triangles, after "
-        f"{last.rounds} rounds {_percent(last.wrong)} with {last.triangles:,}; the exact cut has {found.exact:,} and "
-        f"no such error. {last.crowded:,} triangles still have more than one line: where families cross, no division "
+        f"{_percent(coarsest.wrong)} of the surface is on the wrong side with {coarsest.triangles:,} triangles, after "
+        f"{finest.rounds} rounds {_percent(finest.wrong)} with {finest.triangles:,}; the exact cut has "
+        f"{comparison.exact:,} and "
+        f"no such error. {finest.crowded:,} triangles still have more than one line: where families cross, no division "
         "leaves one alone. What error is left comes from crests of the wave within triangles with one line."
     )
     file = f"{design.preset.name}-upsampled.webp"
-    _write_chart(found, folder / file)
-    told = "Share of the surface on the wrong side, by the number of triangles; at each point its rounds."
-    return PaperComparison(title, words, ((PaperPicture(file, "Error against triangles", told, size=drawing.LARGE),),))
+    _write_chart(comparison, folder / file)
+    caption = "Share of the surface on the wrong side, by the number of triangles; at each point its rounds."
+    return PaperComparison(
+        title, words, ((PaperPicture(file, "Error against triangles", caption, size=drawing.LARGE),),)
+    )
 
 
 def _percent(share: float) -> str:
     return f"{100 * share:.2g} %"
 
 
-def _write_chart(found: CutComparison, path: Path) -> None:
+def _write_chart(comparison: CutComparison, path: Path) -> None:
     import numpy as np
     from matplotlib.figure import Figure
     from PIL import Image
@@ -149,20 +152,20 @@ def _write_chart(found: CutComparison, path: Path) -> None:
     wide, tall = drawing.LARGE
     inches = 8.6  # width of the chart, so that its text is as large as that of the page
     figure = Figure((inches, inches * tall / wide), dpi=wide / inches, layout="constrained")
-    _draw(figure.subplots(), found)
+    _draw_chart(figure.subplots(), comparison)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
-    with Image.open(buffer) as drawn:
-        save_picture(np.asarray(drawn.convert("RGB")), path)
+    with Image.open(buffer) as image:
+        save_picture(np.asarray(image.convert("RGB")), path)
 
 
-def _draw(axes: "Axes", found: CutComparison) -> None:
-    triangles = [one.triangles for one in found.upsampled]
-    wrong = [100 * one.wrong for one in found.upsampled]
+def _draw_chart(axes: "Axes", comparison: CutComparison) -> None:
+    triangles = [upsampled_cut.triangles for upsampled_cut in comparison.upsampled]
+    wrong = [100 * upsampled_cut.wrong for upsampled_cut in comparison.upsampled]
     axes.semilogy(triangles, wrong, "o-", color="#3d7fc4", label="divided, then cut where values are zero")
-    for one, x, y in zip(found.upsampled, triangles, wrong, strict=True):
-        axes.annotate(str(one.rounds), (x, y), (0, 7), textcoords="offset points", ha="center")
-    axes.axvline(found.exact, color="#b4441c", ls="--", label="cut along all lines at once: no error")
+    for upsampled_cut, x, y in zip(comparison.upsampled, triangles, wrong, strict=True):
+        axes.annotate(str(upsampled_cut.rounds), (x, y), (0, 7), textcoords="offset points", ha="center")
+    axes.axvline(comparison.exact, color="#b4441c", ls="--", label="cut along all lines at once: no error")
     axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")

@@ -62,32 +62,34 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
     from dsfab.study import compare_at, full_at_many_shares
 
     graded = sphere_draft(ON_MODES, coarser)
-    others, judge = sphere_rivals(coarser), full_at_many_shares(MEMORY)
+    rivals, judge = sphere_rivals(coarser), full_at_many_shares(MEMORY)
     rows: list[dict[str, Any]] = []
     for share in shares:
         progress("volumes", f"{share:.0%} of the sphere")
-        found = compare_at(graded, share, ("isotropic", "thinner"), judge).record()["competitors"]
-        own = found[1]["compliance_J"]
-        rows += [{"volume": share, **row} for row in (*found, *rival_rows(others, share, own, judge))]
-    told = {"preset": PRESET, "vertices": graded.surface.n, "competitors": rows}
-    (folder / f"{NAME}.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        competitors = compare_at(graded, share, ("isotropic", "thinner"), judge).record()["competitors"]
+        design_compliance = competitors[1]["compliance_J"]
+        rows += [
+            {"volume": share, **row} for row in (*competitors, *rival_rows(rivals, share, design_compliance, judge))
+        ]
+    contents = {"preset": PRESET, "vertices": graded.surface.n, "competitors": rows}
+    (folder / f"{NAME}.json").write_text(json.dumps(contents, indent=1) + "\n", encoding="utf-8")
     write_chart(rows, "Sphere held at one pole and pressed at the other", folder / NAME, RIVALS)
 
 
 def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
     """Return the sphere with these changes, up to its pattern; its corners are sharp, because fillets make needles."""
     from dsfab.design import draft
-    from dsfab.preset.file import load_preset, overridden
+    from dsfab.preset.file import load_preset, with_overrides
 
     preset = load_preset(PRESET, {"pattern.fillet": 0.0, **changes})
-    return draft(overridden(preset, {"surface.edge": coarser * EDGE}))
+    return draft(with_overrides(preset, {"surface.edge": coarser * EDGE}))
 
 
 def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
     """Return by name: the graded design with plain widths, Table 1's row in two ways, and evenly spaced stripes."""
-    plain = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
-    ways: dict[str, Mapping[str, Any]] = {"plain": plain, "row": ROW, "letter": LETTER, "stripes": {}}
-    return {name: sphere_draft(how, coarser) for name, how in ways.items()}
+    plain_widths = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
+    settings: dict[str, Mapping[str, Any]] = {"plain": plain_widths, "row": ROW, "letter": LETTER, "stripes": {}}
+    return {name: sphere_draft(changes, coarser) for name, changes in settings.items()}
 
 
 def rival_rows(
@@ -100,8 +102,8 @@ def rival_rows(
     from dsfab.study import compare_at
 
     rows = []
-    for name, made in rivals.items():
-        row = {**compare_at(made, share, (), judge).record()["competitors"][1], "name": name}
-        own = row["compliance_J"]
-        rows.append({**row, "ratio_to_design": own / design if own and design else None})
+    for name, rival in rivals.items():
+        row = {**compare_at(rival, share, (), judge).record()["competitors"][1], "name": name}
+        compliance = row["compliance_J"]
+        rows.append({**row, "ratio_to_design": compliance / design if compliance and design else None})
     return rows

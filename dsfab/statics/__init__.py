@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from scipy.sparse import csr_array
 
 from dsfab.core.errors import StaticsError
-from dsfab.statics.assembly import added
+from dsfab.statics.assembly import matrix_sum
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.bending_moments import facet_number
 from dsfab.statics.boundary_conditions import SpreadLoad, spread_load, with_springs
@@ -21,10 +21,10 @@ from dsfab.statics.elements import (
     Use,
     elements_of,
     flatness,
-    needles_told,
+    needle_message,
     tolerance_of,
 )
-from dsfab.statics.factorisation import Factor, FactorOf, KeptFactor, factored
+from dsfab.statics.factorisation import Factor, FactorCache, FactorFunction, stiffness_factor
 from dsfab.statics.internal_forces import CONVENTION, SectionForces, ShearRecovery, section_forces
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.model import Law, Material, SheetMaterial, SheetModel
@@ -38,7 +38,7 @@ from dsfab.statics.reactions import (
     support_entries,
     support_reactions,
 )
-from dsfab.statics.requested_results import Answers, Ask, SolvedCase, sheet_answers
+from dsfab.statics.requested_results import Answers, ResultRequest, SolvedCase, sheet_answers
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.stiffness import FaceStiffness, sheet_stiffness
 from dsfab.statics.stress import (
@@ -66,15 +66,14 @@ __all__ = [
     "USES",
     "Aid",
     "Answers",
-    "Ask",
     "Bending",
     "Buckling",
     "Elements",
     "Equilibrium",
     "FaceStiffness",
     "Factor",
-    "FactorOf",
-    "KeptFactor",
+    "FactorCache",
+    "FactorFunction",
     "Law",
     "Layer",
     "LoadEntry",
@@ -84,6 +83,7 @@ __all__ = [
     "Peak",
     "Principal",
     "Quantity",
+    "ResultRequest",
     "Resultant",
     "RibShape",
     "SectionForces",
@@ -96,23 +96,22 @@ __all__ = [
     "SupportEntry",
     "Use",
     "Vibration",
-    "added",
     "bending_stiffness",
     "buckling",
     "elements_of",
     "equilibria",
     "equilibrium",
     "facet_number",
-    "factored",
     "flat_axis",
     "flatness",
     "frequencies",
     "load_entries",
+    "matrix_sum",
     "membrane_stiffness",
     "membrane_strains",
     "membrane_stresses",
     "mode_supports",
-    "needles_told",
+    "needle_message",
     "optimality_step",
     "plane_von_mises",
     "resultant",
@@ -125,6 +124,7 @@ __all__ = [
     "solve_for",
     "solve_statics",
     "spread_load",
+    "stiffness_factor",
     "stress",
     "support_entries",
     "support_reactions",
@@ -164,7 +164,7 @@ def solve_for(
     try:
         return solve_cases(sheet, loads, elements, bars=bars)
     except StaticsError:
-        if elements.bending != "hhj" or not needles_told(sheet.surface):
+        if elements.bending != "hhj" or not needle_message(sheet.surface):
             raise
         return solve_cases(sheet, loads, elements_of("needles"), bars=bars)
 
@@ -194,8 +194,8 @@ def solve_cases(
     K = sheet_stiffness(sheet, elements)
     if bars and elements.bending:
         K = csr_array(K + torsion_loss(sheet, elements, rib_shape(sheet.surface)))
-    given = None if spreads is None else [spreads[name] for name in loads]
+    spread_loads = None if spreads is None else [spreads[name] for name in loads]
     table = [[factors.get(case, 0.0) for case in loads] for factors in sums.values()]
-    held = [sheet.held(load) for load in loads.values()]
-    answers = equilibria(sheet.surface, K, held, elements, given, table)
+    clamped_loads = [sheet.with_clamped_edges(load) for load in loads.values()]
+    answers = equilibria(sheet.surface, K, clamped_loads, elements, spread_loads, table)
     return dict(zip((*loads, *sums), answers, strict=True))

@@ -74,7 +74,7 @@ class VertexPairs:
     opposite: Ints
 
     @classmethod
-    def of(cls, surface: Surface, hinge: Ints | None = None) -> Self:
+    def from_surface(cls, surface: Surface, hinge: Ints | None = None) -> Self:
         """Return the pairs of edges, and of hinges (i, 4) if given."""
         n, ends = surface.n, surface.edges.ends
         edge = ends[:, 0] * n + ends[:, 1]
@@ -93,30 +93,30 @@ class VertexPairs:
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
         last0, last1 = (next_half_edge(h, 2) for h in (h0, h1))
         from0 = surface.F.ravel()[h1] == hinge[:, 0]  # both faces run through their edge the same way
-        beside = np.where(from0, last1, next1), np.where(from0, next1, last1)
-        return np.stack([edge[h0], edge[last0], edge[next0], edge[beside[0]], edge[beside[1]], self.opposite])
+        second_face = np.where(from0, last1, next1), np.where(from0, next1, last1)
+        return np.stack([edge[h0], edge[last0], edge[next0], edge[second_face[0]], edge[second_face[1]], self.opposite])
 
     @cached_property
-    def _places(self) -> tuple[Index, Index, Index]:
+    def _block_positions(self) -> tuple[Index, Index, Index]:
         """Row pointers and columns of the matrix in blocks, and the number of each block.
 
         Blocks: p above the diagonal, the same p below it, then n on it.
         """
         low, high = self.ends.T.astype(np.int32)
-        own, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
+        vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # in this order the columns of each row ascend by themselves
-        row, column = np.concatenate([high, own, low]), np.concatenate([low, own, high])
+        row, column = np.concatenate([high, vertex, low]), np.concatenate([low, vertex, high])
         begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=self.n))]).astype(np.int32)
         order = np.argsort(row, kind="stable")
-        number = np.concatenate([len(pair) + pair, 2 * len(pair) + own, pair])[order]
+        number = np.concatenate([len(pair) + pair, 2 * len(pair) + vertex, pair])[order]
         return begin, column[order], number
 
     def matrix(self, blocks: "PairBlocks") -> csr_array:
         """Return the stiffness (3 n, 3 n) of these blocks; the columns of each row ascend."""
-        begin, column, number = self._places
+        begin, column, number = self._block_positions
         # block by block: positions of single entries would take a third of the memory of the matrix
-        every = np.concatenate([blocks.between.T, _turned(blocks.between).T, blocks.own.T])
-        values = every[number].reshape(-1, 3, 3)
+        all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
+        values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
 
 
@@ -133,13 +133,13 @@ class PairBlocks:
     own: Floats
 
     @classmethod
-    def of(cls, pairs: VertexPairs, between: Floats) -> Self:
+    def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
         """Add the diagonal: no element resists a shift, so that its blocks are minus the sums of their rows."""
         low, high = np.ascontiguousarray(pairs.ends.T)
-        own = np.empty((3, 3, pairs.n))
-        for entry, upper, lower in zip(own.reshape(9, -1), between, _turned(between), strict=True):
+        diagonal = np.empty((3, 3, pairs.n))
+        for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
             entry[:] = -np.bincount(low, upper, pairs.n) - np.bincount(high, lower, pairs.n)
-        return cls(pairs, between, ((own + own.transpose(1, 0, 2)) / 2).reshape(9, -1))
+        return cls(pairs, between, ((diagonal + diagonal.transpose(1, 0, 2)) / 2).reshape(9, -1))
 
     def __add__(self, other: Self) -> Self:
         if self.pairs is not other.pairs:
@@ -151,16 +151,16 @@ class PairBlocks:
         return self.pairs.matrix(self)
 
 
-def _turned(blocks: Floats) -> Floats:
+def _transposed_blocks(blocks: Floats) -> Floats:
     return blocks.reshape(3, 3, -1).transpose(1, 0, 2).reshape(9, -1)
 
 
-def summed_blocks(u: Floats, v: Floats, at: Ints, count: int) -> Floats:
+def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
     """Return sums (9, count) of the blocks u v^T of u, v (3, k) over pairs (k,); number `count` is no pair."""
-    return np.stack([np.bincount(at, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
+    return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 
 
-def upwards(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
+def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
     """Return a, b (3, k) if the pair's first vertex is the smaller one, else b, a."""
     return np.where(ascending, a, b), np.where(ascending, b, a)
 
@@ -169,12 +169,12 @@ def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
     """Return the pairs of edges, and of hinges (i, 4) if given, computed once for each surface."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
-        results[key] = VertexPairs.of(surface, hinge)
+        results[key] = VertexPairs.from_surface(surface, hinge)
     pairs: VertexPairs = results[key]
     return pairs
 
 
-def added(A: csr_array, B: csr_array) -> csr_array:
+def matrix_sum(A: csr_array, B: csr_array) -> csr_array:
     """Return A + B, both (u, u); matrices with the same storage add their values only."""
     if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
         return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)

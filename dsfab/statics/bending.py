@@ -4,8 +4,16 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Floats
-from dsfab.statics.assembly import CORNERS, PairBlocks, angle_gradients, hinges, summed_blocks, upwards, vertex_pairs
-from dsfab.statics.elements import PAPER, Elements, assembled, edge_frames, half_edge_signs, padded, voigt
+from dsfab.statics.assembly import (
+    CORNERS,
+    PairBlocks,
+    angle_gradients,
+    ascending_pairs,
+    hinges,
+    summed_blocks,
+    vertex_pairs,
+)
+from dsfab.statics.elements import PAPER, Elements, assemble_blocks, edge_frames, half_edge_signs, voigt, zero_padded
 from dsfab.statics.model import Material
 from dsfab.surface.fields import hat_gradients, tangents
 from dsfab.surface.mesh import Surface
@@ -52,7 +60,7 @@ def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_ar
     """
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
-    return assembled(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
+    return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
 
 
 GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
@@ -72,24 +80,24 @@ def moment_loads(surface: Surface) -> Floats:
     with m pointing out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
     The rotation counts with the half-edge's sign s; the slope, odd along the edge as well, counts without.
     """
-    length, _, out = half_edge_frames(surface)
+    length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
-    across = np.einsum("mia,mca->mci", slope, out)  # (m, half-edge, corner) hat slopes along m
+    across = np.einsum("mia,mca->mci", slope, outward)  # (m, half-edge, corner) hat slopes along m
     sign = half_edge_signs(surface)
     rows = np.zeros((surface.m, 3, 3, 12))
     rows[..., 3:6] = (8 / 3 * surface.areas[:, None, None] * voigt(slope, np.roll(slope, -1, axis=1))).transpose(
         0, 2, 1
     )[:, None]
     for c in range(3):
-        moment = voigt(out[:, c], out[:, c]) * (length[:, c] / 2)[:, None]
+        moment = voigt(outward[:, c], outward[:, c]) * (length[:, c] / 2)[:, None]
         for x in GAUSS:
-            at = np.zeros(3)
-            at[c], at[(c + 1) % 3] = 1 - x, x
+            weights = np.zeros(3)
+            weights[c], weights[(c + 1) % 3] = 1 - x, x
             turn = np.zeros((surface.m, 12))
             turn[:, :3] = across[:, c]
-            turn[:, 3:6] = 4 * (at * np.roll(across[:, c], -1, axis=1) + np.roll(at, -1) * across[:, c])
+            turn[:, 3:6] = 4 * (weights * np.roll(across[:, c], -1, axis=1) + np.roll(weights, -1) * across[:, c])
             turn[:, 6 + c], turn[:, 9 + c] = sign[:, c], 2 * x - 1
-            rows -= at[:, None, None] * (moment[:, :, None] * turn[:, None, :])[:, None]
+            rows -= weights[:, None, None] * (moment[:, :, None] * turn[:, None, :])[:, None]
     return rows
 
 
@@ -100,12 +108,12 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     mean normal bends the faces, the other two stretch them; coupling all three locks on coarse thin curved meshes.
     """
     rows = moment_loads(surface)
-    normal, of = surface.normals, surface.edges.of
-    lean = np.einsum("mcx,mx->mc", edge_frames(surface)[of, 2], normal)
+    normal, edge = surface.normals, surface.edges.of
+    normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)
     B = np.concatenate(
         [
             (rows[..., :3, None] * normal[:, None, None, None, :]).reshape(surface.m, 3, 3, 9),
-            rows[..., 3:6] * lean[:, None, None, :],
+            rows[..., 3:6] * normal_share[:, None, None, :],
             rows[..., 6:],
         ],
         axis=3,
@@ -113,9 +121,9 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     if D.ndim == 2:
         blocks = B.transpose(0, 2, 1) @ (np.kron(CONDENSED, D) @ B) / surface.areas[:, None, None]
     else:
-        each = np.einsum("ab,mij->maibj", CONDENSED, D).reshape(-1, 9, 9) / surface.areas[:, None, None]
-        blocks = B.transpose(0, 2, 1) @ (each @ B)
-    return assembled(blocks, elements.columns(surface, "normal", "rotation", "slope"), elements.unknowns(surface))
+        rigidity = np.einsum("ab,mij->maibj", CONDENSED, D).reshape(-1, 9, 9) / surface.areas[:, None, None]
+        blocks = B.transpose(0, 2, 1) @ (rigidity @ B)
+    return assemble_blocks(blocks, elements.columns(surface, "normal", "rotation", "slope"), elements.unknowns(surface))
 
 
 def bending_stiffness(surface: Surface, material: Material, thickness: float, elements: Elements = PAPER) -> csr_array:
@@ -124,7 +132,7 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
     Raises ValueError for elements without bending.
     """
     if elements.bending == "hinge":
-        return padded(hinge_blocks(surface, material, thickness).matrix(), elements.unknowns(surface))
+        return zero_padded(hinge_blocks(surface, material, thickness).matrix(), elements.unknowns(surface))
     if elements.bending == "midedge":
         return midedge_stiffness(surface, material.bending(thickness), elements)
     if elements.bending == "hhj":
@@ -143,7 +151,9 @@ def hinge_blocks(surface: Surface, material: Material, thickness: float) -> Pair
     gradients, weight = angle_gradients(surface, hinge)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)
     pairs = vertex_pairs(surface, hinge)
-    first, second = ([pair[k] for pair in CORNERS] for k in (0, 1))
-    ascending = (hinge[:, first] < hinge[:, second]).T
-    u, v = (x.reshape(3, -1) for x in upwards(g[:, first], g[:, second], ascending))
-    return PairBlocks.of(pairs, summed_blocks(u, v, pairs.of_hinge(surface, hinge).ravel(), len(pairs.ends)))
+    lower, upper = ([pair[k] for pair in CORNERS] for k in (0, 1))
+    ascending = (hinge[:, lower] < hinge[:, upper]).T
+    u, v = (x.reshape(3, -1) for x in ascending_pairs(g[:, lower], g[:, upper], ascending))
+    return PairBlocks.without_shifts(
+        pairs, summed_blocks(u, v, pairs.of_hinge(surface, hinge).ravel(), len(pairs.ends))
+    )

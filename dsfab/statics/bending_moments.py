@@ -51,8 +51,8 @@ def face_moments(
     D = material.bending(thickness)
     if elements.bending == "hhj":
         return _linear_moments(surface, D, answer)
-    found = _midedge_curvature if elements.bending == "midedge" else _hinge_curvature
-    return np.repeat((found(surface, answer) @ D)[:, None], 3, axis=1)
+    curvature = _midedge_curvature if elements.bending == "midedge" else _hinge_curvature
+    return np.repeat((curvature(surface, answer) @ D)[:, None], 3, axis=1)
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:
@@ -105,24 +105,26 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
 
     r is `dsfab.statics.bending.moment_loads` times the unknowns, without forming the 108 numbers of each face.
     """
-    of, on = surface.edges.of, answer.on_edges
-    length, _, out = half_edge_frames(surface)
+    edge, edge_unknowns = surface.edges.of, answer.on_edges
+    length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     after = np.roll(slope, -1, axis=1)
     w = _deflection(surface, answer)
-    bubble = on["normal"][of] * np.einsum("mcx,mx->mc", edge_frames(surface)[of, 2], surface.normals)
-    tilt = np.einsum("mi,mia,mca->mc", w, slope, out)  # dw/dm of the corners' hats on each half-edge
-    turn = half_edge_signs(surface) * on["rotation"][of]
+    bubble = edge_unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
+    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the corners' hats on each half-edge
+    turn = half_edge_signs(surface) * edge_unknowns["rotation"][edge]
     # with m at corner c: d(4 phi_c phi_c+1)/dm on half-edge c; other bubbles' slopes there are linear too
-    ahead, behind = (np.einsum("mia,mca->mci", g, out) for g in (after, slope))  # (m, half-edge, bubble)
+    ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)
     bent = (8 / 3 * surface.areas[:, None, None] * voigt(slope, after) * bubble[:, :, None]).sum(axis=1)
     work = np.repeat(bent[:, None], 3, axis=1)
     for x in GAUSS:
         for c in range(3):
-            at = np.zeros(3)
-            at[c], at[(c + 1) % 3] = 1 - x, x
-            curl = 4 * (at * ahead[:, c] + np.roll(at, -1) * behind[:, c])
-            gap = tilt[:, c] + (curl * bubble).sum(axis=1) + turn[:, c] + (2 * x - 1) * on["slope"][of[:, c]]
-            jump = (gap * length[:, c] / 2)[:, None] * voigt(out[:, c], out[:, c])
-            work -= at[:, None] * jump[:, None, :]
+            weights = np.zeros(3)
+            weights[c], weights[(c + 1) % 3] = 1 - x, x
+            curl = 4 * (weights * ahead[:, c] + np.roll(weights, -1) * behind[:, c])
+            gap = (
+                tilt[:, c] + (curl * bubble).sum(axis=1) + turn[:, c] + (2 * x - 1) * edge_unknowns["slope"][edge[:, c]]
+            )
+            jump = (gap * length[:, c] / 2)[:, None] * voigt(outward[:, c], outward[:, c])
+            work -= weights[:, None] * jump[:, None, :]
     return np.asarray(np.einsum("ab,mbi->mai", CONDENSED, work @ D) / surface.areas[:, None, None])

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, first, lock
+from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import FEW_VERTICES
 from dsfab.statics.elements import BUBBLES, Elements, edge_frames
@@ -15,7 +15,7 @@ from dsfab.surface import coincident, pieces
 from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
 from dsfab.surface.mesh import Surface
 
-RANK_TOLERANCE = 1e-9
+FREE_MOTION = 1e-9
 """A rigid motion is free if it moves the supports by less than this share of the piece's own motion."""
 
 MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
@@ -41,40 +41,40 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
     """
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
-    unheld = [k for k in range(count) if not load.held[surface.F[label == k]].any()]
+    unheld = [k for k in range(count) if not load.supported[surface.F[label == k]].any()]
     if unheld:
         where = surface.centroids[label == unheld[0]].mean(axis=0).round(3).tolist()
         raise StaticsError(
             f"{len(unheld)} of {count} pieces of the surface touch no support (the first is around {where} m); "
-            f"support each piece or remove it{_parted(surface)}"
+            f"support each piece or remove it{_merge_hint(surface)}"
             if count > 1
             else "no vertex of the surface is supported; add a [[surface.support]]"
         )
     for k in range(count):
-        mine = label == k
+        in_piece = label == k
         turning = np.zeros((0, 2), dtype=np.int64)
         if clamped is not None:
-            own = np.unique(surface.edges.of[mine])
-            turning = surface.edges.ends[own[clamped[own]]]
-        free = free_motions(surface.V, np.unique(surface.F[mine]), stopped, turning)
+            piece_edges = np.unique(surface.edges.of[in_piece])
+            turning = surface.edges.ends[piece_edges[clamped[piece_edges]]]
+        free = free_motions(surface.V, np.unique(surface.F[in_piece]), stopped, turning)
         if free:
             which = "the surface" if count == 1 else f"piece {k + 1} of {count}"
-            held = np.flatnonzero(load.held & np.isin(np.arange(surface.n), surface.F[mine]))
+            held_vertices = np.flatnonzero(load.supported & np.isin(np.arange(surface.n), surface.F[in_piece]))
             raise StaticsError(
-                f"{which} can {' and '.join(dict.fromkeys(free))}: {_remedy(surface, held)}"
-                + (_parted(surface) if count > 1 else "")
+                f"{which} can {' and '.join(dict.fromkeys(free))}: {_support_remedy(surface, held_vertices)}"
+                + (_merge_hint(surface) if count > 1 else "")
             )
 
 
-def _remedy(surface: Surface, held: Ints) -> str:
-    if len(held) >= FEW_VERTICES:
+def _support_remedy(surface: Surface, held_vertices: Ints) -> str:
+    if len(held_vertices) >= FEW_VERTICES:
         return "the supports do not stop it; hold more directions"
-    where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held)
-    count = "1 vertex" if len(held) == 1 else f"{len(held)} vertices"
+    where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held_vertices)
+    count = "1 vertex" if len(held_vertices) == 1 else f"{len(held_vertices)} vertices"
     return f"the supports hold only {count} of it, at {where} m; let them pick more (of a side, with depth = ...)"
 
 
-def _parted(surface: Surface) -> str:
+def _merge_hint(surface: Surface) -> str:
     """Return a hint to merge vertices if vertices at the same place separate pieces; else ''."""
     doubled = coincident(surface.V)
     return f", or merge its {doubled} vertices that lie where another one does" if doubled else ""
@@ -92,10 +92,10 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
-    null = basis[values <= RANK_TOLERANCE * max(values.max(), 1.0)]
+    null = basis[values <= FREE_MOTION * max(values.max(), 1.0)]
     # separate shifts from rotations: a rotation about a line of supports shifts the centre as well
     mix, turns, _ = np.linalg.svd(null[:, 3:])
-    turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > RANK_TOLERANCE
+    turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
     largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
     return [MOTIONS[k] for k in sorted(largest)]  # equal values come in an order of their own on each machine
@@ -107,7 +107,9 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
     used[surface.F] = True
     lost = np.flatnonzero(~used & (load.force != 0).any(axis=1))
     if len(lost):
-        raise StaticsError(f"{len(lost)} loaded vertices belong to no face (first: {first(lost)}); move these loads")
+        raise StaticsError(
+            f"{len(lost)} loaded vertices belong to no face (first: {first_few(lost)}); move these loads"
+        )
 
 
 def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
@@ -121,23 +123,23 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
     boundary alone. Edges of faces held in all directions do not rotate. A bubble is held if more than half of its
     squared direction lies in held directions.
     """
-    faces, held = held_faces(surface, fixed), held_middles(surface, fixed)
-    still = np.zeros(len(held), dtype=bool)
-    still[surface.edges.of[faces.all(axis=1)]] = True
+    faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
+    no_rotation = np.zeros(len(held_directions), dtype=bool)
+    no_rotation[surface.edges.of[faces.all(axis=1)]] = True
     if clamped is not None:
-        still |= clamped
-    bubbles = np.einsum("edx,ex->ed", edge_frames(surface) ** 2, held.astype(float)) > 0.5
-    columns = [bubbles[:, BUBBLES.index(name)] if name in BUBBLES else still for name in elements.on_edges]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(held), 0), dtype=bool)
+        no_rotation |= clamped
+    bubbles = np.einsum("edx,ex->ed", edge_frames(surface) ** 2, held_directions.astype(float)) > 0.5
+    columns = [bubbles[:, BUBBLES.index(name)] if name in BUBBLES else no_rotation for name in elements.on_edges]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(held_directions), 0), dtype=bool)
 
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
     """Return held directions (e, 3) of the middles of edges, from those of the vertices, `fixed` (n, 3)."""
     edges, faces = surface.edges, held_faces(surface, fixed)
-    held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
+    is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
-        held[edges.of[faces[:, axis]], axis] = True
-    return np.asarray(held)
+        is_held[edges.of[faces[:, axis]], axis] = True
+    return np.asarray(is_held)
 
 
 def held_faces(surface: Surface, fixed: Bools) -> Bools:
@@ -193,7 +195,7 @@ class SpreadLoad:
         lock(self, "edge", np.float64, (None, 3))
 
     @classmethod
-    def on(cls, surface: Surface, face: object = 0.0, edge: object = 0.0) -> Self:
+    def broadcast(cls, surface: Surface, face: object = 0.0, edge: object = 0.0) -> Self:
         """Return a load that broadcasts to (m, 3) Pa and (e, 3) N/m."""
         shapes = (surface.m, 3), (len(surface.edges.ends), 3)
         return cls(*(np.broadcast_to(np.asarray(v, float), s) for v, s in zip((face, edge), shapes, strict=True)))
@@ -202,7 +204,9 @@ class SpreadLoad:
     def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
         """Return the sum of the named parts, each times its factor."""
         weight = {name: factors.get(name, 0.0) for name in parts}
-        face, edge = (np.sum([f * getattr(parts[k], on) for k, f in weight.items()], axis=0) for on in ("face", "edge"))
+        face, edge = (
+            np.sum([f * getattr(parts[k], field) for k, f in weight.items()], axis=0) for field in ("face", "edge")
+        )
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
@@ -238,7 +242,7 @@ def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) ->
             edge += load.on_edges(surface)
         elif not isinstance(load, Force):
             face += load.traction(surface, weight)
-    return SpreadLoad.on(surface, face, edge)
+    return SpreadLoad.broadcast(surface, face, edge)
 
 
 def _lengths(surface: Surface) -> Floats:

@@ -37,13 +37,13 @@ class Elements:
     bending: Bending | None = "hinge"
 
     @classmethod
-    def named(cls, name: str) -> Self:
+    def from_name(cls, name: str) -> Self:
         """Return the pair with this name, such as "quadratic+hhj". Raises StaticsError for any other text."""
         pairs = [cls(membrane, bending) for membrane in get_args(Membrane) for bending in get_args(Bending)]
-        found = next((pair for pair in pairs if str(pair) == name), None)
-        if found is None:
+        match = next((pair for pair in pairs if str(pair) == name), None)
+        if match is None:
             raise StaticsError(f"there are no elements {name!r}; choose {', '.join(map(str, pairs))}")
-        return found
+        return match
 
     def __str__(self) -> str:
         return f"{self.membrane}+{self.bending or 'none'}"
@@ -86,12 +86,12 @@ def half_edge_signs(surface: Surface) -> Floats:
 @derived
 def edge_frames(surface: Surface) -> Floats:
     """Return rows t, m, n (e, 3, 3) of each edge, computed once for each surface: see `_computed_edge_frames`."""
-    frames = _edge_frames(surface)
+    frames = _computed_edge_frames(surface)
     frames.flags.writeable = False
     return frames
 
 
-def _edge_frames(surface: Surface) -> Floats:
+def _computed_edge_frames(surface: Surface) -> Floats:
     """Return rows t, m, n (e, 3, 3) of each edge: its direction, across it in the sheet, and normal to the sheet.
 
     n is the mean of the faces' normals weighted by area, after turning the second face so that the two agree: a face
@@ -107,14 +107,14 @@ def _edge_frames(surface: Surface) -> Floats:
     n = signed[edges.order[edges.start[:-1]]]
     n[edges.count == 2] -= signed[edges.pairs[:, 1]]
     area = np.bincount(edges.of.ravel(), np.repeat(surface.areas, 3))
-    lost = np.flatnonzero((edges.count > 2) | (np.linalg.norm(n, axis=1) < 0.3 * area))
-    if len(lost):
+    undefined = np.flatnonzero((edges.count > 2) | (np.linalg.norm(n, axis=1) < 0.3 * area))
+    if len(undefined):
         tensors = np.zeros((len(edges.ends), 3, 3))
         np.add.at(tensors, edges.of.ravel(), np.repeat(_outer(surface.normals, area_normal), 3, axis=0))
-        first = edges.order[edges.start[lost]] // 3
+        first_face = edges.order[edges.start[undefined]] // 3
         # a small extra weight decides between three leaves at 120 degrees
-        tensors[lost] += 0.01 * _outer(surface.normals[first], area_normal[first])
-        n[lost] = np.linalg.eigh(tensors[lost])[1][:, :, -1]
+        tensors[undefined] += 0.01 * _outer(surface.normals[first_face], area_normal[first_face])
+        n[undefined] = np.linalg.eigh(tensors[undefined])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
     return np.stack([t, np.cross(n, t), n], axis=1)
 
@@ -124,7 +124,7 @@ def voigt(a: Floats, b: Floats) -> Floats:
     return np.stack([a[..., 0] * b[..., 0], a[..., 1] * b[..., 1], a[..., 0] * b[..., 1] + a[..., 1] * b[..., 0]], -1)
 
 
-def assembled(blocks: Floats, columns: Ints, size: int) -> csr_array:
+def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
 
     As one product S^T Z, with Z all blocks' rows below each other and S the selection of unknowns: this adds each entry
@@ -141,7 +141,7 @@ def assembled(blocks: Floats, columns: Ints, size: int) -> csr_array:
     return K
 
 
-def padded(K: csr_array, size: int) -> csr_array:
+def zero_padded(K: csr_array, size: int) -> csr_array:
     """Return K (u, u) with rows and columns of zeros appended up to `size`."""
     indptr = np.concatenate([K.indptr, np.full(size - K.shape[0], K.indptr[-1])])
     return csr_array((K.data, K.indices, indptr), shape=(size, size))
@@ -227,7 +227,7 @@ def flatness(surface: Surface) -> Floats:
     return np.asarray(2 * surface.areas / _longest_edges(surface) ** 2)
 
 
-def needles_told(surface: Surface) -> str:
+def needle_message(surface: Surface) -> str:
     """Return a clause with the number of needles and the place of the worst; '' without any."""
     shape = flatness(surface)
     count = int((shape < NEEDLE).sum())

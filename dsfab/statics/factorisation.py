@@ -24,7 +24,7 @@ ROWS = 1 << 16
 """Rows of a stiffness multiplied at a time in longer numbers: all of it would take three times its memory."""
 
 
-class Map(Protocol):
+class LinearMap(Protocol):
     """A matrix for `refined_solution`: products, and a copy in longer numbers."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
@@ -33,7 +33,7 @@ class Map(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Scaled:
+class ScaledStiffness:
     """diag(scale) K diag(scale) on the unknowns `free` as a linear map, without a matrix of its own: see `Factor`.
 
     dtype : of the numbers in the product.
@@ -76,23 +76,23 @@ class Factor:
     solve: Callable[[Floats], Floats]
 
     @property
-    def map(self) -> Scaled:
+    def map(self) -> ScaledStiffness:
         """`inner` as a linear map, without memory of its own."""
-        return Scaled(self.K, self.free, self.scale)
+        return ScaledStiffness(self.K, self.free, self.scale)
 
     @cached_property
     def inner(self) -> csr_array:
         """Stiffness (N, N) of the free unknowns with a unit diagonal."""
-        return _restricted(self.K, self.free, self.scale)
+        return _restriction(self.K, self.free, self.scale)
 
 
-def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
+def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
     """Factorise K (u, u) without held unknowns (u,) and without those of no stiffness (vertices of no face).
 
     Raises StaticsError if it is not positive definite.
     """
     diagonal = K.diagonal()
-    free = np.flatnonzero(~held & (diagonal > 0))
+    free = np.flatnonzero(~is_held & (diagonal > 0))
     # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
     scale = 1 / np.sqrt(diagonal[free])
     points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
@@ -102,7 +102,7 @@ def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
         rigid = rigid_motions(surface.V).reshape(-1, 6)[free] / scale[:, None]
     try:
         # the matrix is freed before the factor takes its memory
-        return Factor(K, free, scale, factorise(partial(_restricted, K, free, scale), points, node, rigid=rigid))
+        return Factor(K, free, scale, factorise(partial(_restriction, K, free, scale), points, node, rigid=rigid))
     except NotPositiveDefinite as error:
         raise StaticsError(
             "the sheet is a mechanism: parts of it meet in single points or are not held; "
@@ -110,31 +110,31 @@ def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
         ) from error
 
 
-FactorOf = Callable[[Surface, csr_array, Bools], Factor]
+FactorFunction = Callable[[Surface, csr_array, Bools], Factor]
 
 
-class KeptFactor:
+class FactorCache:
     """A cache of the last `count` factors: the same stiffness with the same held unknowns is factorised once."""
 
     def __init__(self, count: int = 1) -> None:
         self._kept: list[tuple[csr_array, Bools, Factor]] = []
         self._count = count
 
-    def __call__(self, surface: Surface, K: csr_array, held: Bools) -> Factor:
-        for matrix, same, factor in self._kept:
-            if _same(matrix, K) and np.array_equal(same, held):
+    def __call__(self, surface: Surface, K: csr_array, is_held: Bools) -> Factor:
+        for matrix, earlier_held, factor in self._kept:
+            if _equal_matrices(matrix, K) and np.array_equal(earlier_held, is_held):
                 return factor
         del self._kept[: len(self._kept) + 1 - self._count]  # frees memory for the next factor
-        self._kept.append((K, held.copy(), factored(surface, K, held)))
+        self._kept.append((K, is_held.copy(), stiffness_factor(surface, K, is_held)))
         return self._kept[-1][2]
 
 
-def _same(A: csr_array, B: csr_array) -> bool:
+def _equal_matrices(A: csr_array, B: csr_array) -> bool:
     pairs = ((A.indptr, B.indptr), (A.indices, B.indices), (A.data, B.data))
     return A is B or all(np.array_equal(a, b) for a, b in pairs)
 
 
-def _restricted(K: csr_array, free: Ints, scale: Floats) -> csr_array:
+def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
     """Return diag(scale) K diag(scale) on the free unknowns."""
     inner = csr_array(K[free][:, free])
     inner.data *= np.repeat(scale, np.diff(inner.indptr))
@@ -142,7 +142,7 @@ def _restricted(K: csr_array, free: Ints, scale: Floats) -> csr_array:
     return inner
 
 
-def refined_solution(K: Map, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
     """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy, sqrt(r . K^-1 r /
     b . x).
 
@@ -160,13 +160,13 @@ def refined_solution(K: Map, b: Floats, solve: Callable[[Floats], Floats]) -> tu
     step = solve(r)
     error = _energy_share(r, step, b, x)
     for _ in range(REFINEMENTS):
-        better = (x.astype(np.longdouble) + step).astype(np.float64)
-        r = (b - long @ better).astype(np.float64)
+        refined = (x.astype(np.longdouble) + step).astype(np.float64)
+        r = (b - long @ refined).astype(np.float64)
         step = solve(r)
-        left = _energy_share(r, step, b, better)
-        if not left.max() < error.max():
+        next_error = _energy_share(r, step, b, refined)
+        if not next_error.max() < error.max():
             break
-        slow, x, error = left.max() > error.max() / 2, better, left
+        slow, x, error = next_error.max() > error.max() / 2, refined, next_error
         if slow or error.max() <= ACCURATE:
             break
     return x, error

@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Floats, Ints, lock, unit_vectors
 from dsfab.core.sparse import Factor, factorise
 from dsfab.statics.bending import half_edge_frames, moment_loads
-from dsfab.statics.elements import assembled, heights
-from dsfab.statics.stress import SMOOTH, SheetStress, averaged, principal_values
-from dsfab.surface import Surface, connected, hat_gradients, next_half_edge
+from dsfab.statics.elements import assemble_blocks, heights
+from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_averages
+from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
 """A face lower than this share of a typical size is a splinter of the cut, where moments have meaningless slopes (on a
@@ -38,24 +38,24 @@ class ShearRecovery:
     factor: Factor
 
     @classmethod
-    def of(cls, surface: Surface, linear: bool = True) -> Self:
+    def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
         """Return the recovery for a surface. linear : whether moments are linear on each face: M is then quadratic,
         else linear.
         """
-        one, other = _smooth_pairs(surface)
+        side_a, side_b = _smooth_pairs(surface)
         rim = np.ones(3 * surface.m)
-        rim[one], rim[other] = 0.0, 0.0
-        columns, sign = _unknowns(surface, one, other)
-        each = 6 if linear else 3
-        columns, sign = columns[:, :each], sign[:, :each]
+        rim[side_a], rim[side_b] = 0.0, 0.0
+        columns, sign = _shared_unknowns(surface, side_a, side_b)
+        nodes = 6 if linear else 3
+        columns, sign = columns[:, :nodes], sign[:, :nodes]
         size = int(columns.max()) + 1
         ends = surface.V[surface.F]
         points = np.zeros((size, 3))
-        points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :each]
-        blocks = _stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
-        K = assembled(blocks, columns, size)
+        points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
+        blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
+        K = assemble_blocks(blocks, columns, size)
         K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # fixes a free constant on each smooth part
-        spread = _spread(surface, columns, sign, points)
+        spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
@@ -64,14 +64,14 @@ class ShearRecovery:
         moments : (m, 3 corners, 3) newtons, of the elements, in `SheetStress.frame`.
         twist   : the same, whose m_nt counts on free edges and folds.
         """
-        each = self.columns.shape[1]
+        nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
-        if each == 6:  # from hats and bubbles to functions that are 1 at one node
+        if nodes == 6:  # from hats and bubbles to functions that are 1 at one node
             work[:, :3] -= (work[:, 3:] + np.roll(work[:, 3:], 1, axis=1)) / 2
-        load = np.bincount(self.columns.ravel(), (self.sign * work[:, :each]).ravel(), self.spread.shape[0])
+        load = np.bincount(self.columns.ravel(), (self.sign * work[:, :nodes]).ravel(), self.spread.shape[0])
         M = self.sign * self.factor(self.spread @ load)[self.columns]
         slope = hat_gradients(self.surface)
-        mean = np.concatenate([slope / 3, -4 / 3 * np.roll(slope, -2, axis=1)], axis=1) if each == 6 else slope
+        mean = np.concatenate([slope / 3, -4 / 3 * np.roll(slope, -2, axis=1)], axis=1) if nodes == 6 else slope
         return np.asarray(np.einsum("mc,mcx->mx", M, mean))
 
     def _at_rims(self, twist: Floats) -> Floats:
@@ -86,29 +86,29 @@ class ShearRecovery:
 
 def _smooth_pairs(surface: Surface) -> tuple[Ints, Ints]:
     """Return both half-edges (i,) of each edge whose faces lean by less than 30 degrees from each other."""
-    one, other = surface.edges.pairs.T
-    lean = np.abs(np.einsum("ix,ix->i", surface.normals[one // 3], surface.normals[other // 3]))
-    return one[lean > SMOOTH], other[lean > SMOOTH]
+    side_a, side_b = surface.edges.pairs.T
+    lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
+    return side_a[lean > SMOOTH], side_b[lean > SMOOTH]
 
 
-def _unknowns(surface: Surface, one: Ints, other: Ints) -> tuple[Ints, Floats]:
+def _shared_unknowns(surface: Surface, side_a: Ints, side_b: Ints) -> tuple[Ints, Floats]:
     """Return `columns` and `sign` (m, 6) of faces that share unknowns across smooth edges, with half-edges (i,)."""
     begins = surface.F.ravel()
-    alike = begins[one] == begins[other]  # both faces run through their edge the same way
-    next_one, next_other = next_half_edge(one), next_half_edge(other)
-    i = np.concatenate([one, next_one])
-    j = np.concatenate([np.where(alike, other, next_other), np.where(alike, next_other, other)])
-    count, corner = connected(3 * surface.m, i, j)
-    _, middle = connected(3 * surface.m, one, other)
+    alike = begins[side_a] == begins[side_b]  # both faces run through their edge the same way
+    next_one, next_other = next_half_edge(side_a), next_half_edge(side_b)
+    i = np.concatenate([side_a, next_one])
+    j = np.concatenate([np.where(alike, side_b, next_other), np.where(alike, next_other, side_b)])
+    count, corner = link_components(3 * surface.m, i, j)
+    _, middle = link_components(3 * surface.m, side_a, side_b)
     columns = np.concatenate([corner.reshape(-1, 3), count + middle.reshape(-1, 3)], axis=1)
-    first = np.empty(int(columns.max()) + 1, dtype=np.int64)
+    first_face = np.empty(int(columns.max()) + 1, dtype=np.int64)
     face = np.repeat(np.arange(surface.m), 6)
-    first[columns.ravel()[::-1]] = face[::-1]
-    side = np.einsum("hx,hx->h", surface.normals[face], surface.normals[first[columns.ravel()]])
+    first_face[columns.ravel()[::-1]] = face[::-1]
+    side = np.einsum("hx,hx->h", surface.normals[face], surface.normals[first_face[columns.ravel()]])
     return columns, np.where(side < 0, -1.0, 1.0).reshape(-1, 6)
 
 
-def _stiffness(surface: Surface, linear: bool) -> Floats:
+def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
     """Return integrals (m, 6, 6) or (m, 3, 3) of grad v . grad v, exact by the middles of the edges."""
     slope = hat_gradients(surface)
     if not linear:
@@ -116,20 +116,20 @@ def _stiffness(surface: Surface, linear: bool) -> Floats:
     after = np.roll(slope, -1, axis=1)
     blocks = np.zeros((surface.m, 6, 6))
     for c in range(3):
-        at = np.full(3, 0.5)
-        at[(c + 2) % 3] = 0.0
-        middle = 4 * (at[:, None] * after + np.roll(at, -1)[:, None] * slope)
-        G = np.concatenate([(4 * at - 1)[:, None] * slope, middle], axis=1)
+        weights = np.full(3, 0.5)
+        weights[(c + 2) % 3] = 0.0
+        middle = 4 * (weights[:, None] * after + np.roll(weights, -1)[:, None] * slope)
+        G = np.concatenate([(4 * weights - 1)[:, None] * slope, middle], axis=1)
         blocks += np.einsum("mix,mjx->mij", G, G)
     return np.asarray(blocks * (surface.areas / 3)[:, None, None])
 
 
-def _spread(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
+def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
     """Return `ShearRecovery.spread`: from unknowns on splinters to their neighbours, in proportion to the area
     around these.
     """
-    size, each = len(points), columns.shape[1]
-    weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if each == 6 else np.full(3, 1 / 3)
+    size, nodes = len(points), columns.shape[1]
+    weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
     reach = CROWDED * float(np.sqrt(surface.areas @ surface.areas / surface.areas.sum()))
     crowded = np.zeros(size, dtype=bool)
@@ -138,14 +138,14 @@ def _spread(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> cs
     np.add.at(normal, columns, sign[:, :, None] * (surface.normals * surface.areas[:, None])[:, None])
     normal = unit_vectors(normal)
     source = np.flatnonzero(crowded)
-    near = cKDTree(points[source]).sparse_distance_matrix(cKDTree(points), reach, output_type="coo_matrix")
-    i, j = source[near.coords[0]], near.coords[1]
+    neighbours = cKDTree(points[source]).sparse_distance_matrix(cKDTree(points), reach, output_type="coo_matrix")
+    i, j = source[neighbours.coords[0]], neighbours.coords[1]
     side = np.where(i == j, 1.0, np.einsum("kx,kx->k", normal[i], normal[j]))
     part: Floats = np.where(np.abs(side) > SMOOTH, np.sign(side), 0.0) * area[j]
     share = part / np.bincount(i, np.abs(part), size)[i]
     still = np.flatnonzero(~crowded)
-    rows, of = np.concatenate([j, still]), np.concatenate([i, still])
-    return csr_array((np.concatenate([share, np.ones(len(still))]), (rows, of)), shape=(size, size))
+    rows, columns_of_entries = np.concatenate([j, still]), np.concatenate([i, still])
+    return csr_array((np.concatenate([share, np.ones(len(still))]), (rows, columns_of_entries)), shape=(size, size))
 
 
 CONVENTION = (
@@ -196,9 +196,9 @@ class SectionForces:
         for name, width in (("n", 3), ("m", 3), ("q", 2)):
             lock(self, name, np.float64, (len(self.frame), width))
 
-    def principal(self, what: str) -> PrincipalForces:
+    def principal(self, name: str) -> PrincipalForces:
         """Return principal values and directions of `n` or of `m` [Mohr 1882]."""
-        values, axes = principal_values(getattr(self, what), self.frame)
+        values, axes = principal_values(getattr(self, name), self.frame)
         angle = np.degrees(np.arctan2(*np.einsum("mx,max->am", axes[:, 0], self.frame)[::-1]))
         return PrincipalForces(values, angle, axes[:, 0])
 
@@ -219,21 +219,21 @@ def section_forces(
     ribs
     thinner than a face.
     """
-    own, scale = stress.frame, thickness**2 / 6
-    moments = scale * averaged(surface, own, stress.bending, sided=True)
+    stress_frame, scale = stress.frame, thickness**2 / 6
+    moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))
     if stress.bending.any():
-        recovery = recovery or ShearRecovery.of(surface, linear=bool(np.ptp(stress.bending, axis=1).any()))
+        recovery = recovery or ShearRecovery.for_surface(surface, linear=bool(np.ptp(stress.bending, axis=1).any()))
         across = recovery.forces(scale * stress.bending, moments)
     frame = local_frames(surface)
-    turn = frame @ own.transpose(0, 2, 1)
-    n = _turned(thickness * stress.membrane.mean(axis=1), turn)
-    corners, bent = (
-        np.stack([_turned(values[:, k], turn) for k in range(3)], axis=1)
+    turn = frame @ stress_frame.transpose(0, 2, 1)
+    n = _rotated_tensors(thickness * stress.membrane.mean(axis=1), turn)
+    corners, face_moments = (
+        np.stack([_rotated_tensors(values[:, k], turn) for k in range(3)], axis=1)
         for values in (thickness * stress.membrane, moments)
     )
     q = np.einsum("mx,max->ma", across, frame)
-    return SectionForces(frame, n, bent.mean(axis=1), q, corners, bent)
+    return SectionForces(frame, n, face_moments.mean(axis=1), q, corners, face_moments)
 
 
 def local_frames(surface: Surface) -> Floats:
@@ -246,8 +246,12 @@ def local_frames(surface: Surface) -> Floats:
     return np.stack([x, np.cross(normal, x)], axis=1)
 
 
-def _turned(plane: Floats, turn: Floats) -> Floats:
+def _rotated_tensors(plane: Floats, rotation: Floats) -> Floats:
     """Return tensors (m, 3), (xx, yy, xy), in a frame rotated by `rotation` (m, 2, 2)."""
     xx, yy, xy = plane.T
-    full = turn @ np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1) @ turn.transpose(0, 2, 1)
+    full = (
+        rotation
+        @ np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
+        @ rotation.transpose(0, 2, 1)
+    )
     return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], axis=1)

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Floats
-from dsfab.statics.assembly import PairBlocks, hinges, upwards, vertex_pairs
-from dsfab.statics.elements import PAPER, Elements, assembled, edge_frames, padded, voigt
+from dsfab.statics.assembly import PairBlocks, ascending_pairs, hinges, vertex_pairs
+from dsfab.statics.elements import PAPER, Elements, assemble_blocks, edge_frames, voigt, zero_padded
 from dsfab.statics.model import Law, Material
 from dsfab.surface.fields import hat_gradients, tangents
 from dsfab.surface.mesh import Surface
@@ -37,22 +37,22 @@ UNMIXED = 12 * (np.eye(3) - 0.25)
 """Inverse of the mass matrix of the hats on a triangle of area 1."""
 
 
-def _stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
+def _airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
     """Return coefficients (6 monomials, 3, k) of the stresses (xx, yy, xy) = (phi_yy, phi_xx, -phi_xy) [Airy 1863]."""
-    found = np.zeros((len(MONOMIALS), 3, len(functions)))
+    coefficients = np.zeros((len(MONOMIALS), 3, len(functions)))
     for k, function in enumerate(functions):
         for (a, b), factor in function.items():
-            for row, down, times in (
+            for row, powers, derivative in (
                 (0, (a, b - 2), b * (b - 1)),
                 (1, (a - 2, b), a * (a - 1)),
                 (2, (a - 1, b - 1), -a * b),
             ):
-                if times:
-                    found[MONOMIALS.index(down), row, k] += times * factor
-    return found
+                if derivative:
+                    coefficients[MONOMIALS.index(powers), row, k] += derivative * factor
+    return coefficients
 
 
-STRESSES = _stresses(AIRY)
+STRESSES = _airy_stresses(AIRY)
 
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
@@ -101,7 +101,7 @@ def membrane_stiffness(
     if elements.membrane == "hybrid":
         return _hybrid(surface, material.membrane(law) * thickness, elements)
     blocks = constant_blocks(surface, material.membrane(law) * thickness, elements)
-    return padded(blocks.matrix(), elements.unknowns(surface))
+    return zero_padded(blocks.matrix(), elements.unknowns(surface))
 
 
 def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
@@ -115,23 +115,23 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
     pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
     lam, mu = C[0, 1], C[2, 2]
     face = surface.F.T
-    across = _across(surface)  # gradients times 2 A
+    across = _doubled_area_gradients(surface)  # gradients times 2 A
     ascending = (face < np.roll(face, -1, axis=0)).ravel()
     u, v = (x.transpose(1, 0, 2).reshape(3, -1) for x in (across, np.roll(across, -1, axis=0)))
-    u, v = upwards(u, v, ascending)
+    u, v = ascending_pairs(u, v, ascending)
     normal = np.tile(surface.normals.T, 3)
     u = u / np.tile(4 * surface.areas, 3)
     shear = mu * (u * v).sum(axis=0)
-    at = pairs.of_edge[surface.edges.of.T.ravel()]
+    pair = pairs.of_edge[surface.edges.of.T.ravel()]
     blocks = np.empty((9, len(pairs.ends)))
     for a in range(3):
         for b in range(3):
             value = lam * u[a] * v[b] + mu * v[a] * u[b] - shear * normal[a] * normal[b]
-            blocks[3 * a + b] = np.bincount(at, value + shear if a == b else value, len(pairs.ends))
-    return PairBlocks.of(pairs, blocks)
+            blocks[3 * a + b] = np.bincount(pair, value + shear if a == b else value, len(pairs.ends))
+    return PairBlocks.without_shifts(pairs, blocks)
 
 
-def _across(surface: Surface) -> Floats:
+def _doubled_area_gradients(surface: Surface) -> Floats:
     """Return the hat gradients (3 corners, 3, m) times twice the area, metres: normal x opposite edge."""
     P = surface.V[surface.F].transpose(1, 2, 0)
     edge = np.roll(P, -2, axis=0) - np.roll(P, -1, axis=0)
@@ -175,39 +175,41 @@ def corner_strains(surface: Surface) -> Floats:
     return np.ascontiguousarray(moved.reshape(-1, 9, 3).transpose(0, 2, 1))
 
 
-def bubble_strains(surface: Surface, at: Floats) -> Floats:
+def bubble_strains(surface: Surface, weights: Floats) -> Floats:
     """Return the strain (m, 3, 6) at a point with barycentric coordinates `weights` (3,), per metre.
 
     Columns: unit bubbles along t on the three half-edges, then along m.
     """
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
-    gradient = 4 * (at[:, None] * np.roll(slope, -1, axis=1) + np.roll(at, -1)[:, None] * slope)  # of 4 phi_j phi_k
+    gradient = 4 * (
+        weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope
+    )  # of 4 phi_j phi_k
     direction = np.einsum("mcdk,mak->mdca", edge_frames(surface)[surface.edges.of, :2], t)  # (m, t | m, half-edge, 2)
     return np.asarray(voigt(gradient[:, None], direction).reshape(-1, 6, 3).transpose(0, 2, 1))
 
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
     # stack the three quadrature points, with B^T C B as R^T R: one product of 9 x 15 a face
-    B = _strains_at(surface, (1 - np.eye(3)) / 2)
+    B = _point_strains(surface, (1 - np.eye(3)) / 2)
     R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
     blocks = R.transpose(0, 2, 1) @ R
     blocks *= (surface.areas / 3)[:, None, None]
-    return assembled(blocks, elements.columns(surface, "along", "across"), elements.unknowns(surface))
+    return assemble_blocks(blocks, elements.columns(surface, "along", "across"), elements.unknowns(surface))
 
 
 def _hybrid(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    B = _strains_at(surface, np.eye(3)).reshape(-1, 9, 15)
+    B = _point_strains(surface, np.eye(3)).reshape(-1, 9, 15)
     blocks = B.transpose(0, 2, 1) @ (hybrid_rigidity(surface, C) @ B)
-    return assembled(blocks, elements.columns(surface, "along", "across"), elements.unknowns(surface))
+    return assemble_blocks(blocks, elements.columns(surface, "along", "across"), elements.unknowns(surface))
 
 
-def _strains_at(surface: Surface, points: Floats) -> Floats:
+def _point_strains(surface: Surface, points: Floats) -> Floats:
     """Return strains (m, 3 points, 3, 15) at points with barycentric coordinates (3, 3), of corners, then of
     bubbles.
     """
     B = np.empty((surface.m, 3, 3, 15))
     B[..., :9] = corner_strains(surface)[:, None]
-    for k, at in enumerate(points):
-        B[:, k, :, 9:] = bubble_strains(surface, at)
+    for k, weights in enumerate(points):
+        B[:, k, :, 9:] = bubble_strains(surface, weights)
     return B

@@ -69,7 +69,7 @@ class SheetModel:
     law: Law = "plane_stress"
     clamped: Bools | None = None
 
-    def held(self, load: LoadCase) -> LoadCase:
+    def with_clamped_edges(self, load: LoadCase) -> LoadCase:
         """Return the load with the clamped edges of this sheet."""
         if self.clamped is None:
             return load
@@ -84,6 +84,6 @@ class SheetMaterial:
     thickness: float
     law: Law = "plane_stress"
 
-    def on(self, surface: Surface) -> SheetModel:
+    def model_for(self, surface: Surface) -> SheetModel:
         """Return a sheet of this material."""
         return SheetModel(surface, self.material, self.thickness, self.law)

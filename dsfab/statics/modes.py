@@ -9,8 +9,8 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from dsfab.core.arrays import Bools, Floats, lock
 from dsfab.core.errors import StaticsError
 from dsfab.statics.boundary_conditions import all_clamped, held_on_edges, require_clampable, require_held, with_springs
-from dsfab.statics.elements import BUBBLES, Elements, assembled, edge_frames, elements_of
-from dsfab.statics.factorisation import FactorOf, factored
+from dsfab.statics.elements import BUBBLES, Elements, assemble_blocks, edge_frames, elements_of
+from dsfab.statics.factorisation import FactorFunction, stiffness_factor
 from dsfab.statics.model import SheetModel
 from dsfab.statics.solve import Equilibrium, flat_axis
 from dsfab.statics.stiffness import sheet_stiffness
@@ -18,8 +18,8 @@ from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import hat_gradients, tangents
 
-HELD = "its supports hold it out of its plane too"
-UPRIGHT = f"{HELD}, and their edges do not turn: on hinges it would fall over"
+HELD_ACROSS = "its supports hold it out of its plane too"
+UPRIGHT = f"{HELD_ACROSS}, and their edges do not turn: on hinges it would fall over"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +43,19 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
     axis = flat_axis(surface, load)
     if axis is None or plane is False:
         return ModeSupports(load)
-    fixed, held = load.fixed.copy(), load.held
-    fixed[held, axis] = True
+    fixed, held_vertices = load.fixed.copy(), load.supported
+    fixed[held_vertices, axis] = True
     across = replace(load, fixed=fixed)
     try:
         require_held(surface, across, fixed, all_clamped(across))
     except StaticsError:
         edges = surface.edges
-        upright = edges.boundary & held[edges.ends].all(axis=1)
-        given = all_clamped(load)
-        return ModeSupports(replace(across, clamped=upright if given is None else upright | given), UPRIGHT)
-    return ModeSupports(across, HELD)
+        upright = edges.boundary & held_vertices[edges.ends].all(axis=1)
+        clamped_edges = all_clamped(load)
+        return ModeSupports(
+            replace(across, clamped=upright if clamped_edges is None else upright | clamped_edges), UPRIGHT
+        )
+    return ModeSupports(across, HELD_ACROSS)
 
 
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
@@ -69,7 +71,7 @@ HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 """Integrals of hat i (row) times the bubble of half-edge c (column), which runs from corner c to the next."""
 
 
-ACCURATE = 1e-4
+MODE_RESIDUAL = 1e-4
 """Largest accepted relative residual of a mode, in the norm of the stiffness, which bounds its relative error [Parlett
 1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long.
 """
@@ -113,7 +115,7 @@ def frequencies(
     count: int = 3,
     elements: Elements = FOR_FREQUENCIES,
     K: csr_array | None = None,
-    factor_of: FactorOf = factored,
+    factor_of: FactorFunction = stiffness_factor,
     spring: Floats | None = None,
 ) -> Vibration:
     """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass without rotary
@@ -129,12 +131,12 @@ def frequencies(
     surface, density = sheet.surface, sheet.material.density
     if not density > 0:
         raise StaticsError("natural frequencies need a material with a density; set density in kg/m3")
-    M = mass(surface, density * sheet.thickness, elements)
+    M = mass_matrix(surface, density * sheet.thickness, elements)
     if K is None:
         K = sheet_stiffness(sheet, elements)
-    still, loose = np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool)
-    held = sheet.held(LoadCase(fixed, still, loose, still if spring is None else spring))
-    inverse, shapes = _largest(surface, M, K, held, elements, count, factor_of)
+    no_force, not_loaded = np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool)
+    sheet_load = sheet.with_clamped_edges(LoadCase(fixed, no_force, not_loaded, no_force if spring is None else spring))
+    inverse, shapes = _largest_eigenpairs(surface, M, K, sheet_load, elements, count, factor_of)
     return Vibration(1 / (2 * np.pi * np.sqrt(inverse)), shapes)
 
 
@@ -145,7 +147,7 @@ def buckling(
     count: int = 3,
     elements: Elements = FOR_BUCKLING,
     K: csr_array | None = None,
-    factor_of: FactorOf = factored,
+    factor_of: FactorFunction = stiffness_factor,
 ) -> Buckling:
     """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
 
@@ -165,11 +167,13 @@ def buckling(
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
     if K is None:
         K = sheet_stiffness(sheet, elements)
-    inverse, shapes = _largest(surface, minus_Kg, K, sheet.held(load), elements, count, factor_of)
+    inverse, shapes = _largest_eigenpairs(
+        surface, minus_Kg, K, sheet.with_clamped_edges(load), elements, count, factor_of
+    )
     return Buckling(1 / inverse, shapes)
 
 
-def mass(surface: Surface, per_area: float, elements: Elements) -> csr_array:
+def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
     """Return M (u, u), kg, over the unknowns of `elements`: hats and edge bubbles; rotations have no mass.
 
     per_area : kg/m2. The sum over x, y and z of the corners' part is three times the mass of the sheet.
@@ -191,8 +195,8 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     shapes = np.zeros((surface.m, 6, 6))
     for opposite in range(3):  # the middles of the edges: exact for the linear gradients of bubbles
-        at = np.where(np.arange(3) == opposite, 0.0, 0.5)
-        bubble = 4 * (at[:, None] * np.roll(slope, -1, axis=1) + np.roll(at, -1)[:, None] * slope)
+        weights = np.where(np.arange(3) == opposite, 0.0, 0.5)
+        bubble = 4 * (weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope)
         gradient = np.concatenate([slope, bubble], axis=1)
         shapes += gradient @ planar @ gradient.transpose(0, 2, 1)
     return _on_unknowns(surface, shapes * (surface.areas / 3)[:, None, None], elements)
@@ -206,17 +210,17 @@ def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_ar
     direction = np.concatenate([axes, *(frames[:, :, BUBBLES.index(name)] for name in names)], axis=1)
     function = np.concatenate([np.repeat(np.arange(3), 3), *(np.arange(3, 6) for _ in names)])
     blocks = shapes[:, function][:, :, function] * (direction @ direction.transpose(0, 2, 1))
-    return assembled(blocks, elements.columns(surface, *names), elements.unknowns(surface))
+    return assemble_blocks(blocks, elements.columns(surface, *names), elements.unknowns(surface))
 
 
-def _largest(
+def _largest_eigenpairs(
     surface: Surface,
     A: csr_array,
     K: csr_array,
     load: LoadCase,
     elements: Elements,
     count: int,
-    factor_of: FactorOf,
+    factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
 
@@ -227,8 +231,8 @@ def _largest(
     require_clampable(surface, elements, clamped)
     turning = clamped if "rotation" in elements.on_edges else None
     require_held(surface, load, load.fixed, turning)
-    held = np.concatenate([load.fixed.ravel(), held_on_edges(surface, elements, load.fixed, turning).T.ravel()])
-    factor = factor_of(surface, with_springs(K, load), held)
+    is_held = np.concatenate([load.fixed.ravel(), held_on_edges(surface, elements, load.fixed, turning).T.ravel()])
+    factor = factor_of(surface, with_springs(K, load), is_held)
     N = len(factor.free)
     if not 1 <= count < N:
         raise StaticsError(f"{count} modes are asked for, but the sheet has {N} unknowns; ask for 1 to {N - 1}")
@@ -241,18 +245,18 @@ def _largest(
         mu, x = eigsh(inner, count, M=factor.inner, Minv=solve, which="LA", v0=start, maxiter=500, tol=1e-10)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
-    off = inner @ x - mu * (factor.inner @ x)
-    residual = np.sqrt(np.einsum("nk,nk->k", off, np.stack([factor.solve(c) for c in off.T], axis=1)).clip(0))
-    good = mu > 1e-10 * np.abs(mu).max()  # rounding gives smaller ones
-    if not (residual[good] <= ACCURATE * mu[good]).all():
+    defects = inner @ x - mu * (factor.inner @ x)
+    residual = np.sqrt(np.einsum("nk,nk->k", defects, np.stack([factor.solve(c) for c in defects.T], axis=1)).clip(0))
+    is_mode = mu > 1e-10 * np.abs(mu).max()  # rounding gives smaller ones
+    if not (residual[is_mode] <= MODE_RESIDUAL * mu[is_mode]).all():
         raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
-    order = np.argsort(-mu[good])
-    full = np.zeros((good.sum(), K.shape[0]))
-    full[:, factor.free] = (factor.scale[:, None] * x[:, good][:, order]).T
-    return mu[good][order], _normalised(full[:, : 3 * surface.n].reshape(-1, surface.n, 3))
+    order = np.argsort(-mu[is_mode])
+    full = np.zeros((is_mode.sum(), K.shape[0]))
+    full[:, factor.free] = (factor.scale[:, None] * x[:, is_mode][:, order]).T
+    return mu[is_mode][order], _normalised_shapes(full[:, : 3 * surface.n].reshape(-1, surface.n, 3))
 
 
-def _normalised(shapes: Floats) -> Floats:
+def _normalised_shapes(shapes: Floats) -> Floats:
     """Scale each shape (k, n, 3) so that its longest vector is 1, and its largest component is positive; k may be 0."""
     flat = shapes.reshape(len(shapes), 3 * shapes.shape[1])
     sign = np.sign(flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)])

@@ -42,10 +42,10 @@ def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equ
     supports of its ends. Together they balance the loads, unless edges are clamped away from all supports.
     """
     forces = support_forces(surface, supports, answer)
-    fixed = np.array([support.fixed(surface) for support in supports])  # (s, n, 3)
+    fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
     if len(answer.torque):
-        clamped = np.array([support.clamped(surface) for support in supports])  # (s, e)
+        clamped = np.array([support.clamped_edges(surface) for support in supports])  # (s, e)
         ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # how many it holds
         torques = answer.torque * _shares(np.where(clamped.any(axis=0), clamped, ends))
     return tuple(resultant(surface, force, torque) for force, torque in zip(forces, torques, strict=True))
@@ -56,7 +56,7 @@ def support_forces(surface: Surface, supports: Sequence[Support], answer: Equili
 
     Supports that hold the same direction of a vertex share it equally, springs in proportion to their stiffness.
     """
-    fixed = np.array([support.fixed(surface) for support in supports])
+    fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
     # a spring at a held place does not stretch
     return np.asarray(answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs)))
@@ -167,7 +167,7 @@ def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tupl
     """
     entries = []
     for name, load in zip(load_names(loads), loads, strict=True):
-        force, spread = load.on(surface, weight), spread_load(surface, [load], weight)
+        force, spread = load.forces(surface, weight), spread_load(surface, [load], weight)
         size = np.linalg.norm(force, axis=1)
         area = surface.areas[spread.face.any(axis=1)].sum()
         length = surface.edge_lengths[spread.edge.any(axis=1)].sum()

@@ -10,18 +10,18 @@ from scipy.sparse import csr_array
 from dsfab.core.errors import StaticsError
 from dsfab.statics.boundary_conditions import SpreadLoad, all_clamped
 from dsfab.statics.elements import REPORTED, Elements, elements_of
-from dsfab.statics.factorisation import FactorOf, KeptFactor, factored
+from dsfab.statics.factorisation import FactorCache, FactorFunction, stiffness_factor
 from dsfab.statics.model import SheetModel
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, mode_supports
 from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
 from dsfab.statics.stress import SheetStress, sheet_stress
 from dsfab.surface.loads.load_case import LoadCase
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
-class Ask:
+class ResultRequest:
     """Requested results of a sheet, beyond those that cost almost nothing.
 
     strength    : Pa, compared with the largest stress; 0 for no comparison.
@@ -40,19 +40,19 @@ class Ask:
         """Number of requested shapes, in all."""
         return self.frequencies + self.buckling
 
-    def elements(self, given: Elements) -> Elements:
+    def elements_for(self, elements: Elements) -> Elements:
         """Return the elements for the results: the given ones if they are verified (`REPORTED`), else the pair for
         stress.
 
         Without a request, stress and energy are by the given elements.
         """
-        return elements_of("stress") if self and given not in REPORTED else given
+        return elements_of("stress") if self and elements not in REPORTED else elements
 
-    def factor_of(self, given: Elements) -> FactorOf:
+    def factor_for(self, elements: Elements) -> FactorFunction:
         """Return the function that factorises the statics by these elements, with a cache if the modes need the
         factor again.
         """
-        return KeptFactor() if self.modes and self.elements(given) == given else factored
+        return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class SolvedCase:
     spread: SpreadLoad
     equilibrium: Equilibrium
     elements: Elements
-    factor_of: FactorOf = factored
+    factor_of: FactorFunction = stiffness_factor
     plane: bool | None = None
 
 
@@ -98,8 +98,8 @@ def sheet_answers(
     sheet: SheetModel,
     case: SolvedCase,
     stiffness: Callable[[Elements], csr_array],
-    ask: Ask,
-    again: FactorOf | None = None,
+    requested: ResultRequest,
+    other_factors: FactorFunction | None = None,
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
 
@@ -112,32 +112,32 @@ def sheet_answers(
     """
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
-    again = again or KeptFactor(2)
-    rich = ask.elements(case.elements)
-    held = rich.in_plane if plane else rich
-    if rich != case.elements:
-        factor_of = again
-        solved = equilibrium(surface, stiffness(held), load, held, spread=case.spread, factor_of=factor_of)
-    stress = sheet_stress(sheet, held, solved)
-    if not ask.modes:
-        return Answers(held, solved, stress)
+    other_factors = other_factors or FactorCache(2)
+    full_elements = requested.elements_for(case.elements)
+    elements = full_elements.in_plane if plane else full_elements
+    if full_elements != case.elements:
+        factor_of = other_factors
+        solved = equilibrium(surface, stiffness(elements), load, elements, spread=case.spread, factor_of=factor_of)
+    stress = sheet_stress(sheet, elements, solved)
+    if not requested.modes:
+        return Answers(elements, solved, stress)
     refusals: list[str] = []
     standing = mode_supports(surface, load, plane)
     model = replace(sheet, clamped=all_clamped(standing.load))
-    shared: dict[str, Any] = {"elements": rich, "K": stiffness(rich)}
-    shared["factor_of"] = again if plane else factor_of
+    shared: dict[str, Any] = {"elements": full_elements, "K": stiffness(full_elements)}
+    shared["factor_of"] = other_factors if plane else factor_of
     vibration = factors = None
-    if ask.frequencies:
-        more = {**shared, "spring": load.spring}
-        found = partial(frequencies, model, standing.load.fixed, ask.frequencies, **more)
-        vibration = _found(found, "no natural frequencies", refusals)
-    if ask.buckling:
-        search = partial(buckling, sheet, standing.load, solved, ask.buckling, **shared)
-        factors = _found(search, "no buckling factors", refusals)
-    return Answers(held, solved, stress, vibration, factors, tuple(refusals), standing.told)
+    if requested.frequencies:
+        keywords = {**shared, "spring": load.spring}
+        search_frequencies = partial(frequencies, model, standing.load.fixed, requested.frequencies, **keywords)
+        vibration = _result_or_refusal(search_frequencies, "no natural frequencies", refusals)
+    if requested.buckling:
+        search = partial(buckling, sheet, standing.load, solved, requested.buckling, **shared)
+        factors = _result_or_refusal(search, "no buckling factors", refusals)
+    return Answers(elements, solved, stress, vibration, factors, tuple(refusals), standing.told)
 
 
-def _found(find: Callable[[], Found], missing: str, refusals: list[str]) -> Found | None:
+def _result_or_refusal(find: Callable[[], Result], missing: str, refusals: list[str]) -> Result | None:
     """Return the result of `find`, or None and a sentence in `refusals`: a missing result must not stop a design."""
     try:
         return find()

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, lock, locked
+from dsfab.core.arrays import Bools, Floats, lock, read_only_copy
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import BALANCE, RESIDUAL
 from dsfab.statics.boundary_conditions import (
@@ -20,8 +20,8 @@ from dsfab.statics.boundary_conditions import (
     require_loads_on_faces,
     with_springs,
 )
-from dsfab.statics.elements import PAPER, Elements, edge_frames, needles_told
-from dsfab.statics.factorisation import FactorOf, factored, refined_solution
+from dsfab.statics.elements import PAPER, Elements, edge_frames, needle_message
+from dsfab.statics.factorisation import FactorFunction, refined_solution, stiffness_factor
 from dsfab.surface.loads.load_case import LoadCase
 from dsfab.surface.mesh import Surface
 
@@ -57,7 +57,7 @@ class Equilibrium:
         lock(self, "u", np.float64, (None, 3))
         lock(self, "reaction", np.float64, (len(self.u), 3))
         lock(self, "torque", np.float64, (None,))
-        edges = {name: locked(values, np.float64, (None,)) for name, values in self.on_edges.items()}
+        edges = {name: read_only_copy(values, np.float64, (None,)) for name, values in self.on_edges.items()}
         object.__setattr__(self, "on_edges", MappingProxyType(edges))
 
     @cached_property
@@ -88,7 +88,7 @@ def equilibrium(
     load: LoadCase,
     elements: Elements = PAPER,
     spread: SpreadLoad | None = None,
-    factor_of: "FactorOf | None" = None,
+    factor_of: "FactorFunction | None" = None,
 ) -> Equilibrium:
     """Solve K u = f with the supported freedoms projected out and the springs of supports added.
 
@@ -111,7 +111,7 @@ def equilibria(
     elements: Elements = PAPER,
     spreads: Sequence[SpreadLoad] | None = None,
     sums: Sequence[Sequence[float]] = (),
-    factor_of: "FactorOf | None" = None,
+    factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
     """Return the `equilibrium` of each load on the same supports, then of sums of them, from one factorisation.
 
@@ -122,41 +122,41 @@ def equilibria(
     Raises StaticsError as `equilibrium`, and for loads on different supports.
     """
     _require_same_supports(loads)
-    fixed, turning = _supported(surface, loads, elements)
+    fixed, turning = _held_freedoms(surface, loads, elements)
     F = np.stack([load.force.ravel() for load in loads], axis=1)
-    held = fixed.ravel()
+    is_held = fixed.ravel()
     if elements.on_edges:
-        given = spreads or [SpreadLoad.on(surface)] * len(loads)
-        bubbles = [spread.bubble_forces(surface, elements).T.ravel() for spread in given]
+        spread_loads = spreads or [SpreadLoad.broadcast(surface)] * len(loads)
+        bubbles = [spread.bubble_forces(surface, elements).T.ravel() for spread in spread_loads]
         F = np.concatenate([F, np.stack(bubbles, axis=1)])
-        held = np.concatenate([held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    X, residuals = _solution(surface, with_springs(K, loads[0]), F, held, factor_of or factored)
+        is_held = np.concatenate([is_held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
+    X, residuals = _solution(surface, with_springs(K, loads[0]), F, is_held, factor_of or stiffness_factor)
     answers = []
     for load, f, x, residual in zip(loads, F.T, X.T, residuals, strict=True):
-        answers.append(_answer(surface, load, elements, K @ x - f, x, held, float(f @ x), float(residual)))
+        answers.append(_answer(surface, load, elements, K @ x - f, x, is_held, float(f @ x), float(residual)))
         _require_solved(surface, answers[-1].imbalance, residual)
-    return (*answers, *(_summed(surface, loads, answers, factors, F, X) for factors in sums))
+    return (*answers, *(_combination(surface, loads, answers, factors, F, X) for factors in sums))
 
 
 def _require_same_supports(loads: Sequence[LoadCase]) -> None:
-    first = loads[0]
+    reference = loads[0]
     for load in loads[1:]:
         if not all(
-            np.array_equal(getattr(first, name), getattr(load, name)) for name in ("fixed", "spring", "clamped")
+            np.array_equal(getattr(reference, name), getattr(load, name)) for name in ("fixed", "spring", "clamped")
         ):
             raise StaticsError("load cases that are solved together need the same supports; solve these one by one")
 
 
-def _supported(surface: Surface, loads: Sequence[LoadCase], elements: Elements) -> tuple[Bools, Bools | None]:
+def _held_freedoms(surface: Surface, loads: Sequence[LoadCase], elements: Elements) -> tuple[Bools, Bools | None]:
     """Return held directions (n, 3) and clamped edges (e,), None without rotations. Raises StaticsError."""
-    first = loads[0]
-    clamped = all_clamped(first)
+    reference = loads[0]
+    clamped = all_clamped(reference)
     require_clampable(surface, elements, clamped)
-    fixed = first.fixed.copy()
+    fixed = reference.fixed.copy()
     if (axis := flat_axis(surface, *loads)) is not None:
         fixed[:, axis] = True
     turning = clamped if "rotation" in elements.on_edges else None
-    require_held(surface, first, fixed, turning)
+    require_held(surface, reference, fixed, turning)
     for load in loads:
         require_loads_on_faces(surface, load)
     return fixed, turning
@@ -166,25 +166,25 @@ def _answer(
     surface: Surface,
     load: LoadCase,
     elements: Elements,
-    off: Floats,
+    unbalanced: Floats,
     x: Floats,
-    held: Bools,
+    is_held: Bools,
     compliance: float,
     residual: float,
 ) -> Equilibrium:
-    """Return the equilibrium of unknowns x; `off` is K x - f without the springs: the forces of all supports."""
+    """Return the equilibrium of unknowns x; `unbalanced` is K x - f without the springs: the forces of all supports."""
     corners, edges = np.split(x, [3 * surface.n])
-    forces, on_edges = np.split(off, [3 * surface.n])
+    forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
     # springs exert -k u; K x - f differs from that by the residual, which belongs in the imbalance
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
-    torque = _torque(elements, np.where(held[3 * surface.n :], on_edges, 0.0))
+    torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))
     named = zip(elements.on_edges, edges.reshape(len(elements.on_edges), -1), strict=True) if len(edges) else ()
     return Equilibrium(u, reaction, compliance, imbalance, residual, dict(named), torque, elements)
 
 
-def _summed(
+def _combination(
     surface: Surface,
     loads: Sequence[LoadCase],
     answers: Sequence[Equilibrium],
@@ -197,8 +197,8 @@ def _summed(
     torque = np.sum([a * part.torque for a, part in parts], axis=0)
     on_edges = {name: np.sum([a * part.on_edges[name] for a, part in parts], axis=0) for name in answers[0].on_edges}
     compliance = float((F @ np.array(factors)) @ (X @ np.array(factors)))
-    off = sum(abs(a) * part.residual * np.sqrt(abs(part.compliance)) for a, part in parts)
-    residual = float(off / np.sqrt(compliance)) if compliance > 0 else 0.0
+    energy_error = sum(abs(a) * part.residual * np.sqrt(abs(part.compliance)) for a, part in parts)
+    residual = float(energy_error / np.sqrt(compliance)) if compliance > 0 else 0.0
     force = np.sum([a * load.force for a, load in zip(factors, loads, strict=True)], axis=0)
     imbalance = _imbalance(surface, force, reaction, torque)
     u = np.sum([a * part.u for a, part in parts], axis=0)
@@ -208,7 +208,7 @@ def _summed(
 def _require_solved(surface: Surface, imbalance: float, residual: float) -> None:
     if imbalance <= BALANCE and residual <= RESIDUAL:
         return
-    needles = f"; {told}" if (told := needles_told(surface)) else ""
+    needles = f"; {message}" if (message := needle_message(surface)) else ""
     if not imbalance <= BALANCE:
         either = f"{'its needles of faces are too flat, or ' if needles else ''}the sheet is nearly a mechanism"
         raise StaticsError(
@@ -221,15 +221,17 @@ def _require_solved(surface: Surface, imbalance: float, residual: float) -> None
     )
 
 
-def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools, factor_of: FactorOf) -> tuple[Floats, Floats]:
+def _solution(
+    surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
+) -> tuple[Floats, Floats]:
     """Return unknowns (N, k) under forces F (N, k) and relative residuals (k,), from one factorisation.
 
     Unknowns without stiffness stay 0.
     """
     U = np.zeros(F.shape)
-    if not (~held & (K.diagonal() > 0)).any():
+    if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])
-    factor = factor_of(surface, K, held)
+    factor = factor_of(surface, K, is_held)
     scale = factor.scale[:, None]
     x, residual = refined_solution(factor.map, scale * F[factor.free], factor.solve)
     U[factor.free] = scale * x

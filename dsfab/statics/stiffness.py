@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import StaticsError
 from dsfab.core.sparse import Factor, NotPositiveDefinite, factorise
-from dsfab.statics.assembly import added
+from dsfab.statics.assembly import matrix_sum
 from dsfab.statics.bending import bending_stiffness, curvatures, hinge_blocks
 from dsfab.statics.boundary_conditions import all_clamped, held_on_edges, require_held, require_loads_on_faces
 from dsfab.statics.elements import PAPER, Elements, elements_of
@@ -40,7 +40,7 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
         K = membrane_stiffness(surface, material, thickness, sheet.law, elements)
     if elements.bending:
         with row("bending"):
-            K = added(K, bending_stiffness(surface, material, thickness, elements))
+            K = matrix_sum(K, bending_stiffness(surface, material, thickness, elements))
     return K
 
 
@@ -66,15 +66,15 @@ class FaceStiffness:
     force: Floats
 
     @classmethod
-    def of(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
+    def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
         """Return K of a sheet. Raises StaticsError if supports leave a motion free or a load acts on nothing."""
         surface = sheet.surface
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")
         elements = elements if axis is None else elements.in_plane
-        held = _held(surface, loads, elements, axis)
+        is_held = _held_unknowns(surface, loads, elements, axis)
         blocks, columns = face_blocks(surface, sheet.material, sheet.thickness, sheet.law, elements)
-        free = ~held
+        free = ~is_held
         touched = np.zeros(len(free), dtype=bool)
         touched[columns] = True
         numbers = np.flatnonzero(free & touched)
@@ -83,7 +83,7 @@ class FaceStiffness:
         number[numbers] = np.arange(count)
         moving = free[columns].any(axis=0) if axis is not None else np.ones(columns.shape[1], dtype=bool)
         blocks, unknown = np.ascontiguousarray(blocks[:, moving][:, :, moving]), number[columns[:, moving]]
-        places, indices, indptr, diagonal = _places(blocks, unknown, count)
+        places, indices, indptr, diagonal = _sparse_pattern(blocks, unknown, count)
         springs, force = np.zeros(len(indices)), np.zeros((len(free), len(loads)))
         soft = np.zeros(len(free))
         soft[: 3 * surface.n] = loads[0].spring.ravel()
@@ -136,7 +136,7 @@ def face_blocks(
     return blocks, columns
 
 
-def _held(surface: Surface, loads: Sequence[LoadCase], elements: Elements, axis: int | None) -> Bools:
+def _held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elements, axis: int | None) -> Bools:
     fixed = loads[0].fixed.copy()
     if axis is not None:
         fixed[:, axis] = True
@@ -144,21 +144,21 @@ def _held(surface: Surface, loads: Sequence[LoadCase], elements: Elements, axis:
     require_held(surface, loads[0], fixed, turning)
     for load in loads:
         require_loads_on_faces(surface, load)
-    held = fixed.ravel()
+    is_held = fixed.ravel()
     if elements.on_edges:
-        held = np.concatenate([held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    return np.asarray(held)
+        is_held = np.concatenate([is_held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
+    return np.asarray(is_held)
 
 
-def _places(blocks: Floats, unknown: Ints, count: int) -> tuple[csr_array, Ints, Ints, Ints]:
+def _sparse_pattern(blocks: Floats, unknown: Ints, count: int) -> tuple[csr_array, Ints, Ints, Ints]:
     """Return the matrix from face factors to values of K, columns and row pointers of K, and positions of its
     diagonal.
     """
     m, c = unknown.shape
     row, column = np.repeat(unknown, c, axis=1).ravel(), np.tile(unknown, (1, c)).ravel()
-    both = np.flatnonzero((row < count) & (column < count))
-    keys, entry = np.unique(row[both] * count + column[both], return_inverse=True)
-    places = csr_array((blocks.ravel()[both], (entry, both // (c * c))), shape=(len(keys), m))
+    free_entries = np.flatnonzero((row < count) & (column < count))
+    keys, entry = np.unique(row[free_entries] * count + column[free_entries], return_inverse=True)
+    places = csr_array((blocks.ravel()[free_entries], (entry, free_entries // (c * c))), shape=(len(keys), m))
     rows, columns = np.divmod(keys, count)
     indptr = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
     return places, columns.astype(np.int32), indptr.astype(np.int32), np.flatnonzero(rows == columns)

@@ -58,9 +58,9 @@ def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
     moved = np.einsum("ed,edx->ex", answer.bubbles, edge_frames(surface)[:, :2])[surface.edges.of]
     bubble = moved @ t.transpose(0, 2, 1)
     # 4 phi_c phi_c+1 has the gradient 4 grad phi_c+1 at corner c, 4 grad phi_c at corner c + 1, none at the third
-    here = voigt(4 * np.roll(slope, -1, axis=1), bubble)
-    there = voigt(4 * slope, bubble)
-    return np.asarray(strain + here + np.roll(there, 1, axis=1))
+    start_strain = voigt(4 * np.roll(slope, -1, axis=1), bubble)
+    end_strain = voigt(4 * slope, bubble)
+    return np.asarray(strain + start_strain + np.roll(end_strain, 1, axis=1))
 
 
 def membrane_stresses(surface: Surface, material: Material, law: Law, elements: Elements, strain: Floats) -> Floats:
@@ -80,7 +80,7 @@ HALVES = np.array([1.0, 1.0, 2.0])[:, None]
 """Squared norms of unit plane tensors xx, yy and xy."""
 
 
-def averaged(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:
+def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:
     """Return plane tensors (m, 3 corners, 3), (xx, yy, xy), averaged over the faces around each vertex.
 
     frame  : (m, 2, 3) of each face, for the components.
@@ -93,21 +93,21 @@ def averaged(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Fl
     """
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
-    first = np.full(surface.n, -1)
-    first[corner[::-1]] = face[::-1]
-    side = np.where(np.einsum("cx,cx->c", surface.normals[face], surface.normals[first[corner]]) < 0, -1.0, 1.0)
+    first_face = np.full(surface.n, -1)
+    first_face[corner[::-1]] = face[::-1]
+    side = np.where(np.einsum("cx,cx->c", surface.normals[face], surface.normals[first_face[corner]]) < 0, -1.0, 1.0)
     around = csr_array((np.ones(len(corner)), corner, np.arange(len(corner) + 1)), (len(corner), surface.n)).T
     area = surface.areas[face]
     mean = np.asarray(around @ (surface.normals[face] * (side * area)[:, None]))
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
-    level = np.abs(np.einsum("cx,cx->c", surface.normals[face], mean[corner])) > SMOOTH
+    is_smooth = np.abs(np.einsum("cx,cx->c", surface.normals[face], mean[corner])) > SMOOTH
     signed = side if sided else np.ones_like(side)
     basis = _tensors(frame)
-    tensors = (values @ basis).reshape(-1, 6) * (signed * level * area)[:, None]
-    total = (around @ tensors) / np.maximum(around @ (level * area), 1e-300)[:, None]
-    back = (basis * WEIGHTS / HALVES).transpose(0, 2, 1)
-    found = (total[corner] * signed[:, None]).reshape(-1, 3, 6) @ back
-    return np.asarray(np.where(level.reshape(-1, 3, 1), found, values.mean(axis=1, keepdims=True)))
+    tensors = (values @ basis).reshape(-1, 6) * (signed * is_smooth * area)[:, None]
+    total = (around @ tensors) / np.maximum(around @ (is_smooth * area), 1e-300)[:, None]
+    plane_basis = (basis * WEIGHTS / HALVES).transpose(0, 2, 1)
+    plane = (total[corner] * signed[:, None]).reshape(-1, 3, 6) @ plane_basis
+    return np.asarray(np.where(is_smooth.reshape(-1, 3, 1), plane, values.mean(axis=1, keepdims=True)))
 
 
 def _tensors(frame: Floats) -> Floats:
@@ -169,9 +169,9 @@ class SheetStress:
         lock(self, "frame", np.float64, (None, 2, 3))
         m = len(self.frame)
         for name in ("membrane", "bending"):
-            given, smooth = getattr(self, name), f"smooth_{name}"
+            values, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
-            if getattr(self, smooth) is given:  # one copy is enough
+            if getattr(self, smooth) is values:  # one copy is enough
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))
@@ -270,8 +270,8 @@ def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
         bent = 0.5 * _mean_product(moments, moments @ np.linalg.inv(material.bending(thickness)))
     frame, bending = tangents(surface), 6 / thickness**2 * moments
     linear, curved = elements.membrane != "constant", elements.bending == "hhj"
-    smooth_membrane = averaged(surface, frame, membrane, sided=False) if linear else membrane
-    smooth_bending = averaged(surface, frame, bending, sided=True) if curved else bending
+    smooth_membrane = vertex_averages(surface, frame, membrane, sided=False) if linear else membrane
+    smooth_bending = vertex_averages(surface, frame, bending, sided=True) if curved else bending
     return SheetStress(frame, membrane, bending, smooth_membrane, smooth_bending, stretched, bent)
 
 

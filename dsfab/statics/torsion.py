@@ -48,17 +48,19 @@ def rib_shape(surface: Surface) -> RibShape:
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
-    points, of = _points_on(surface, border)
+    points, half_edge = _border_points(surface, border)
     begin, end = half_edges(surface.F)
-    way = surface.V[end[border]] - surface.V[begin[border]]
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    direction = surface.V[end[border]] - surface.V[begin[border]]
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     tree = cKDTree(points)
     small = float(np.median(surface.edge_lengths))
-    radius = _disc_radii(tree, points, np.cross(surface.normals[border // 3], way)[of], small, surface.size)
-    near = np.asarray(tree.query(surface.centroids)[1])
-    along = way[of[near]]
+    radius = _disc_radii(
+        tree, points, np.cross(surface.normals[border // 3], direction)[half_edge], small, surface.size
+    )
+    nearest = np.asarray(tree.query(surface.centroids)[1])
+    along = direction[half_edge[nearest]]
     along -= np.einsum("mx,mx->m", along, surface.normals)[:, None] * surface.normals
-    return RibShape(2 * radius[near], along / np.linalg.norm(along, axis=1, keepdims=True))
+    return RibShape(2 * radius[nearest], along / np.linalg.norm(along, axis=1, keepdims=True))
 
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
@@ -69,25 +71,25 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
     longer.
     """
 
-    def held(which: Ints) -> tuple[Bools, Floats]:
+    def blocked(discs: Ints) -> tuple[Bools, Floats]:
         """Return which discs contain another point, and the radii of those that touch it as well."""
-        p, n, r = points[which], inward[which], radius[which]
+        p, n, r = points[discs], inward[discs], radius[discs]
         away, hit = tree.query(p + r[:, None] * n)
-        off = points[hit] - p
-        high = np.einsum("kx,kx->k", n, off)
-        shorter = np.einsum("kx,kx->k", off, off) / np.maximum(2 * high, np.finfo(float).tiny)
+        offset = points[hit] - p
+        high = np.einsum("kx,kx->k", n, offset)
+        shorter = np.einsum("kx,kx->k", offset, offset) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
         # the border may reach into a disc by a thousandth of its radius
         return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))
-    empty = np.arange(len(points))
-    while len(empty):
-        empty = empty[~held(empty)[0] & (radius[empty] < largest)]
-        radius[empty] = np.minimum(2 * radius[empty], largest)
+    growing = np.arange(len(points))
+    while len(growing):
+        growing = growing[~blocked(growing)[0] & (radius[growing] < largest)]
+        radius[growing] = np.minimum(2 * radius[growing], largest)
     moving = np.arange(len(points))
     for _ in range(20):  # 5 to 8 steps suffice mostly
-        shrinks, shorter = held(moving)
+        shrinks, shorter = blocked(moving)
         moving = moving[shrinks]
         radius[moving] = shorter[shrinks]
         if not len(moving):
@@ -112,11 +114,11 @@ def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_a
     return -(hhj_stiffness if elements.bending == "hhj" else midedge_stiffness)(sheet.surface, lost, elements)
 
 
-def _points_on(surface: Surface, border: Ints, points_per_edge: int = 12) -> tuple[Floats, Ints]:
+def _border_points(surface: Surface, border: Ints, points_per_edge: int = 12) -> tuple[Floats, Ints]:
     """Return evenly spaced points (k, 3) on half-edges (b,), and the index of each point's half-edge in `border`."""
     begin, end = (surface.V[vertices[border]] for vertices in half_edges(surface.F))
     step = float(np.median(surface.edge_lengths)) / points_per_edge
     count = np.maximum(1, np.ceil(np.linalg.norm(end - begin, axis=1) / step)).astype(np.int64)
-    of = np.repeat(np.arange(len(border)), count)
-    at = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[of]
-    return begin[of] + at[:, None] * (end - begin)[of], of
+    half_edge = np.repeat(np.arange(len(border)), count)
+    parameter = (np.arange(len(half_edge)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[half_edge]
+    return begin[half_edge] + parameter[:, None] * (end - begin)[half_edge], half_edge

@@ -43,14 +43,14 @@ def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats,
     Raises StaticsError for a sheet that is not held, or a load that acts on nothing.
     """
     surface = sheet.surface
-    K = FaceStiffness.of(sheet, loads)
+    K = FaceStiffness.from_sheet(sheet, loads)
     x, factor = np.full(surface.m, share), None
     solid = np.zeros(surface.m, dtype=bool)
     for _ in range(STEPS):
         factor = K.factor(LEAST + (1 - LEAST) * x, factor)
         gain = K.energies(factor(K.force)) @ weights / surface.areas
-        new = optimality_step(x, gain, surface.areas, share * surface.area, solid, MOVE)
-        step, x = float(np.abs(new - x).max()), new
+        updated = optimality_step(x, gain, surface.areas, share * surface.area, solid, MOVE)
+        step, x = float(np.abs(updated - x).max()), updated
         if step < SETTLED:
             break
     scale = LEAST + (1 - LEAST) * x
@@ -67,7 +67,7 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
     moving = [column for column in range(9) if axis is None or column % 3 != axis]
     strain = corner_strains(surface)[:, :, moving] @ moved[:, : len(moving)]
     planar = np.einsum("ij,mjk->kmi", sheet.material.membrane(sheet.law) * sheet.thickness, strain)
-    return [tensors_in_space(surface, each) for each in planar]
+    return [tensors_in_space(surface, values) for values in planar]
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
@@ -79,12 +79,12 @@ def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: 
     """
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
-    least, most = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
-    while most - least > 1e-6 * most:
-        middle = (least + most) / 2  # the root of the multiplier
-        new = np.where(solid, 1.0, np.clip(root / middle, low, high))
-        if areas @ new > area:
-            least = middle
+    lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
+    while upper - lower > 1e-6 * upper:
+        middle = (lower + upper) / 2  # the root of the multiplier
+        thickness = np.where(solid, 1.0, np.clip(root / middle, low, high))
+        if areas @ thickness > area:
+            lower = middle
         else:
-            most = middle
-    return np.asarray(new)
+            upper = middle
+    return np.asarray(thickness)

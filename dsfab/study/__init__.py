@@ -13,7 +13,7 @@ from dsfab.study.comparison import Comparison, compare, compare_at, full_at_many
 from dsfab.study.fabrication import require_fit
 from dsfab.study.nonlinear import NonlinearCheck, nonlinear_check
 from dsfab.study.sweeps import METRICS, Run, sweep
-from dsfab.study.sweeps.workers import fitting_processes, made_in_processes
+from dsfab.study.sweeps.workers import fitting_processes, map_in_processes
 
 __all__ = [
     "ALTERNATIVE_WORDS",
@@ -30,7 +30,7 @@ __all__ = [
     "full_at_many_shares",
     "is_searched",
     "losing_line",
-    "made_in_processes",
+    "map_in_processes",
     "nonlinear_check",
     "require_ccx",
     "require_fit",

@@ -54,13 +54,16 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
     # the normals define top and bottom: turn faces of the other orientation
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
-    F, of = np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of)
-    parts = [columns[F, 0], columns[F, 1], middles[of, 0], middles[of, 1], columns[F, 2]]
+    F, edge_numbers = (
+        np.where(turned[:, None], F[:, ::-1], F),
+        np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of),
+    )
+    parts = [columns[F, 0], columns[F, 1], middles[edge_numbers, 0], middles[edge_numbers, 1], columns[F, 2]]
     return Wedges(nodes, np.concatenate(parts, axis=1), columns, middles)
 
 
 def solid_compliance(
-    solid: Wedges, material: Material, held: Ints, gravity: Floats, seconds: float = 600.0
+    solid: Wedges, material: Material, fixed_nodes: Ints, gravity: Floats, seconds: float = 600.0
 ) -> float | None:
     """Return the compliance (J) under the solid's own weight by CalculiX; None if CalculiX is not installed.
 
@@ -72,21 +75,21 @@ def solid_compliance(
     if program is None:
         return None
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "solid.inp").write_text(_text(solid, material, held, gravity), encoding="ascii")
+        (Path(folder) / "solid.inp").write_text(_input_text(solid, material, fixed_nodes, gravity), encoding="ascii")
         try:
-            done = subprocess.run(
+            process = subprocess.run(
                 [program, "solid"], cwd=folder, capture_output=True, text=True, timeout=seconds, check=False
             )
         except subprocess.TimeoutExpired as error:
             raise StaticsError(f"CalculiX did not solve the solid within {seconds:g} s") from error
         result = Path(folder) / "solid.dat"
-        found = ENERGY.search(result.read_text(encoding="ascii")) if result.exists() else None
-    if done.returncode or not found:
-        raise StaticsError(f"CalculiX did not solve the solid: {done.stdout.strip()[-200:]}")
-    return 2 * float(found[1])
+        match = ENERGY.search(result.read_text(encoding="ascii")) if result.exists() else None
+    if process.returncode or not match:
+        raise StaticsError(f"CalculiX did not solve the solid: {process.stdout.strip()[-200:]}")
+    return 2 * float(match[1])
 
 
-def _text(solid: Wedges, material: Material, held: Ints, gravity: Floats) -> str:
+def _input_text(solid: Wedges, material: Material, fixed_nodes: Ints, gravity: Floats) -> str:
     size = float(np.linalg.norm(gravity))
     used = np.unique(solid.elements)
     lines = ["*NODE, NSET=ALL", *(f"{k + 1},{','.join(f'{x:.12e}' for x in solid.nodes[k])}" for k in used)]
@@ -94,20 +97,20 @@ def _text(solid: Wedges, material: Material, held: Ints, gravity: Floats) -> str
     lines += [f"{k},{','.join(map(str, row + 1))}" for k, row in enumerate(solid.elements, start=1)]
     lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{material.young},{material.poisson}"]
     lines += ["*DENSITY", f"{material.density}", "*SOLID SECTION, ELSET=S, MATERIAL=M", "*BOUNDARY"]
-    lines += [f"{k + 1},1,3" for k in np.intersect1d(held, used)]
+    lines += [f"{k + 1},1,3" for k in np.intersect1d(fixed_nodes, used)]
     lines += ["*STEP", "*STATIC", "*DLOAD", f"S,GRAV,{size},{','.join(f'{x / size:.12e}' for x in gravity)}"]
     lines += ["*EL PRINT, ELSET=S, TOTALS=ONLY", "ELSE", "*END STEP", ""]
     return "\n".join(lines)
 
 
-def nodes_of(solid: Wedges, surface: Surface, where: Bools) -> Ints:
+def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
     """Return all nodes of the end faces on boundary edges between marked vertices (n,)."""
     edges = surface.edges
-    on = edges.boundary & where[edges.ends].all(axis=1)
-    return np.unique(np.concatenate([solid.columns[edges.ends[on]].ravel(), solid.middles[on].ravel()]))
+    is_marked = edges.boundary & marked[edges.ends].all(axis=1)
+    return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
 
 
-THROUGH = (1 / 6, 1 / 6, 2 / 3)
+THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)
 """Shares of a force on a vertex for its nodes below, above and between."""
 
 
@@ -136,30 +139,32 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
     across = normal[surface.edges.ends].sum(axis=1)
     normals = iter((normal, across / np.linalg.norm(across, axis=1, keepdims=True)))
     solid = wedges(surface, thickness, lambda points: (points, next(normals)))
-    held = held_nodes(surface, {"HELD": load.fixed})["HELD"]
-    fixed, opposite = _supports(solid, surface, load, held)
+    held_directions = held_nodes(surface, {"HELD": load.fixed})["HELD"]
+    fixed, opposite = _supports(solid, surface, load, held_directions)
     force = np.zeros_like(solid.nodes)
-    for column, share in zip(solid.columns.T, THROUGH, strict=True):
+    for column, share in zip(solid.columns.T, THICKNESS_SHARES, strict=True):
         np.add.at(force, column, share * load.force)
     return WedgeModel(solid, material, fixed, opposite, force)
 
 
-def _supports(solid: Wedges, surface: Surface, load: LoadCase, held: Bools) -> tuple[Ints, Ints]:
+def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: Bools) -> tuple[Ints, Ints]:
     """Return `fixed` and `opposite` for held directions (n + e, 3) of vertices and of middles of edges."""
     n = surface.n
-    vertex, way = np.nonzero(held[:n])
-    edge, along = np.nonzero(held[n:])
-    fixed = np.stack([solid.columns[vertex, 2], way], axis=1)
+    vertex, direction = np.nonzero(held_directions[:n])
+    edge, edge_direction = np.nonzero(held_directions[n:])
+    fixed = np.stack([solid.columns[vertex, 2], direction], axis=1)
     pairs = np.concatenate(
         [
-            np.concatenate([solid.columns[vertex, :2], way[:, None]], axis=1),
-            np.concatenate([solid.middles[edge], along[:, None]], axis=1),
+            np.concatenate([solid.columns[vertex, :2], direction[:, None]], axis=1),
+            np.concatenate([solid.middles[edge], edge_direction[:, None]], axis=1),
         ]
     )
     edges = np.flatnonzero(load.clamped)
     stiff = np.unique(np.concatenate([solid.columns[surface.edges.ends[edges]].ravel(), solid.middles[edges].ravel()]))
-    whole = np.stack([np.repeat(stiff, 3), np.tile(np.arange(3), len(stiff))], axis=1)
-    return np.unique(np.concatenate([fixed, whole]), axis=0), pairs[~np.isin(pairs[:, :2], stiff).any(axis=1)]
+    clamped_directions = np.stack([np.repeat(stiff, 3), np.tile(np.arange(3), len(stiff))], axis=1)
+    return np.unique(np.concatenate([fixed, clamped_directions]), axis=0), pairs[
+        ~np.isin(pairs[:, :2], stiff).any(axis=1)
+    ]
 
 
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
@@ -183,28 +188,30 @@ class CcxFiles:
         """Return the time of each table of displacements, and (k, 4) numbers of nodes with their displacements."""
         data = self.results[: self.results.rfind("\n") + 1]  # the last line may be incomplete
         heads = list(TABLE.finditer(data))
-        found = []
+        parsed = []
         for head, following in zip(heads, [*heads, None][1:], strict=True):
             lines = data[head.end() : following.start() if following else None].strip().splitlines()
             table = [line.split() for line in lines]
             numbers = [[float(word) for word in words] for words in table if len(words) == 4 and words[0].isdigit()]
-            found.append((float(head[1]), np.array(numbers).reshape(-1, 4)))
-        return found
+            parsed.append((float(head[1]), np.array(numbers).reshape(-1, 4)))
+        return parsed
 
     def failures(self) -> list[tuple[float, float]]:
         """Return the time before each failed attempt, and the step of time that it tried."""
-        return [(float(at), float(step)) for failed, at, step in ATTEMPT.findall(self.attempts) if failed]
+        return [
+            (float(start_time), float(step)) for failed, start_time, step in ATTEMPT.findall(self.attempts) if failed
+        ]
 
 
 def require_ccx() -> str:
     """Return the path of CalculiX. Raises StaticsError if it is not installed."""
-    found = shutil.which(CCX)
-    if found is None:
+    path = shutil.which(CCX)
+    if path is None:
         raise StaticsError(
             "the nonlinear check needs CalculiX, and its program ccx is not on the path; install it (Debian and "
             "Ubuntu: apt install calculix-ccx), or leave out --nonlinear"
         )
-    return found
+    return path
 
 
 def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
@@ -213,29 +220,27 @@ def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] 
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
-        with (folder / "said").open("wb") as said:
+        with (folder / "said").open("wb") as output:
             process = subprocess.Popen(
                 [require_ccx(), "solid"],
                 cwd=folder,
                 stdin=subprocess.DEVNULL,
-                stdout=said,
+                stdout=output,
                 stderr=subprocess.STDOUT,
             )
             try:
-                _watched(process, folder, seconds, enough)
+                _wait(process, folder, seconds, enough)
                 return _files(folder, process.poll() is not None)
             finally:
                 process.kill()
                 process.wait()
 
 
-def _watched(
-    process: "subprocess.Popen[bytes]", folder: Path, seconds: float, enough: Callable[[CcxFiles], bool]
-) -> None:
+def _wait(process: "subprocess.Popen[bytes]", folder: Path, seconds: float, enough: Callable[[CcxFiles], bool]) -> None:
     over, seen, attempts = time.monotonic() + seconds, 0, folder / "solid.sta"
-    while process.poll() is None and (left := over - time.monotonic()) > 0:
+    while process.poll() is None and (seconds_left := over - time.monotonic()) > 0:
         try:
-            process.wait(min(0.2, left))
+            process.wait(min(0.2, seconds_left))
         except subprocess.TimeoutExpired:
             size = attempts.stat().st_size if attempts.exists() else 0
             if size > seen and enough(_files(folder, False)):
@@ -267,13 +272,13 @@ class LoadPath:
     late: bool = False
     failed: tuple[tuple[int, float], ...] = ()
 
-    def until(self, last: int) -> "LoadPath":
+    def until(self, last_point: int) -> "LoadPath":
         """Return the path up to its point `last_point`."""
-        failed = tuple((at, by) for at, by in self.failed if at <= last)
-        return LoadPath(self.load[: last + 1], self.u[: last + 1], False, False, failed)
+        failed = tuple((point, by) for point, by in self.failed if point <= last_point)
+        return LoadPath(self.load[: last_point + 1], self.u[: last_point + 1], False, False, failed)
 
 
-def _never(path: LoadPath) -> int | None:
+def _no_stop(path: LoadPath) -> int | None:
     return None
 
 
@@ -283,14 +288,14 @@ def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:
-        raise _late(seconds)
+        raise _timeout_error(seconds)
     _, _, table = files.results.partition("B U C K L I N G")
     factor, shape = FACTOR.search(table), files.tables()
     if not (factor and shape):
         raise StaticsError(f"CalculiX found no buckling of the solid: {files.said.strip()[-200:]}")
     mode = np.zeros_like(model.solid.nodes)
-    last = shape[-1][1]
-    mode[last[:, 0].astype(int) - 1] = last[:, 1:]
+    nodal_shape = shape[-1][1]
+    mode[nodal_shape[:, 0].astype(int) - 1] = nodal_shape[:, 1:]
     return float(factor[1]), mode
 
 
@@ -300,7 +305,7 @@ def load_path(
     factors: tuple[float, ...],
     watched: Ints,
     seconds: float,
-    last: Callable[[LoadPath], int | None] = _never,
+    stop_point: Callable[[LoadPath], int | None] = _no_stop,
     steps: int = 10,
 ) -> LoadPath:
     """Return the path of nodes (w,) as loads grow to each of `factors` in turn, with large displacements.
@@ -309,21 +314,21 @@ def load_path(
     Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load.
     The path ends where CalculiX fails or the seconds are over. Raises StaticsError if the first step fails.
     """
-    text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_rows("%d\n", watched + 1)]
+    text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
     for factor in factors:
         text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / steps}, 1., 0.001, {1 / steps}\n*CLOAD\n")
         text += [*_loads(factor * model.force), "*NODE PRINT, NSET=WATCHED\nU\n*END STEP\n"]
 
     def until(files: CcxFiles) -> tuple[LoadPath, int | None]:
         path = _path(files, factors, len(watched))
-        return path, last(path) if len(path.load) > 1 else None
+        return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
     path, end = until(files)  # the end of the path does not depend on when the program was stopped
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:
-        raise _late(seconds)
+        raise _timeout_error(seconds)
     if len(path.load) == 1:
         raise StaticsError(f"CalculiX found no equilibrium under the first step of the load: {files.said[-200:]}")
     return replace(path, late=not files.ended)
@@ -335,13 +340,16 @@ def _path(files: CcxFiles, factors: tuple[float, ...], count: int) -> LoadPath:
     u = np.stack([np.zeros((count, 3)), *(table[table[:, 0].argsort(), 1:] for _, table in tables)])
     ends = np.arange(len(factors) + 1), np.array([0.0, *factors])
     failed = [
-        (int(np.searchsorted(time, at + 1e-5)) - 1, float(np.interp(at + step, *ends) - np.interp(at, *ends)))
-        for at, step in files.failures()
+        (
+            int(np.searchsorted(time, start_time + 1e-5)) - 1,
+            float(np.interp(start_time + step, *ends) - np.interp(start_time, *ends)),
+        )
+        for start_time, step in files.failures()
     ]
     return LoadPath(np.interp(time, *ends), u, bool(time[-1] > len(factors) - 1e-6), failed=tuple(failed))
 
 
-def _late(seconds: float) -> StaticsError:
+def _timeout_error(seconds: float) -> StaticsError:
     return StaticsError(
         f"CalculiX did not come to an end within {seconds / 60:.3g} minutes; make the mesh coarser "
         "(--check-edge, surface.edge), or give it more: --minutes"
@@ -351,20 +359,22 @@ def _late(seconds: float) -> StaticsError:
 def _model(model: WedgeModel, nodes: Floats) -> Iterator[str]:
     solid, used = model.solid, np.unique(model.solid.elements)
     yield "*NODE, NSET=ALL\n"
-    yield from _rows("%d, %.11e, %.11e, %.11e\n", used + 1, *nodes[used].T)
+    yield from _formatted_rows("%d, %.11e, %.11e, %.11e\n", used + 1, *nodes[used].T)
     yield "*ELEMENT, TYPE=C3D15, ELSET=SOLID\n"
-    yield from _rows(", ".join(["%d"] * 16) + "\n", np.arange(1, len(solid.elements) + 1), *(solid.elements.T + 1))
+    yield from _formatted_rows(
+        ", ".join(["%d"] * 16) + "\n", np.arange(1, len(solid.elements) + 1), *(solid.elements.T + 1)
+    )
     yield f"*MATERIAL, NAME=SOLID\n*ELASTIC\n{model.material.young:.12g}, {model.material.poisson:.12g}\n"
     yield "*SOLID SECTION, ELSET=SOLID, MATERIAL=SOLID\n*BOUNDARY\n"
-    yield from _rows("%d, %d, %d\n", model.fixed[:, 0] + 1, model.fixed[:, 1] + 1, model.fixed[:, 1] + 1)
-    one, other, way = (model.opposite + 1).T
-    yield from _rows("*EQUATION\n2\n%d, %d, 1., %d, %d, 1.\n", one, way, other, way)
+    yield from _formatted_rows("%d, %d, %d\n", model.fixed[:, 0] + 1, model.fixed[:, 1] + 1, model.fixed[:, 1] + 1)
+    node, opposite_node, direction = (model.opposite + 1).T
+    yield from _formatted_rows("*EQUATION\n2\n%d, %d, 1., %d, %d, 1.\n", node, direction, opposite_node, direction)
 
 
 def _loads(force: Floats) -> Iterator[str]:
-    node, way = np.nonzero(force)
-    yield from _rows("%d, %d, %.11e\n", node + 1, way + 1, force[node, way])
+    node, direction = np.nonzero(force)
+    yield from _formatted_rows("%d, %d, %.11e\n", node + 1, direction + 1, force[node, direction])
 
 
-def _rows(template: str, *columns: Ints | Floats) -> Iterator[str]:
+def _formatted_rows(template: str, *columns: Ints | Floats) -> Iterator[str]:
     yield "".join(template % row for row in zip(*(column.tolist() for column in columns), strict=True))

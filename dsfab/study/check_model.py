@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import StaticsError
-from dsfab.core.messages import bounded
+from dsfab.core.messages import value_with_bound
 from dsfab.design import Design, Log, Progress, acting_on, sheet_load, surface_step
 from dsfab.design.regions_and_loads import Loading, loadings
 from dsfab.design.surface_and_statics import check_scale
@@ -60,13 +60,13 @@ def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Boo
     to the first support that holds an end.
     """
     ends = surface.edges.ends
-    left = held_middles(surface, _held_by_any(surface, supports))
-    found = {}
+    unassigned = held_middles(surface, _held_by_any(surface, supports))
+    directions = {}
     for name, fixed in supports.items():
-        middles = left & fixed[ends].any(axis=1)
-        left = left & ~middles
-        found[name] = np.concatenate([fixed, middles])
-    return found
+        middles = unassigned & fixed[ends].any(axis=1)
+        unassigned = unassigned & ~middles
+        directions[name] = np.concatenate([fixed, middles])
+    return directions
 
 
 def _held_by_any(surface: Surface, supports: Mapping[str, Bools]) -> Bools:
@@ -99,9 +99,9 @@ def six_node_model(
     soft = np.zeros((len(X), 3))
     if springs is not None:
         soft[: surface.n] = springs
-    held = held_nodes(surface, supports)
+    node_supports = held_nodes(surface, supports)
     model = CalculixModel(
-        X, T, sheet.thickness, material.young, material.poisson, steps, held, still, soft, material.density
+        X, T, sheet.thickness, material.young, material.poisson, steps, node_supports, still, soft, material.density
     )
     return model if element == "S6" else in_plane(model, axis, THIN * surface.mean_edge)
 
@@ -140,7 +140,7 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
         thickness=model.thickness * share,
         young=model.young / share,
         steps={name: force[:, turn] for name, force in model.steps.items()},
-        supports={name: held[:, turn] for name, held in model.supports.items()},
+        supports={name: directions[:, turn] for name, directions in model.supports.items()},
         springs=model.springs[:, turn],
         notes=tuple(notes),
     )
@@ -176,48 +176,59 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)
     acting = [loading for loading in loadings(preset, surface) if loading.name]
-    held = {f"SUPPORT_{k}": support.fixed(surface) for k, support in enumerate(acting_on(preset, surface).support, 1)}
-    setting = LoadedSurface(surface, preset.statics.sheet(), {one.name: one.load for one in acting})
-    modes = _modes(preset, setting, whole_sheet(surface), progress)
-    return _checked(preset, surface, acting, held, "uncut", progress, modes)
+    supports = {
+        f"SUPPORT_{k}": support.fixed_directions(surface)
+        for k, support in enumerate(acting_on(preset, surface).support, 1)
+    }
+    setting = LoadedSurface(surface, preset.statics.sheet(), {case.name: case.load for case in acting})
+    modes = _mode_lines(preset, setting, whole_sheet(surface), progress)
+    return _check_model(preset, surface, acting, supports, "uncut", progress, modes)
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
     """Return the cut sheet of a design; its vertices carry the loads of the uncut surface (`sheet_load`)."""
     sheet, preset = design.sheet, design.preset
-    nothing = SpreadLoad.on(sheet.surface)  # the vertices carry the spread loads
+    nothing = SpreadLoad.broadcast(sheet.surface)  # the vertices carry the spread loads
     acting = [
         Loading(name, sheet_load(design.surface, sheet, case.load), nothing, case.factors)
         for name, case in design.statics.cases.items()
     ]
     surface, supports = design.surface, acting_on(preset, design.surface).support
-    fixed = (sheet.between(surface, one.fixed(surface), one.fixed_edges(surface)) for one in supports)
-    held = {f"SUPPORT_{k}": of for k, of in enumerate(fixed, 1)}
-    modes = _modes(preset, LoadedSurface.of(design), design.slicing.cells.kept(), progress)
-    return _checked(preset, sheet.surface, acting, held, "cut", progress, modes)
+    fixed = (
+        sheet.vertices_between(surface, support.fixed_directions(surface), support.fixed_edges(surface))
+        for support in supports
+    )
+    held_directions = {f"SUPPORT_{k}": directions for k, directions in enumerate(fixed, 1)}
+    modes = _mode_lines(preset, LoadedSurface.from_design(design), design.slicing.cells.subset(), progress)
+    return _check_model(preset, sheet.surface, acting, held_directions, "cut", progress, modes)
 
 
-def _modes(preset: Preset, setting: LoadedSurface, material: Sheet, progress: Progress | None) -> list[str]:
-    if not (ask := preset.statics.ask).modes:
+def _mode_lines(preset: Preset, setting: LoadedSurface, material: Sheet, progress: Progress | None) -> list[str]:
+    if not (request := preset.statics.analyses).modes:
         return []
-    found = mode_intervals(setting, material, ask, BUDGET, progress)
-    told = [f"Lowest factor of linear buckling, {name}: {_plain(one)}" for name, one in found.buckling.items()]
-    told += [f"Lowest natural frequency: {_plain(found.hertz, 'Hz')}"] if found.hertz else []
-    if told:
-        assumed = f"; {found.assumed}" if found.assumed else ""
-        told.append(f"Both are of {len(found.levels)} meshes, extrapolated{assumed}: no step of this file finds them")
-    return [*told, *found.refusals]
+    intervals = mode_intervals(setting, material, request, BUDGET, progress)
+    lines = [
+        f"Lowest factor of linear buckling, {name}: {_ascii_estimate(estimate)}"
+        for name, estimate in intervals.buckling.items()
+    ]
+    lines += [f"Lowest natural frequency: {_ascii_estimate(intervals.hertz, 'Hz')}"] if intervals.hertz else []
+    if lines:
+        assumed = f"; {intervals.assumed}" if intervals.assumed else ""
+        lines.append(
+            f"Both are of {len(intervals.levels)} meshes, extrapolated{assumed}: no step of this file finds them"
+        )
+    return [*lines, *intervals.refusals]
 
 
-def _plain(found: ModeEstimate, unit: str = "") -> str:
-    return bounded(found.value, found.known, unit).replace("±", "+-")
+def _ascii_estimate(estimate: ModeEstimate, unit: str = "") -> str:
+    return value_with_bound(estimate.value, estimate.finite_bound, unit).replace("±", "+-")
 
 
-def _checked(
+def _check_model(
     preset: Preset,
     surface: Surface,
     acting: Sequence[Loading],
-    held: Mapping[str, Bools],
+    held_directions: Mapping[str, Bools],
     kind: str,
     progress: Progress | None,
     modes: Sequence[str] = (),
@@ -232,7 +243,7 @@ def _checked(
     steps = {loading.name: nodal_forces(surface, loading.load.force, loading.spread) for loading in acting}
     across = 2 if axis is None else axis
     sheet = preset.statics
-    holding = {name: fixed for name, fixed in held.items() if fixed.any()}
+    holding = {name: fixed for name, fixed in held_directions.items() if fixed.any()}
     held_sheet = SheetModel(surface, sheet.elastic, sheet.thickness, clamped=all_clamped(load))
     model = six_node_model(held_sheet, holding, steps, load.spring, element, across)
     turn = axes_of_file(across)
@@ -243,11 +254,11 @@ def _checked(
         f"The {kind} sheet, {sheet.thickness:g} m thick, solved in plane stress",
         LOADS[kind],
         *model.notes,
-        *_on_supports(preset, model),
+        *_support_lines(preset, model),
         *(
             line
             for name, answer in answers.items()
-            for line in _expected(name, model, answer.u[:, turn], rigid[name], stored[name])
+            for line in _expected_lines(name, model, answer.u[:, turn], rigid[name], stored[name])
         ),
         *modes,
         "Reactions are as CalculiX prints them: forces of its rigid supports together with the loads on their nodes",
@@ -268,31 +279,31 @@ def _answers(
     )
 
 
-def _on_supports(preset: Preset, model: CalculixModel) -> Iterator[str]:
+def _support_lines(preset: Preset, model: CalculixModel) -> Iterator[str]:
     names = support_names(preset.surface.support)
     for k, (name, support) in enumerate(zip(names, preset.surface.support, strict=True), 1):
-        if (held := model.supports.get(f"SUPPORT_{k}")) is not None:
+        if (directions := model.supports.get(f"SUPPORT_{k}")) is not None:
             called = f" ({name})" if support.name else ""
-            yield f"SUPPORT_{k}{called} holds {support.hold} at {int(held.any(axis=1).sum())} nodes"
+            yield f"SUPPORT_{k}{called} holds {support.hold} at {int(directions.any(axis=1).sum())} nodes"
         if support.spring:
             yield f"{name} stands on springs of {_vector(np.array(support.spring))} N/m in all"
         if support.clamp:
             yield f"{name} is clamped: its edges do not turn"
 
 
-def _expected(name: str, model: CalculixModel, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
+def _expected_lines(name: str, model: CalculixModel, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
     """Yield the expected results of a step, from displacements and reactions (n, 3) in the file's axes."""
     force, node = model.steps[name], int(np.linalg.norm(u, axis=1).argmax())
     pair = elements_of("six_nodes")
     yield f"{name}: {_vector(force.sum(axis=0))} N in all. With {pair} elements on the same triangles dsfab finds"
     yield f"  largest displacement {np.linalg.norm(u[node]):.6g} m of a corner, node {node + 1}, {_vector(u[node])} m"
     yield f"  internal energy {energy:.6g} J of the sheet, half of the compliance without that of springs"
-    for support, held in model.supports.items():
-        members: Bools = np.asarray(held.any(axis=1))
+    for support, directions in model.supports.items():
+        members: Bools = np.asarray(directions.any(axis=1))
         printed = reaction[members[: len(u)]].sum(axis=0) + force[members].sum(axis=0)
         yield f"  reaction {_vector(printed)} N of {support}"
 
 
 def _vector(values: Floats) -> str:
-    kept = np.where(np.abs(values) > 1e-9 * np.abs(values).max(), values, 0.0)
-    return "(" + ", ".join(f"{value:.6g}" for value in kept.tolist()) + ")"
+    significant = np.where(np.abs(values) > 1e-9 * np.abs(values).max(), values, 0.0)
+    return "(" + ", ".join(f"{value:.6g}" for value in significant.tolist()) + ")"

@@ -14,22 +14,22 @@ from dsfab.design.design import Design
 from dsfab.design.log import Progress, silent
 from dsfab.slicing.measures.pattern_quality import PatternQuality
 from dsfab.slicing.measures.widths import features, kept_cells
-from dsfab.statics import Ask, flat_axis
+from dsfab.statics import ResultRequest, flat_axis
 from dsfab.study.alternatives import (
     ALTERNATIVE_WORDS,
     Alternative,
     Competitor,
     Spread,
     alternatives,
-    compared_alternatives,
+    judged_alternatives,
     losing_line,
 )
-from dsfab.study.baselines import DEFAULT, Baseline, ComparisonTask, Structure, Variant, chosen
+from dsfab.study.baselines import DEFAULT, Baseline, ComparisonTask, Structure, Variant, baselines_by_name
 from dsfab.study.baselines.structures import striped_structure
 from dsfab.study.judges import Judge, Judgement, full, quick
 from dsfab.study.verdict import BUDGET
 
-Told = Callable[[str], None]
+NameReport = Callable[[str], None]
 """Function that receives the name of the next competitor."""
 
 
@@ -53,14 +53,16 @@ class Comparison:
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
         """A thinner sheet and isotropic stripes, as judged rivals, or else from `looked_at`."""
-        judged = compared_alternatives(self.design, self.rivals)
-        return judged + tuple(one for one in self.looked_at if one.name not in {two.name for two in judged})
+        judged = judged_alternatives(self.design, self.rivals)
+        return judged + tuple(
+            alternative for alternative in self.looked_at if alternative.name not in {two.name for two in judged}
+        )
 
     def with_alternatives(self) -> Self:
         """Return the comparison with a quick look at the alternatives that are not competitors."""
-        missing = [name for name in ALTERNATIVE_WORDS if name not in {one.name for one in self.rivals}]
-        own = self.design.structure
-        return replace(self, looked_at=alternatives(self.task, own, missing)) if own and missing else self
+        missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
+        structure = self.design.structure
+        return replace(self, looked_at=alternatives(self.task, structure, missing)) if structure and missing else self
 
     @property
     def competitors(self) -> tuple[Competitor, ...]:
@@ -69,21 +71,28 @@ class Comparison:
 
     def __getitem__(self, name: str) -> Competitor:
         """Return a competitor by its name."""
-        return next(one for one in self.competitors if one.name == name)
+        return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
         """Return the compliance of a competitor over the design's: above 1 the design is stiffer; nan if neither
         carries."""
-        rival, own = self[name].compliance, self.design.compliance
-        return rival / own if np.isfinite(own) else 0.0 if np.isfinite(rival) else float("nan")
+        rival, design_compliance = self[name].compliance, self.design.compliance
+        return (
+            rival / design_compliance if np.isfinite(design_compliance) else 0.0 if np.isfinite(rival) else float("nan")
+        )
 
     def __repr__(self) -> str:
         """Return a table: name, compliance, its ratio to the design's, and mass."""
         rows = (
-            (one.name, f"{one.compliance:.4g} J", f"{self.gain(one.name):.3g} x the design's", mass(one.mass))
-            if np.isfinite(one.compliance)
-            else (one.name, "does not carry the loads", "", "")
-            for one in self.competitors
+            (
+                competitor.name,
+                f"{competitor.compliance:.4g} J",
+                f"{self.gain(competitor.name):.3g} x the design's",
+                mass(competitor.mass),
+            )
+            if np.isfinite(competitor.compliance)
+            else (competitor.name, "does not carry the loads", "", "")
+            for competitor in self.competitors
         )
         lost = losing_line(self.alternatives)
         head = f"{sentence(lost)}\n" if lost else ""
@@ -93,8 +102,8 @@ class Comparison:
         """Return plain values for a file, SI units: `name`, `alternatives`, and a row for each of `competitors`."""
         return {
             "name": self.name,
-            "alternatives": [one.record() for one in self.alternatives],
-            "competitors": [one.row(self.full.compliance, self.design.compliance) for one in self.competitors],
+            "alternatives": [entry.record() for entry in self.alternatives],
+            "competitors": [entry.row(self.full.compliance, self.design.compliance) for entry in self.competitors],
         }
 
 
@@ -102,7 +111,7 @@ def comparison(
     design: Design,
     against: Iterable[str] = DEFAULT,
     judge: Judge = quick,
-    told: Told | None = None,
+    report: NameReport | None = None,
     rival_judge: Judge | None = None,
     refuse: bool = True,
 ) -> Comparison:
@@ -117,51 +126,55 @@ def comparison(
     Raises StaticsError if the design does not carry its loads: a concentrated load on a loose piece is not carried.
     Raises DsfabError for unknown names.
     """
-    rivals = chosen(against)
+    rivals = baselines_by_name(against)
     try:
         slicing, thickness = design.slicing, design.preset.statics.thickness
     except DsfabError as error:
         if refuse:
             raise
-        task, uncut = ComparisonTask.of(design, design.surface.area), Competitor("design", error=str(error))
-        return _compared(task, uncut, {}, (judge, judge), told)
-    task = ComparisonTask.of(design, slicing.sheet.surface.area)
-    own = Structure(slicing.cells, design.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
-    entered = _entered(task, "design", [Variant("", lambda: own)], judge, refuse)
-    compared = _compared(task, entered, rivals, (judge, rival_judge or judge), told)
+        task, uncut = ComparisonTask.from_design(design, design.surface.area), Competitor("design", error=str(error))
+        return _comparison(task, uncut, {}, (judge, judge), report)
+    task = ComparisonTask.from_design(design, slicing.sheet.surface.area)
+    structure = Structure(slicing.cells, design.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
+    entered = _competitor(task, "design", [Variant("", lambda: structure)], judge, refuse)
+    compared = _comparison(task, entered, rivals, (judge, rival_judge or judge), report)
     return replace(compared, pattern=design.quality())
 
 
 def compare_at(
-    made: Design, share: float, against: Iterable[str] = DEFAULT, judge: Judge = quick, told: Told | None = None
+    design: Design,
+    share: float,
+    against: Iterable[str] = DEFAULT,
+    judge: Judge = quick,
+    report: NameReport | None = None,
 ) -> Comparison:
     """Compare with `share` of the surface for every sheet; the design's widths are scaled to it.
 
     If the design does not carry its loads then, the comparison holds the error. Raises DsfabError for unknown names and
     for a share that is not between 0 and 1.
     """
-    rivals = chosen(against)
+    rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
-    task = ComparisonTask.of(made, share * made.surface.area)
+    task = ComparisonTask.from_design(design, share * design.surface.area)
     variant = Variant("", lambda: striped_structure(task, task.preset, task.diffusion, task.even))
-    return _compared(task, _entered(task, "design", [variant], judge), rivals, (judge, judge), told)
+    return _comparison(task, _competitor(task, "design", [variant], judge), rivals, (judge, judge), report)
 
 
-def _compared(
+def _comparison(
     task: ComparisonTask,
     design: Competitor,
     rivals: dict[str, Baseline],
     judges: tuple[Judge, Judge],
-    told: Told | None,
+    report: NameReport | None,
 ) -> Comparison:
     """judges : of the full sheet, and of the competitors."""
-    whole = Variant("", lambda: Structure.uncut(task.surface, task.preset.statics.thickness))
-    full = _entered(task, "full", [whole], judges[0], refuse=True)
+    full_variant = Variant("", lambda: Structure.uncut(task.surface, task.preset.statics.thickness))
+    full = _competitor(task, "full", [full_variant], judges[0], refuse=True)
     entered = []
     for name, baseline in rivals.items():
-        if told:
-            told(name)
+        if report:
+            report(name)
         start = time.perf_counter()
         try:
             variants = baseline(task)
@@ -169,43 +182,45 @@ def _compared(
             entered.append(Competitor(name, error=str(error), seconds=time.perf_counter() - start))
             continue
         late = time.perf_counter() - start
-        one = _entered(task, name, variants, judges[1])
-        entered.append(replace(one, seconds_made=one.seconds_made + late, seconds=one.seconds + late))
+        competitor = _competitor(task, name, variants, judges[1])
+        entered.append(
+            replace(competitor, seconds_made=competitor.seconds_made + late, seconds=competitor.seconds + late)
+        )
     return Comparison(task.preset.name, task, full, design, tuple(entered))
 
 
-def _entered(
+def _competitor(
     task: ComparisonTask, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False
 ) -> Competitor:
     """Return the stiffest variant as a competitor; `refuse` raises the error of the first variant."""
-    start, making, found, errors = time.perf_counter(), 0.0, [], []
+    start, making, solved_variants, errors = time.perf_counter(), 0.0, [], []
     several, structure = len(variants) > 1, None
     for variant in variants:
         before = time.perf_counter()
         try:
             structure = variant.make()
             making += time.perf_counter() - before
-            found.append((variant.says, structure, (quick if several else judge)(task, structure)))
+            solved_variants.append((variant.says, structure, (quick if several else judge)(task, structure)))
         except DsfabError as error:
             if refuse:
                 raise
             errors.append(str(error))
-    values = [judgement.compliance for _, _, judgement in found]
-    spread = Spread.of([*values, *(float("inf") for _ in errors)]) if several else None
-    if not found:
-        told = f"none of {len(errors)} variants carries the loads; the first: {errors[0]}" if several else errors[0]
-        lost = Competitor(name, spread=spread, error=told, seconds_made=making, seconds=time.perf_counter() - start)
-        return lost if several or structure is None else _measured(task, lost, structure)
-    says, structure, judgement = found[int(np.argmin(values))]
+    values = [judgement.compliance for _, _, judgement in solved_variants]
+    spread = Spread.from_compliances([*values, *(float("inf") for _ in errors)]) if several else None
+    if not solved_variants:
+        reason = f"none of {len(errors)} variants carries the loads; the first: {errors[0]}" if several else errors[0]
+        lost = Competitor(name, spread=spread, error=reason, seconds_made=making, seconds=time.perf_counter() - start)
+        return lost if several or structure is None else _with_measures(task, lost, structure)
+    says, structure, judgement = solved_variants[int(np.argmin(values))]
     try:
         judgement = judge(task, structure) if several and judge is not quick else judgement
     except DsfabError as error:
         return Competitor(name, says, spread=spread, error=str(error), seconds=time.perf_counter() - start)
     entered = Competitor(name, says, judgement=judgement, spread=spread, seconds_made=making)
-    return replace(_measured(task, entered, structure), seconds=time.perf_counter() - start)
+    return replace(_with_measures(task, entered, structure), seconds=time.perf_counter() - start)
 
 
-def _measured(task: ComparisonTask, entered: Competitor, structure: Structure) -> Competitor:
+def _with_measures(task: ComparisonTask, entered: Competitor, structure: Structure) -> Competitor:
     area = structure.sheet.surface.area
     return replace(
         entered,
@@ -222,18 +237,18 @@ def _measured(task: ComparisonTask, entered: Competitor, structure: Structure) -
 def _smallest_member(structure: Structure) -> float | None:
     if structure.cells is structure.sheet:  # not cut
         return None
-    kept = kept_cells(structure.cells, structure.sheet)
-    member = features(structure.cells, kept, structure.names).member
+    kept_material = kept_cells(structure.cells, structure.sheet)
+    member = features(structure.cells, kept_material, structure.names).member
     return None if member is None else member.size
 
 
-TRIANGLE = {True: 4e-4, False: 1.7e-3}
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}
 """Seconds of a full check per triangle of the cut mesh, in the plane and bent, measured on two meshes."""
 
 
 def seconds_needed(triangles: int, plane: bool) -> float:
     """Estimate the seconds of a full check on one core; a third mesh takes four times as long."""
-    return TRIANGLE[plane] * triangles
+    return SECONDS_PER_TRIANGLE[plane] * triangles
 
 
 Level = Literal["quick", "full"]
@@ -248,7 +263,7 @@ class Checks:
     """
 
     level: str | None = None
-    ask: Ask | None = None
+    ask: ResultRequest | None = None
     memory: float = BUDGET
     progress: Progress = silent
 
@@ -284,21 +299,21 @@ def compare(
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names.
     """
     names = tuple(against)
-    own, rival, _ = judges(design, names, Checks(level, progress=progress))
-    return comparison(design, names, own, partial(progress, "compare"), rival).with_alternatives()
+    design_judge, rival, _ = judges(design, names, Checks(level, progress=progress))
+    return comparison(design, names, design_judge, partial(progress, "compare"), rival).with_alternatives()
 
 
 def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
     """Return the judges of the design and of its competitors, whose names are `against`."""
-    names = tuple(chosen(against))
-    if checks.level is None and _cuts(design):
+    names = tuple(baselines_by_name(against))
+    if checks.level is None and _can_be_cut(design):
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
-        whole = 1 + ("thinner" in names)
-        triangles = whole * design.surface.m + (2 + len(names) - whole) * design.sheet.surface.m
+        whole_sheets = 1 + ("thinner" in names)
+        triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
         seconds = seconds_needed(triangles, plane)
         if seconds > 60:
-            told = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
-            return Judges(checks.judge("full", True), checks.judge("whole"), told)
+            reason = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
+            return Judges(checks.judge("full", True), checks.judge("whole"), reason)
     depth = checks.level or "full"
     return Judges(checks.judge(depth, True), checks.judge(depth))
 
@@ -312,22 +327,22 @@ def full_at_many_shares(memory: float = BUDGET) -> Judge:
     return _full_for_whole_sheets(judge, judge)
 
 
-def _cuts(design: Design) -> bool:
+def _can_be_cut(design: Design) -> bool:
     try:
         return bool(design.sheet)
     except DsfabError:
         return False
 
 
-def _full_for_whole_sheets(whole: Judge, cut: Judge) -> Judge:
+def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
     """Return a judge: `whole_judge` for uncut sheets, once for each thickness, and `cut` for cut sheets."""
-    known: dict[float, Judgement] = {}
+    judgements: dict[float, Judgement] = {}
 
-    def judge(task: ComparisonTask, made: Structure) -> Judgement:
-        if made.cells is not made.sheet:
-            return cut(task, made)
-        if made.thickness not in known:
-            known[made.thickness] = whole(task, made)
-        return known[made.thickness]
+    def judge(task: ComparisonTask, structure: Structure) -> Judgement:
+        if structure.cells is not structure.sheet:
+            return cut(task, structure)
+        if structure.thickness not in judgements:
+            judgements[structure.thickness] = whole_judge(task, structure)
+        return judgements[structure.thickness]
 
     return judge

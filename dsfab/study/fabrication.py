@@ -13,7 +13,7 @@ from dsfab.core.messages import length
 from dsfab.design import acting_on, least_widths, revise, sheet_loads
 from dsfab.design.design import Design
 from dsfab.design.log import Progress
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.slicing.finishing.mesh_quality import Quality, quality
 from dsfab.slicing.measures.widths import Feature, Features, features, kept_cells
@@ -39,7 +39,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Touches:
+class PieceContacts:
     """A piece of the sheet: m2, the entries of surface.support and surface.load that act on it (counted from 1), their
     names.
     """
@@ -58,12 +58,12 @@ class FabricationMeasures:
     features: Features
     wall: Wall | None
     box: Floats
-    pieces: tuple[Touches, ...]
+    pieces: tuple[PieceContacts, ...]
     quality: Quality
     checks: tuple[Check, ...]
 
     @property
-    def failed(self) -> tuple[Check, ...]:
+    def failed_checks(self) -> tuple[Check, ...]:
         """Checks that fail."""
         return tuple(check for check in self.checks if check.verdict == "fail")
 
@@ -71,27 +71,27 @@ class FabricationMeasures:
 def fabrication(design: Design) -> FabricationMeasures:
     """Measure the built sheet and solid of a design and compare them with the limits of its preset."""
     cells = design.slicing.cells
-    least = least_widths(design.settled, design.surface)
-    found = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
+    least = least_widths(design.resolved_preset, design.surface)
+    sizes = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
     wall, box = thinnest_wall(design.solid), np.ptp(design.solid.box, axis=0)
-    ask = design.preset.fabrication
+    limits = design.preset.fabrication
     checks = []
-    if limit := ask.min_member or least.member:
-        checks.append(_checked("min_member", limit, found.member, asked=ask.min_member > 0))
-    if limit := ask.min_gap or least.gap:
-        checks.append(_checked("min_gap", limit, found.gap, asked=ask.min_gap > 0))
-    if ask.min_wall:
-        here = None if wall is None else Feature(wall.thickness, wall.place, "a wall of the solid", 0.0)
-        checks.append(_checked("min_wall", ask.min_wall, here))
-    if ask.bed is not None:
-        fits = bool((np.sort(box) <= np.sort(ask.bed)).all())
+    if limit := limits.min_member or least.member:
+        checks.append(_limit_check("min_member", limit, sizes.member, is_requested=limits.min_member > 0))
+    if limit := limits.min_gap or least.gap:
+        checks.append(_limit_check("min_gap", limit, sizes.gap, is_requested=limits.min_gap > 0))
+    if limits.min_wall:
+        feature = None if wall is None else Feature(wall.thickness, wall.place, "a wall of the solid", 0.0)
+        checks.append(_limit_check("min_wall", limits.min_wall, feature))
+    if limits.bed is not None:
+        fits = bool((np.sort(box) <= np.sort(limits.bed)).all())
         size = tuple(box.tolist())
-        checks.append(Check("bed", ask.bed, size, (), "the whole solid", "pass" if fits else "fail"))
-    touches, thickness = _touches(design), design.preset.statics.thickness
-    return FabricationMeasures(thickness, found, wall, box, touches, quality(design.sheet.surface), tuple(checks))
+        checks.append(Check("bed", limits.bed, size, (), "the whole solid", "pass" if fits else "fail"))
+    touches, thickness = _piece_contacts(design), design.preset.statics.thickness
+    return FabricationMeasures(thickness, sizes, wall, box, touches, quality(design.sheet.surface), tuple(checks))
 
 
-def refusals(design: Design, made: FabricationMeasures | None = None) -> tuple[str, ...]:
+def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
     """Return clauses: why a design must not be exported without the user's consent.
 
     Reasons are loads that nothing carries and a sheet thinned to a film. A workshop design also must not have members
@@ -101,7 +101,7 @@ def refusals(design: Design, made: FabricationMeasures | None = None) -> tuple[s
     """
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
-        sheet_loads(design.surface, design.slicing.cells.kept(), design.sheet, loads)
+        sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
     except StaticsError as error:
         why.append(str(error))
     repairs = design.solid.repairs
@@ -109,58 +109,62 @@ def refusals(design: Design, made: FabricationMeasures | None = None) -> tuple[s
         thin = length(repairs.thinnest * design.preset.statics.thickness)
         place = ", ".join(f"{x + 0.0:.3g}" for x in repairs.thinnest_at)
         why.append(f"the sheet was thinned to a film of {thin} at ({place}) m")
-    for check in made.failed if made and design.settled.pattern.for_workshop else ():
+    for check in measured.failed_checks if measured and design.resolved_preset.pattern.for_workshop else ():
         if check.name in ("min_member", "min_gap") and check.value[0] < 1e-3:
             place = ", ".join(f"{x + 0.0:.3g}" for x in check.place)
             why.append(f"{check.what} of {length(check.value[0])} at ({place}) m cannot be made")
     return tuple(why)
 
 
-def require_fit(design: Design, made: FabricationMeasures | None = None, measure: bool = True) -> None:
+def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
     """Raise PatternError for `refusals`, unless the preset accepts them (`fabrication.accept`).
 
     measure : whether to measure a workshop design if `measured` is None.
     """
-    if made is None and measure and design.settled.pattern.for_workshop:
-        made = fabrication(design)
-    if not design.preset.fabrication.accept and (why := refusals(design, made)):
+    if measured is None and measure and design.resolved_preset.pattern.for_workshop:
+        measured = fabrication(design)
+    if not design.preset.fabrication.accept and (why := refusals(design, measured)):
         raise PatternError(f"{'; '.join(why)}. To have it as it is: --accept, or fabrication.accept = true")
 
 
-def _checked(name: str, limit: float, found: Feature | None, asked: bool = True) -> Check:
-    if found is None:
-        return Check(name, (limit,), (), (), "", "pass", asked)
-    verdict: Status = "fail" if found.size < limit else "pass"
-    return Check(name, (limit,), (found.size,), tuple(found.place.tolist()), found.what, verdict, asked)
+def _limit_check(name: str, limit: float, feature: Feature | None, is_requested: bool = True) -> Check:
+    if feature is None:
+        return Check(name, (limit,), (), (), "", "pass", is_requested)
+    verdict: Status = "fail" if feature.size < limit else "pass"
+    return Check(name, (limit,), (feature.size,), tuple(feature.place.tolist()), feature.what, verdict, is_requested)
 
 
-def _touches(design: Design) -> tuple[Touches, ...]:
-    sheet, on = design.sheet, acting_on(design.preset, design.surface)
+def _piece_contacts(design: Design) -> tuple[PieceContacts, ...]:
+    sheet, acting = design.sheet, acting_on(design.preset, design.surface)
     count, label = pieces(sheet.surface.F, sheet.surface.edges)
     area = np.bincount(label, sheet.surface.areas, count)
 
-    def touched(entries: Sequence[object]) -> list[list[int]]:
-        found: list[list[int]] = [[] for _ in range(count)]
+    def numbers_touching(entries: Sequence[object]) -> list[list[int]]:
+        numbers: list[list[int]] = [[] for _ in range(count)]
         for number, entry in enumerate(entries, 1):
-            if (at := getattr(entry, "at", None)) is not None:  # self-weight acts everywhere
-                for k in _pieces_at(design, at, label):
-                    found[k].append(number)
-        return found
+            if (picker := getattr(entry, "at", None)) is not None:  # self-weight acts everywhere
+                for k in _pieces_at(design, picker, label):
+                    numbers[k].append(number)
+        return numbers
 
-    supports, loads = touched(on.support), touched(on.load)
-    called = support_names(on.support), load_names(on.load)
+    supports, loads = numbers_touching(acting.support), numbers_touching(acting.load)
+    called = support_names(acting.support), load_names(acting.load)
 
-    def piece(k: int) -> Touches:
-        names = [names[number - 1] for names, at in zip(called, (supports[k], loads[k]), strict=True) for number in at]
-        return Touches(float(area[k]), tuple(supports[k]), tuple(loads[k]), tuple(names))
+    def piece(k: int) -> PieceContacts:
+        names = [
+            names[number - 1]
+            for names, numbers in zip(called, (supports[k], loads[k]), strict=True)
+            for number in numbers
+        ]
+        return PieceContacts(float(area[k]), tuple(supports[k]), tuple(loads[k]), tuple(names))
 
     return tuple(map(piece, range(count)))
 
 
-def _pieces_at(design: Design, at: Picker, label: Ints) -> list[int]:
+def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
     surface = design.surface
-    there = design.sheet.between(surface, at.vertices(surface), edges_of(at, surface))
-    faces = there[design.sheet.surface.F].any(axis=1)
+    is_touched = design.sheet.vertices_between(surface, picker.vertices(surface), edges_of(picker, surface))
+    faces = is_touched[design.sheet.surface.F].any(axis=1)
     return [int(k) for k in np.unique(label[faces])]
 
 
@@ -175,7 +179,7 @@ COARSER, COARSEST = 0.85, 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class Fixed:
+class FixedDesign:
     """A design within its limits, its measures, and the changed keys with old and new values."""
 
     design: Design
@@ -183,7 +187,7 @@ class Fixed:
     changes: Mapping[str, tuple[Any, Any]]
 
 
-def fixed_design(design: Design, progress: Progress | None = None) -> Fixed:
+def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
     """Return the design with wider or fewer members and gaps, so that no check of its [fabrication] fails.
 
     Members widen by pattern.width.min_width, and by the rim or the kept region if these are narrow.
@@ -191,31 +195,33 @@ def fixed_design(design: Design, progress: Progress | None = None) -> Fixed:
     Both then grow, and frequencies fall. Each change revises the design before, so early stages are solved once. Raises
     PatternError if another section must change (walls, bed), and if `ATTEMPTS` changes do not suffice.
     """
-    original, made = design.preset, fabrication(design)
+    original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
-        if not made.failed:
-            return Fixed(design, made, _differences(original, design.preset))
-        for check in made.failed:
-            _refuse_hopeless(check)
-        changes = _changes(design, made) | (_coarser(design, made) if turn >= ATTEMPTS // 2 else {})
+        if not measured.failed_checks:
+            return FixedDesign(design, measured, _differences(original, design.preset))
+        for check in measured.failed_checks:
+            _refuse_unfixable(check)
+        changes = _changes(design, measured) | (_fewer_stripes(design, measured) if turn >= ATTEMPTS // 2 else {})
         try:
-            design = revise(design, overridden(design.preset, changes), progress)
+            design = revise(design, with_overrides(design.preset, changes), progress)
         except PatternError:  # wider stripes may contradict the share of material
-            design = revise(design, overridden(design.preset, _coarser(design, made)), progress)
-        made = fabrication(design)
-    if made.failed:
-        left = "; ".join(
-            f"{check.name} {_mm(check.limit[0])}: {_mm(check.value[0])}, {check.what}" for check in made.failed
+            design = revise(design, with_overrides(design.preset, _fewer_stripes(design, measured)), progress)
+        measured = fabrication(design)
+    if measured.failed_checks:
+        failures = "; ".join(
+            f"{check.name} {_mm(check.limit[0])}: {_mm(check.value[0])}, {check.what}"
+            for check in measured.failed_checks
         )
         fewer = "raise pattern.*.spacing" if design.pattern.even else "lower pattern.*.frequency, or choose other modes"
         raise PatternError(
-            f"{ATTEMPTS} changes of widths and distances did not meet the limits of fabrication ({left}); lower the "
+            f"{ATTEMPTS} changes of widths and distances did not meet the limits of fabrication ({failures}); "
+            "lower the "
             f"limits, or {fewer}"
         )
-    return Fixed(design, made, _differences(original, design.preset))
+    return FixedDesign(design, measured, _differences(original, design.preset))
 
 
-def _refuse_hopeless(check: Check) -> None:
+def _refuse_unfixable(check: Check) -> None:
     if check.name == "min_wall":
         raise PatternError(
             f"the thinnest wall is {_mm(check.value[0])}, the limit fabrication.min_wall {_mm(check.limit[0])}: no "
@@ -229,54 +235,54 @@ def _refuse_hopeless(check: Check) -> None:
         )
 
 
-def _changes(design: Design, made: FabricationMeasures) -> dict[str, Any]:
+def _changes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
     pattern, changes = design.preset.pattern, dict[str, Any]()
-    failed = {check.name: check for check in made.failed}
+    failed = {check.name: check for check in measured.failed_checks}
     if check := failed.get("min_member"):
-        changes |= _wider(design.preset, check)
+        changes |= _wider_stripes(design.preset, check)
     if check := failed.get("min_gap"):
-        key, old = "pattern.width.min_gap", pattern.width.min_gap
-        if old >= check.limit[0]:
-            key, old = "slicing.min_opening", design.preset.slicing.min_opening or 0.0
-        changes[key] = _raised(old, check)
+        key, current = "pattern.width.min_gap", pattern.width.min_gap
+        if current >= check.limit[0]:
+            key, current = "slicing.min_opening", design.preset.slicing.min_opening or 0.0
+        changes[key] = _raised_value(current, check)
     return changes
 
 
-def _coarser(design: Design, made: FabricationMeasures) -> dict[str, Any]:
-    short = min((c.value[0] / c.limit[0] for c in made.failed if c.name == "min_member"), default=COARSER)
-    by, changes = min(max(short, COARSEST), COARSER), dict[str, Any]()
+def _fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
+    short = min((c.value[0] / c.limit[0] for c in measured.failed_checks if c.name == "min_member"), default=COARSER)
+    factor, changes = min(max(short, COARSEST), COARSER), dict[str, Any]()
     pattern = design.preset.pattern
-    for name, family in zip(pattern.family_names, pattern.drawn, strict=True):
+    for name, family in zip(pattern.family_names, pattern.drawn_families, strict=True):
         if family.spacing or design.pattern.even:
             spacing = family.distance(design.surface.area, design.surface.mean_edge)
-            changes[f"pattern.{name}.spacing"] = _rounded(spacing / by)
+            changes[f"pattern.{name}.spacing"] = _four_digits(spacing / factor)
         else:
-            changes[f"pattern.{name}.frequency"] = _rounded(family.frequency * by)
+            changes[f"pattern.{name}.frequency"] = _four_digits(family.frequency * factor)
     return changes
 
 
-def _wider(preset: Preset, check: Check) -> dict[str, Any]:
+def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
     pattern = preset.pattern
     if check.what == "the rim" and pattern.rim < MARGIN * check.limit[0]:
-        return {"pattern.rim": _raised(pattern.rim, check)}
-    width = _raised(pattern.width.asked_least, check)
+        return {"pattern.rim": _raised_value(pattern.rim, check)}
+    width = _raised_value(pattern.width.asked_least, check)
     changes = {"pattern.width.min_width": width}
     if check.what == "a kept region":
-        changes["pattern.keep"] = _raised(pattern.keep, check)
+        changes["pattern.keep"] = _raised_value(pattern.keep, check)
     if 0 < pattern.width.max_width < width:
         changes["pattern.width.max_width"] = width
     return changes
 
 
-def _raised(old: float, check: Check) -> float:
+def _raised_value(value: float, check: Check) -> float:
     """Return the limit, or more if a request of the limit gave a smaller width; at most 1.25 times the old value."""
     limit = MARGIN * check.limit[0]
-    if old < limit:
-        return _rounded(limit)
-    return _rounded(old * min(1.25, max(MARGIN, check.limit[0] / max(check.value[0], 1e-300))))
+    if value < limit:
+        return _four_digits(limit)
+    return _four_digits(value * min(1.25, max(MARGIN, check.limit[0] / max(check.value[0], 1e-300))))
 
 
-def _rounded(value: float) -> float:
+def _four_digits(value: float) -> float:
     """Round to four digits, so that a user can copy the value into a preset."""
     return float(f"{value:.4g}")
 

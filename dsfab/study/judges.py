@@ -11,7 +11,16 @@ from dsfab.core.errors import StaticsError
 from dsfab.core.limits import Status
 from dsfab.design import Progress, acting_on, sheet_loads
 from dsfab.slicing import Sheet
-from dsfab.statics import Ask, Equilibrium, SheetStress, buckling, frequencies, mode_supports, sheet_stress, solve_for
+from dsfab.statics import (
+    Equilibrium,
+    ResultRequest,
+    SheetStress,
+    buckling,
+    frequencies,
+    mode_supports,
+    sheet_stress,
+    solve_for,
+)
 from dsfab.statics.boundary_conditions import all_clamped
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.verdict import BUDGET, LoadedSurface, ModeIntervals, Verdict, check, estimates, mode_intervals
@@ -20,7 +29,7 @@ from dsfab.surface import LoadCase, Support, Surface
 
 
 @dataclass(frozen=True)
-class Carried:
+class CaseResponse:
     """Response of a sheet to a load.
 
     compliance, displacement : joules, and metres with its place.
@@ -66,7 +75,7 @@ class Judgement:
     """
 
     compliance: float
-    cases: Mapping[str, Carried]
+    cases: Mapping[str, CaseResponse]
     bound: float | None = None
     verdict: Status = "unknown"
     reason: str = ""
@@ -80,8 +89,8 @@ class Judgement:
 
     def worst(self, name: str) -> Extreme:
         """Return the largest over the cases of `displacement`, `tension`, `compression` or `stress`."""
-        found: list[Extreme] = [getattr(case, name) for case in self.cases.values()]
-        return max(found, key=lambda extreme: extreme.settled)
+        extremes: list[Extreme] = [getattr(case, name) for case in self.cases.values()]
+        return max(extremes, key=lambda extreme: extreme.settled)
 
 
 Judge = Callable[[ComparisonTask, Structure], Judgement]
@@ -89,7 +98,7 @@ Judge = Callable[[ComparisonTask, Structure], Judgement]
 
 
 @dataclass(frozen=True, eq=False)
-class Answered:
+class AnsweredLoad:
     """A load on a cut sheet, its equilibrium on the unrefined mesh, and the stress."""
 
     load: LoadCase
@@ -97,21 +106,23 @@ class Answered:
     stress: SheetStress
 
 
-def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, Answered]:
+def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
     """Solve each load that the pattern follows (`every`: each case and combination) on a structure's sheet. Raises
     StaticsError if the structure does not carry its loads; a concentrated load on a loose piece is not carried."""
     statics, surface = task.preset.statics, structure.sheet.surface
-    given = task.loads_on(structure, every)
-    loads = sheet_loads(task.surface, structure.drawn, structure.sheet, given)
-    sheet = statics.sheet(structure.thickness).on(surface)
+    uncut_loads = task.loads_on(structure, every)
+    loads = sheet_loads(task.surface, structure.material, structure.sheet, uncut_loads)
+    sheet = statics.sheet(structure.thickness).model_for(surface)
     answers = solve_for(sheet, loads, "displacement")
     return {
-        name: Answered(loads[name], answer, sheet_stress(sheet, answer.elements, answer))
+        name: AnsweredLoad(loads[name], answer, sheet_stress(sheet, answer.elements, answer))
         for name, answer in answers.items()
     }
 
 
-def quick(task: ComparisonTask, structure: Structure, ask: Ask | None = None, every: bool = False) -> Judgement:
+def quick(
+    task: ComparisonTask, structure: Structure, ask: ResultRequest | None = None, every: bool = False
+) -> Judgement:
     """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions.
 
     The error is typically within 2 %, and within 5 % for nine designs in ten, which is the bound. So compare similar
@@ -123,22 +134,32 @@ def quick(task: ComparisonTask, structure: Structure, ask: Ask | None = None, ev
 
     Raises StaticsError as `solved_loads` does.
     """
-    found = solved_loads(task, structure, every)
-    cases = {name: _carried(task, structure, one, ask or Ask()) for name, one in found.items()}
-    total = sum(weight * cases[name].compliance for name, weight in task.preset.followed.items())
-    typical, most = estimates.QUICK
-    told = f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {most:.0%}: no verdict"
+    answered_loads = solved_loads(task, structure, every)
+    cases = {
+        name: _case_response(task, structure, answered, ask or ResultRequest())
+        for name, answered in answered_loads.items()
+    }
+    total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
+    typical, largest_error = estimates.QUICK_ERRORS
+    text = (
+        f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {largest_error:.0%}: no verdict"
+    )
     if structure.cells is structure.sheet and not task.is_plane:
-        most, told = 0.5, "one solve on the mesh of a whole sheet: an error of a third was seen, none is ruled out"
-    return Judgement(total, cases, bound=most, reason=told)
+        largest_error, text = (
+            0.5,
+            "one solve on the mesh of a whole sheet: an error of a third was seen, none is ruled out",
+        )
+    return Judgement(total, cases, bound=largest_error, reason=text)
 
 
-def _carried(task: ComparisonTask, structure: Structure, found: Answered, ask: Ask) -> Carried:
-    load, answer, stress = found.load, found.equilibrium, found.stress
+def _case_response(
+    task: ComparisonTask, structure: Structure, answered: AnsweredLoad, request: ResultRequest
+) -> CaseResponse:
+    load, answer, stress = answered.load, answered.equilibrium, answered.stress
     statics, surface = task.preset.statics, structure.sheet.surface
     moved = np.linalg.norm(answer.u, axis=1)
-    stresses = stress_extremes(surface, stress, load.held)
-    return Carried(
+    stresses = stress_extremes(surface, stress, load.supported)
+    return CaseResponse(
         answer.compliance,
         Extreme(float(moved.max()), _point(surface.V[moved.argmax()]), quantile(moved, surface.vertex_areas)),
         stresses["tension"],
@@ -148,7 +169,7 @@ def _carried(task: ComparisonTask, structure: Structure, found: Answered, ask: A
         _reactions(task, structure, answer),
         answer.imbalance,
         answer.residual,
-        *_modes(task, structure, load, answer, ask),
+        *_modes(task, structure, load, answer, request),
         triangles=surface.m,
     )
 
@@ -175,38 +196,38 @@ def _reactions(
 
 def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
     """Return (n', 3) directions in which a support of the uncut surface holds its sheet, rigidly or on springs."""
-    springs = sheet.between(surface, support.springs(surface) > 0)
-    return sheet.between(surface, support.fixed(surface), support.fixed_edges(surface)) | springs
+    springs = sheet.vertices_between(surface, support.springs(surface) > 0)
+    return sheet.vertices_between(surface, support.fixed_directions(surface), support.fixed_edges(surface)) | springs
 
 
 def _modes(
-    task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
+    task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, request: ResultRequest
 ) -> tuple[float | None, float | None, tuple[str, ...], str]:
     statics = task.preset.statics
-    sheet = statics.sheet(structure.thickness).on(structure.sheet.surface)
+    sheet = statics.sheet(structure.thickness).model_for(structure.sheet.surface)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
-    if not ask.modes:
+    if not request.modes:
         return None, None, (), ""
     standing = mode_supports(sheet.surface, load)
     try:
-        if ask.buckling:
+        if request.buckling:
             factor = buckling(sheet, standing.load, answer, 1).factor
     except StaticsError as error:
         refusals.append(f"no buckling factor: {error}")
     try:
-        if ask.frequencies:
+        if request.frequencies:
             turning = replace(sheet, clamped=all_clamped(standing.load))
             hertz = frequencies(turning, standing.load.fixed, 1, spring=load.spring).hertz
     except StaticsError as error:
         refusals.append(f"no natural frequency: {error}")
-    lowest = [float(found[0]) if len(found) else None for found in (factor, hertz)]
+    lowest = [float(values[0]) if len(values) else None for values in (factor, hertz)]
     return lowest[0], lowest[1], tuple(refusals), standing.told
 
 
 def full(
     task: ComparisonTask,
     structure: Structure,
-    ask: Ask | None = None,
+    ask: ResultRequest | None = None,
     every: bool = False,
     budget: float = BUDGET,
     progress: Progress | None = None,
@@ -224,60 +245,64 @@ def full(
     Raises StaticsError if the structure does not carry the loads that its pattern follows.
     """
     try:
-        first = quick(task, structure, None, every)
+        quick_judgement = quick(task, structure, None, every)
     except StaticsError as error:
         if not every or set(task.all_loads) == set(task.loads):
             raise
-        told = f"it carries what its pattern follows, but not every load case: {error}"
-        return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=told)
+        text = f"it carries what its pattern follows, but not every load case: {error}"
+        return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=text)
     statics = task.preset.statics
-    made = statics.sheet(structure.thickness)
+    sheet_material = statics.sheet(structure.thickness)
     loads = task.loads_on(structure, every)
-    setting = LoadedSurface(task.surface, made, loads)
-    found = check(setting, structure.drawn, "full", budget, progress, structure.cells)
-    if found.status == "fail":
-        raise StaticsError(found.reason)
+    setting = LoadedSurface(task.surface, sheet_material, loads)
+    checked = check(setting, structure.material, "full", budget, progress, structure.cells)
+    if checked.status == "fail":
+        raise StaticsError(checked.reason)
     if ask and ask.modes:
-        modes = mode_intervals(setting, structure.drawn, ask, budget, progress)
-        first = replace(first, cases={name: _with_modes(case, name, modes) for name, case in first.cases.items()})
-    if not found.levels:
-        return replace(first, verdict="unknown", reason=f"{found.reason}; {first.reason}")
-    last, strength = found.levels[-1], statics.strength
+        modes = mode_intervals(setting, structure.material, ask, budget, progress)
+        quick_judgement = replace(
+            quick_judgement,
+            cases={name: _with_modes(case, name, modes) for name, case in quick_judgement.cases.items()},
+        )
+    if not checked.levels:
+        return replace(quick_judgement, verdict="unknown", reason=f"{checked.reason}; {quick_judgement.reason}")
+    finest, strength = checked.levels[-1], statics.strength
     cases = {
-        name: _with_stress(case, last.stresses[name], last.triangles, strength) for name, case in first.cases.items()
+        name: _with_stress(case, finest.stresses[name], finest.triangles, strength)
+        for name, case in quick_judgement.cases.items()
     }
-    value, bound, theory = _together(task, found)
-    judged = replace(first, compliance=value, bound=bound, theory=theory, verdict=found.status, cases=cases)
-    return replace(judged, reason=found.reason, check=found)
+    value, bound, theory = _weighted_compliance(task, checked)
+    judged = replace(quick_judgement, compliance=value, bound=bound, theory=theory, verdict=checked.status, cases=cases)
+    return replace(judged, reason=checked.reason, check=checked)
 
 
-def _with_stress(case: Carried, found: Mapping[str, Extreme], triangles: int, strength: float) -> Carried:
+def _with_stress(case: CaseResponse, extremes: Mapping[str, Extreme], triangles: int, strength: float) -> CaseResponse:
     return replace(
         case,
-        stress=found["stress"],
-        tension=found["tension"],
-        compression=found["compression"],
-        utilisation=utilisation(found["stress"], strength),
+        stress=extremes["stress"],
+        tension=extremes["tension"],
+        compression=extremes["compression"],
+        utilisation=utilisation(extremes["stress"], strength),
         triangles=triangles,
     )
 
 
-def _with_modes(case: Carried, name: str, modes: ModeIntervals) -> Carried:
+def _with_modes(case: CaseResponse, name: str, modes: ModeIntervals) -> CaseResponse:
     factor, hertz = modes.buckling.get(name), modes.hertz
     return replace(
         case,
         buckling=factor.value if factor else None,
-        buckling_bound=factor.known if factor else None,
+        buckling_bound=factor.finite_bound if factor else None,
         frequency=hertz.value if hertz else None,
-        frequency_bound=hertz.known if hertz else None,
+        frequency_bound=hertz.finite_bound if hertz else None,
         refusals=(*case.refusals, *modes.refusals),
         assumed=modes.assumed,
     )
 
 
-def _together(task: ComparisonTask, found: Verdict) -> tuple[float, float, float]:
+def _weighted_compliance(task: ComparisonTask, checked: Verdict) -> tuple[float, float, float]:
     """Return the weighted compliance (J) of the loads that the pattern follows, its bound, and its theory share."""
-    cases = [(weight, found.case(name)) for name, weight in task.preset.followed.items()]
+    cases = [(weight, checked.case(name)) for name, weight in task.preset.followed_weights.items()]
     value = sum(weight * case.value for weight, case in cases)
     bound = sum(weight * case.value * case.bound for weight, case in cases) / value
     return value, bound, sum(weight * case.value * case.theory for weight, case in cases) / value

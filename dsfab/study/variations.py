@@ -17,7 +17,7 @@ Values = dict[str, list[Any]]
 def parse_variations(texts: Sequence[str]) -> Values:
     """Return keys and values of `KEY=LOW:HIGH:COUNT` (evenly apart, both ends included) and `KEY=ONE,TWO,...`. Raises
     DsfabError for other texts, ranges without steps, and repeated values or keys."""
-    found: Values = {}
+    variations: Values = {}
     for text in texts:
         key, equals, values = (part.strip() for part in text.partition("="))
         if not (key and equals and values):
@@ -25,10 +25,10 @@ def parse_variations(texts: Sequence[str]) -> Values:
                 f"--vary {text!r} is not KEY=VALUES; write a range such as pattern.major.frequency=4:24:6 (from, to, "
                 "how many) or a list such as diffusion.r=1,10,100"
             )
-        if key in found:
+        if key in variations:
             raise DsfabError(f"--vary {key} is there twice; give all of its values at once")
-        found[key] = _range(text, values) if ":" in values else _listed(text, key, values)
-    return found
+        variations[key] = _range(text, values) if ":" in values else _parsed_list(text, key, values)
+    return variations
 
 
 def _range(text: str, values: str) -> list[Any]:
@@ -47,18 +47,18 @@ def _range(text: str, values: str) -> list[Any]:
         raise DsfabError(f"--vary {text!r} gives the same value {steps} times; write another range or {low} alone")
     places = [start + (end - start) * i / max(steps - 1, 1) for i in range(steps)]
     rounded = [float(f"{place:.4g}") for place in places]
-    whole = "." not in low + high and "e" not in (low + high).lower()
-    return [int(x) if whole and x.is_integer() else x for x in rounded] if whole else list(rounded)
+    is_whole = "." not in low + high and "e" not in (low + high).lower()
+    return [int(x) if is_whole and x.is_integer() else x for x in rounded] if is_whole else list(rounded)
 
 
-def _listed(text: str, key: str, values: str) -> list[Any]:
+def _parsed_list(text: str, key: str, values: str) -> list[Any]:
     words = [word.strip() for word in values.split(",")]
     if not all(words):
         raise DsfabError(f"--vary {text!r} has an empty value; write for instance diffusion.r=1,10,100")
-    found = [parse_override(f"{key}={word}")[1] for word in words]
-    if len({str(value) for value in found}) < len(found):
+    parsed = [parse_override(f"{key}={word}")[1] for word in words]
+    if len({str(value) for value in parsed}) < len(parsed):
         raise DsfabError(f"--vary {text!r} has a value twice; give each once")
-    return found
+    return parsed
 
 
 def count(values: Values) -> int:

@@ -1,9 +1,9 @@
 """Stage 1: the surface, its supports and its loads."""
 
-from dsfab.surface.clean.overlaps import twin_remarks
-from dsfab.surface.clean.repair import MendedMesh, is_scan, mended, repaired_scan
+from dsfab.surface.clean.overlaps import parallel_remarks
+from dsfab.surface.clean.repair import MendedMesh, is_scan, mended_mesh, repaired_scan
 from dsfab.surface.clean.seams import coincident
-from dsfab.surface.edge_changes import CREASE, halved, refined
+from dsfab.surface.edge_changes import CREASE, halved_edges, refined_surface
 from dsfab.surface.fields import (
     CornerField,
     DividedField,
@@ -23,9 +23,9 @@ from dsfab.surface.files.reader import (
     SurfaceInFile,
     describe,
     finite_faces,
-    mended_raw,
+    mended_raw_mesh,
     mesh_facts,
-    normalized,
+    normalized_surface,
     read_surface,
     surface_in_file,
     surface_of_file,
@@ -33,16 +33,16 @@ from dsfab.surface.files.reader import (
 )
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
 from dsfab.surface.loads.combinations import (
-    OF_LOADS,
+    ACTION_OF_LOAD,
     ActionKind,
     Combination,
     CombinationRule,
     DesignFactors,
     LimitState,
     action_mistakes,
+    combined_case,
     en1990_combinations,
     load_cases,
-    together,
 )
 from dsfab.surface.loads.load_case import (
     Cladding,
@@ -75,19 +75,19 @@ from dsfab.surface.loads.supports import Support, load_names, support_names
 from dsfab.surface.mesh import (
     NearestPlaces,
     Surface,
-    box,
-    nearest,
+    bounding_box,
+    nearest_places,
     signed_volume,
     signed_volumes,
     total_area,
     weights_at,
 )
-from dsfab.surface.orientation import Up, one_sided_pieces, upright
-from dsfab.surface.remesh import SizeField, change_sizes, remeshed
+from dsfab.surface.orientation import Up, one_sided_pieces, upright_vertices
+from dsfab.surface.remesh import SizeField, change_sizes, remeshed_surface
 from dsfab.surface.remesh.mirrors import (
-    FAR,
+    FAR_TOLERANCE,
     LARGEST_GROUP,
-    SNAP,
+    MATRIX_TOLERANCE,
     centroid,
     far_directions,
     generated_group,
@@ -98,27 +98,27 @@ from dsfab.surface.remesh.mirrors import (
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.topology import (
     EdgeTable,
-    connected,
     corner_fans,
     corners_of,
     edge_table,
     faces_at,
     half_edges,
+    link_components,
     next_half_edge,
     pieces,
     spanned_edges,
 )
 
 __all__ = [
+    "ACTION_OF_LOAD",
     "CREASE",
     "DEFAULT_TRIANGLES",
-    "FAR",
+    "FAR_TOLERANCE",
     "FIGURES",
     "LARGEST_GROUP",
+    "MATRIX_TOLERANCE",
     "MESH_SUFFIXES",
-    "OF_LOADS",
     "SHAPES",
-    "SNAP",
     "ActionKind",
     "All",
     "Ball",
@@ -170,12 +170,12 @@ __all__ = [
     "action_mistakes",
     "as_circle",
     "as_polyline",
-    "box",
+    "bounding_box",
     "centroid",
     "chains",
     "change_sizes",
     "coincident",
-    "connected",
+    "combined_case",
     "corner_fans",
     "corners_of",
     "describe",
@@ -188,30 +188,32 @@ __all__ = [
     "generated_group",
     "geodesic_distances",
     "half_edges",
-    "halved",
+    "halved_edges",
     "hat_gradients",
     "is_scan",
+    "link_components",
     "load_cases",
     "load_names",
     "load_parts",
     "marks_on_layers",
-    "mended",
-    "mended_raw",
+    "mended_mesh",
+    "mended_raw_mesh",
     "mesh_facts",
     "mirror",
-    "nearest",
+    "nearest_places",
     "next_half_edge",
-    "normalized",
+    "normalized_surface",
     "one_sided_pieces",
+    "parallel_remarks",
     "pieces",
     "planes_through",
     "ply_chunks",
     "polyline_length",
     "raw_mesh",
     "read_surface",
-    "refined",
+    "refined_surface",
     "region_key",
-    "remeshed",
+    "remeshed_surface",
     "repaired_scan",
     "require_compas",
     "round_axis",
@@ -223,11 +225,9 @@ __all__ = [
     "support_names",
     "surface_in_file",
     "surface_of_file",
-    "together",
     "total_area",
-    "twin_remarks",
     "unit_guess",
-    "upright",
+    "upright_vertices",
     "weights_at",
     "with_regions",
 ]

@@ -28,8 +28,8 @@ def border_edges(surface: Surface) -> Bools:
 def sharp_edges(surface: Surface) -> Bools:
     """Return the edges (e,) whose two faces have normals at least `CREASE` apart."""
     marks = np.zeros(len(surface.edges.ends), dtype=bool)
-    one, two = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
-    marks[surface.edges.count == 2] = np.einsum("ei,ei->e", one, two) < np.cos(np.radians(CREASE))
+    first_normals, second_normals = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
+    marks[surface.edges.count == 2] = np.einsum("ei,ei->e", first_normals, second_normals) < np.cos(np.radians(CREASE))
     return marks
 
 
@@ -37,7 +37,7 @@ LARGEST = 4_000_000
 """Largest number of triangles; more are refused before dsfab creates them."""
 
 
-def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
+def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
     """Return the surface with no edge longer than `target` metres; its old vertices come first.
 
     smooth = False : same flat facets, area and boundary. Rounds of halving also halve the longest edge of each affected
@@ -56,28 +56,28 @@ def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
         raise SurfaceError(f"only a manifold surface can be subdivided smoothly: {faults[0]}; set smooth to false")
     V, F = surface.V, surface.F
     edges = surface.edges
-    kept = edges.ends[feature_edges(surface)] if smooth else edges.ends[:0]
+    fixed_edges = edges.ends[feature_edges(surface)] if smooth else edges.ends[:0]
     while (long := edge_lengths(V, edges.ends) > target).any():
         if smooth:
             _check_count(4 * len(F), target)
-            V, F, kept = _loop(V, F, edges, kept)
+            V, F, fixed_edges = _loop_subdivision(V, F, edges, fixed_edges)
         else:
             _check_count(len(F) + int(long[edges.of].sum()), target)
-            V, F, _ = halved(V, F, edges, long)
+            V, F, _ = halved_edges(V, F, edges, long)
         edges = edge_table(F)
     return surface if F is surface.F else Surface(V, F)
 
 
-def _loop(V: Floats, F: Ints, edges: EdgeTable, kept: Ints) -> tuple[Floats, Ints, Ints]:
+def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -> tuple[Floats, Ints, Ints]:
     """Apply one step of Loop's subdivision that leaves edges (k, 2) in place; return also their halves (2 k, 2)."""
-    at = np.searchsorted(edges.ends @ (len(V), 1), kept @ (len(V), 1))
+    positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
     quarters = finer.reshape(-1, 4, 3)  # the first two triangles are those at corners 0 and 1
     middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
-    moved[kept] = V[kept]
-    moved[middle[at]] = V[kept].mean(axis=1)
-    halves = np.stack([kept, np.stack([middle[at], middle[at]], axis=1)], axis=2).reshape(-1, 2)
+    moved[fixed_edges] = V[fixed_edges]
+    moved[middle[positions]] = V[fixed_edges].mean(axis=1)
+    halves = np.stack([fixed_edges, np.stack([middle[positions], middle[positions]], axis=1)], axis=2).reshape(-1, 2)
     return moved, finer, np.sort(halves, axis=1)
 
 
@@ -86,7 +86,7 @@ def _check_count(count: int, target: float) -> None:
         raise SurfaceError(f"refining to edges of {target:g} m takes over {LARGEST:,} triangles; choose longer edges")
 
 
-def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
+def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
     r"""Divide faces at the midpoints of marked edges (e,): of each face its longest edge and none, one or both others.
 
     Returns the vertices, the faces, and the old face of each new face.
@@ -99,13 +99,13 @@ def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats,
     """
     number = np.cumsum(halves) + len(V) - 1
     V = np.concatenate([V, V[edges.ends[halves]].mean(axis=1)])
-    on = halves[edges.of]
+    is_halved = halves[edges.of]
     ends = V[edges.ends]
-    lengths = np.where(on, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[edges.of], -1)
+    lengths = np.where(is_halved, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[edges.of], -1)
     turn = (lengths.argmax(axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(F, turn, axis=1).T
     p, q, r = np.take_along_axis(number[edges.of], turn, axis=1).T
-    ab, bc, ca = np.take_along_axis(on, turn, axis=1).T
+    ab, bc, ca = np.take_along_axis(is_halved, turn, axis=1).T
     parts = [
         (~ab, (a, b, c)),
         *((ab & ~bc & ~ca, triangle) for triangle in ((a, p, c), (p, b, c))),
@@ -117,16 +117,16 @@ def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats,
     return V, faces, np.concatenate([np.flatnonzero(where) for where, _ in parts])
 
 
-def with_longest(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
+def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
     """Return the marked edges (e,) and, repeatedly, the longest edge of each face with a marked edge [Rivara 1984]."""
     length = edge_lengths(V, edges.ends)[edges.of]
     longest = np.take_along_axis(edges.of, length.argmax(axis=1)[:, None], axis=1)[:, 0]
     while True:
-        more = halves.copy()
-        more[longest[halves[edges.of].any(axis=1)]] = True
-        if np.array_equal(more, halves):
+        grown = halves.copy()
+        grown[longest[halves[edges.of].any(axis=1)]] = True
+        if np.array_equal(grown, halves):
             return halves
-        halves = more
+        halves = grown
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
@@ -147,9 +147,9 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
     """Return the quads (q,) of (q, 4) on n vertices whose other diagonal c-d is not an edge yet."""
-    keys, wanted = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
-    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.asarray((keys[at] != wanted) & (quad[:, 2] != quad[:, 3]))
+    keys, diagonal_keys = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
+    positions = np.minimum(np.searchsorted(keys, diagonal_keys), len(keys) - 1)
+    return np.asarray((keys[positions] != diagonal_keys) & (quad[:, 2] != quad[:, 3]))
 
 
 def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
@@ -164,7 +164,7 @@ def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
     return np.asarray(common == edges.count[chosen])
 
 
-def contracted(F: Ints, onto: Ints) -> Ints:
+def contracted_faces(F: Ints, onto: Ints) -> Ints:
     """Return faces F (m, 3) with each vertex replaced by onto (n,), without faces that lost a corner."""
     F = onto[F]
     return np.asarray(F[has_three_corners(F)])
@@ -176,7 +176,7 @@ def has_three_corners(F: Ints) -> Bools:
     return np.asarray((a != b) & (b != c) & (c != a))
 
 
-def winners(order: Ints, touched: Ints, n: int, beside: Ints | None = None) -> Bools:
+def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
     """Return the candidates (c,) that precede all others near them, so that no two touch the same vertex.
 
     order   : (c,) the candidates, best first.
@@ -185,20 +185,20 @@ def winners(order: Ints, touched: Ints, n: int, beside: Ints | None = None) -> B
     """
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
-    best = np.full(n, len(order))
-    np.minimum.at(best, touched.ravel(), np.repeat(rank, touched.shape[1]))
-    if beside is not None:
-        near = best.copy()
-        np.minimum.at(near, beside.ravel(), best[beside[:, ::-1]].ravel())
-        best = near
-    return np.asarray((best[touched] >= rank[:, None]).all(axis=1))
+    least_rank = np.full(n, len(order))
+    np.minimum.at(least_rank, touched.ravel(), np.repeat(rank, touched.shape[1]))
+    if edges is not None:
+        neighbour_rank = least_rank.copy()
+        np.minimum.at(neighbour_rank, edges.ravel(), least_rank[edges[:, ::-1]].ravel())
+        least_rank = neighbour_rank
+    return np.asarray((least_rank[touched] >= rank[:, None]).all(axis=1))
 
 
-BETTER = 1.0
+LEAST_ANGLE_GAIN = 1.0
 """Smallest gain, degrees, of the smallest angle of two faces."""
 
 
-def flipped(surface: Surface, may: Bools, stays: Ints, close: float) -> Surface:
+def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
     """Return the surface with edges flipped, so that smallest angles grow.
 
     may   : (n,) a face may change if one of its corners is marked.    stays : (k, 2) ends of edges that stay.
@@ -206,7 +206,7 @@ def flipped(surface: Surface, may: Bools, stays: Ints, close: float) -> Surface:
     """
     keys = _keys(surface.n, *stays.T)
     for _ in range(8):
-        F = _turned(surface, may, keys, close)
+        F = _flip_once(surface, may, keys, tolerance)
         if F is None:
             break
         surface = Surface(surface.V, F)
@@ -217,24 +217,28 @@ def _keys(n: int, a: Ints, b: Ints) -> Ints:
     return np.asarray(np.minimum(a, b) * n + np.maximum(a, b))
 
 
-def _turned(surface: Surface, may: Bools, stays: Ints, close: float) -> Ints | None:
+def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Ints | None:
     V, F, edges = surface.V, surface.F, surface.edges
     h = edges.pairs
     quad = quads(F, h)
     a, b, c, d = quad.T
-    some = (F.ravel()[h[:, 1]] == b) & ~np.isin(_keys(surface.n, a, b), stays) & (may[a] | may[b] | may[c] | may[d])
-    h, quad = h[some], quad[some]
+    is_candidate = (
+        (F.ravel()[h[:, 1]] == b) & ~np.isin(_keys(surface.n, a, b), stays) & (may[a] | may[b] | may[c] | may[d])
+    )
+    h, quad = h[is_candidate], quad[is_candidate]
     a, b, c, d = quad.T
     gain = np.minimum(_smallest_angle(V, d, c, a), _smallest_angle(V, c, d, b))
     gain -= np.minimum(_smallest_angle(V, a, b, c), _smallest_angle(V, b, a, d))
-    gain[~_fit(surface, h // 3, quad, close)] = -np.inf
-    best = np.full(surface.m, BETTER)
-    np.maximum.at(best, (h // 3).ravel(), np.repeat(gain, 2))
-    chosen = np.flatnonzero((gain > BETTER) & (gain[:, None] == best[h // 3]).all(axis=1))
-    one, two = h[chosen].T // 3
-    first = np.unique(np.concatenate([one, two]), return_index=True)[1]  # the first of equal gains at a face
+    gain[~_may_flip(surface, h // 3, quad, tolerance)] = -np.inf
+    best_gain = np.full(surface.m, LEAST_ANGLE_GAIN)
+    np.maximum.at(best_gain, (h // 3).ravel(), np.repeat(gain, 2))
+    chosen = np.flatnonzero((gain > LEAST_ANGLE_GAIN) & (gain[:, None] == best_gain[h // 3]).all(axis=1))
+    first_face, second_face = h[chosen].T // 3
+    first_places = np.unique(np.concatenate([first_face, second_face]), return_index=True)[
+        1
+    ]  # the first of equal gains at a face
     once = np.zeros(2 * len(chosen), dtype=bool)
-    once[first] = True
+    once[first_places] = True
     chosen = chosen[once[: len(chosen)] & once[len(chosen) :]]
     if not len(chosen):
         return None
@@ -244,16 +248,16 @@ def _turned(surface: Surface, may: Bools, stays: Ints, close: float) -> Ints | N
     return F
 
 
-def _fit(surface: Surface, faces: Ints, quad: Ints, close: float) -> Bools:
+def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
     """Return the quads (k, 4) with faces (k, 2) that may have the edge c-d instead of a-b. It must be a new edge within
     `tolerance` of the faces, and neither face may turn over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
-    off = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)
+    distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)
     normal = surface.normals[faces].sum(axis=1)
     turns = [np.einsum("ki,ki->k", cross(q - p, r - p), normal) for p, q, r in ((d, c, a), (c, d, b))]
-    new = has_new_diagonal(quad, surface.edges, surface.n)
-    return np.asarray(new & (off <= close) & (turns[0] > 0) & (turns[1] > 0))
+    is_new = has_new_diagonal(quad, surface.edges, surface.n)
+    return np.asarray(is_new & (distance <= tolerance) & (turns[0] > 0) & (turns[1] > 0))
 
 
 def _smallest_angle(V: Floats, a: Ints, b: Ints, c: Ints) -> Floats:

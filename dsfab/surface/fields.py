@@ -10,7 +10,7 @@ from scipy.sparse import coo_array, csr_array, eye_array, vstack
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.core.derived import derived
-from dsfab.surface.edge_changes import halved, with_longest
+from dsfab.surface.edge_changes import halved_edges, with_longest_edges
 from dsfab.surface.geodesic import Origins
 from dsfab.surface.mesh import Surface
 
@@ -84,7 +84,7 @@ class StructureLine:
         lock(self, "points", np.float64, (None, 3))
 
     @cached_property
-    def closed(self) -> bool:
+    def is_closed(self) -> bool:
         """True if it ends where it begins."""
         return len(self.points) > 2 and bool((self.points[0] == self.points[-1]).all())
 
@@ -125,18 +125,18 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
     nodes = _nodes(surface, x, levels)
     if nodes.level.size == 0:
         return []
-    face, one, two = _chords(surface, x, levels, nodes)
+    face, first_node, second_node = _chords(surface, x, levels, nodes)
     if within is not None:
-        kept = within[face]
-        face, one, two = face[kept], one[kept], two[kept]
-    found = []
-    for order, chord in chains(one, two, len(nodes.level)):
+        is_inside = within[face]
+        face, first_node, second_node = face[is_inside], first_node[is_inside], second_node[is_inside]
+    tracks = []
+    for order, chord in chains(first_node, second_node, len(nodes.level)):
         points = nodes.points[order]
         moved = (np.diff(points, axis=0) != 0).any(axis=1)
         if moved.any():
             points = points[np.concatenate([[True], moved])]
-            found.append(Track(points, int(nodes.level[order[0]]), face[chord][moved]))
-    return found
+            tracks.append(Track(points, int(nodes.level[order[0]]), face[chord][moved]))
+    return tracks
 
 
 class _Nodes(NamedTuple):
@@ -173,10 +173,10 @@ def _chords(surface: Surface, x: Floats, levels: Floats, nodes: _Nodes) -> tuple
     level = low[face] + np.arange(len(face)) - (np.cumsum(high - low) - (high - low))[face]
     lowest, middle, highest = rank[face].T
     longest = _side(lowest, highest)
-    other = np.where(level < mid[face], _side(lowest, middle), _side(middle, highest))
+    second_side = np.where(level < mid[face], _side(lowest, middle), _side(middle, highest))
     edge = surface.edges.of[face]
-    at = np.arange(len(face))
-    e, f = edge[at, longest], edge[at, other]
+    rows = np.arange(len(face))
+    e, f = edge[rows, longest], edge[rows, second_side]
     return face, nodes.offset[e] + level - nodes.begin[e], nodes.offset[f] + level - nodes.begin[f]
 
 
@@ -185,35 +185,35 @@ def _side(i: Ints, j: Ints) -> Ints:
     return np.where((i + 1) % 3 == j, i, j)
 
 
-def chains(one: Ints, two: Ints, count: int) -> list[tuple[Ints, Ints]]:
+def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
     """Join links one - two (k,) between `count` nodes, at most two at each, to chains: their nodes and their links,
     (c,). Open chains come first, each from its end with the lower number; closed chains repeat their first node at the
     end."""
-    node = np.concatenate([one, two])
+    node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
     start = np.cumsum(degree) - degree
     link = np.full((count, 2), -1)
     for k in range(2):
         has = degree > k
-        link[has, k] = order[start[has] + k] % len(one)
-    sum_of_ends, links = (one + two).tolist(), link.tolist()
-    used = bytearray(len(one))
-    found = []
+        link[has, k] = order[start[has] + k] % len(first_nodes)
+    sum_of_ends, links = (first_nodes + second_nodes).tolist(), link.tolist()
+    used = bytearray(len(first_nodes))
+    result = []
     for begin in [*np.flatnonzero(degree == 1).tolist(), *np.flatnonzero(degree == 2).tolist()]:
-        nodes, passed, at = [begin], list[int](), begin
+        nodes, passed, current = [begin], list[int](), begin
         while True:
-            a, b = links[at]
+            a, b = links[current]
             step = a if a >= 0 and not used[a] else b
             if step < 0 or used[step]:
                 break
             used[step] = True
-            at = sum_of_ends[step] - at
-            nodes.append(at)
+            current = sum_of_ends[step] - current
+            nodes.append(current)
             passed.append(step)
         if passed:
-            found.append((np.array(nodes), np.array(passed)))
-    return found
+            result.append((np.array(nodes), np.array(passed)))
+    return result
 
 
 def simplified_line(points: Floats, tolerance: float) -> Floats:
@@ -223,16 +223,16 @@ def simplified_line(points: Floats, tolerance: float) -> Floats:
     keep[[0, -1]] = True
     spans = [(0, len(points) - 1)]
     if len(points) > 3 and (points[0] == points[-1]).all():
-        far = int(np.linalg.norm(points - points[0], axis=1).argmax())
-        keep[far] = True
-        spans = [(0, far), (far, len(points) - 1)]
+        farthest = int(np.linalg.norm(points - points[0], axis=1).argmax())
+        keep[farthest] = True
+        spans = [(0, farthest), (farthest, len(points) - 1)]
     while spans:
         a, b = spans.pop()
         if b - a < 2:
             continue
-        off = _from_segment(points[a + 1 : b], points[a], points[b])
-        worst = int(off.argmax())
-        if off[worst] > tolerance:
+        distances = _from_segment(points[a + 1 : b], points[a], points[b])
+        worst = int(distances.argmax())
+        if distances[worst] > tolerance:
             middle = a + 1 + worst
             keep[middle] = True
             spans += [(a, middle), (middle, b)]
@@ -275,7 +275,7 @@ class CornerField:
             lock(self, "wanted", np.float64, (len(self.sign),))
 
     @cached_property
-    def turned(self) -> Bools:
+    def changed_faces(self) -> Bools:
         """Faces (m,) with a sign or shift that changes a value."""
         return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
@@ -286,7 +286,7 @@ class CornerField:
 
 
 @dataclass(frozen=True, eq=False)
-class Divided:
+class DividedSurface:
     """A surface with n vertices and m faces divided into n' vertices and m' triangles on the same sheet.
 
     whole   : the surface.    surface : its parts, on its vertices first.
@@ -303,25 +303,25 @@ class Divided:
         lock(self, "parent", np.int64, (self.surface.m,))
 
     @classmethod
-    def nowhere(cls, surface: Surface) -> Self:
+    def undivided(cls, surface: Surface) -> Self:
         """Return the surface undivided: every face is its own part."""
         return cls(surface, surface, np.arange(surface.m), csr_array(eye_array(surface.n)))
 
-    def halved(self, edges: Bools, at: Floats | None = None) -> "Divided":
+    def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
         """Divide marked edges (e',), and the longest edge of each affected face, which keeps angles from shrinking.
 
         positions : (e',) of the new vertices, 0 at the first end of each edge, 1 at its second; by default the middle.
         """
-        old = self.surface
-        edges = with_longest(old.V, old.edges, edges)
-        V, F, source = halved(old.V, old.F, old.edges, edges)
-        t = np.full(edges.sum(), 0.5) if at is None else at[edges]
-        step = _interpolation(old.edges.ends[edges], t, old.n)
-        V[old.n :] = step @ old.V
+        surface = self.surface
+        edges = with_longest_edges(surface.V, surface.edges, edges)
+        V, F, source = halved_edges(surface.V, surface.F, surface.edges, edges)
+        t = np.full(edges.sum(), 0.5) if positions is None else positions[edges]
+        step = _interpolation(surface.edges.ends[edges], t, surface.n)
+        V[surface.n :] = step @ surface.V
         weights = csr_array(vstack([self.weights, step @ self.weights], format="csr"))
-        return Divided(self.whole, Surface(V, F), self.parent[source], weights)
+        return DividedSurface(self.whole, Surface(V, F), self.parent[source], weights)
 
-    def new(self) -> Ints:
+    def cut_parts(self) -> Ints:
         """Return the parts (k,) that are smaller than a face."""
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
@@ -331,44 +331,44 @@ class Divided:
         i, j = (np.broadcast_to(index, (len(parts), 3, 3)).ravel() for index in (rows, columns))
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
 
-    def carried(self, origins: Origins) -> Origins:
+    def origins_on_parts(self, origins: Origins) -> Origins:
         """Return the origins on the parts instead of the surface."""
         if self.surface is self.whole:
             return origins
-        n, old, new = self.whole.n, self.whole.edges, self.surface.edges
-        vertices, edges = np.zeros(self.surface.n, dtype=bool), np.zeros(len(new.ends), dtype=bool)
+        n, whole_edges, part_edges = self.whole.n, self.whole.edges, self.surface.edges
+        vertices, edges = np.zeros(self.surface.n, dtype=bool), np.zeros(len(part_edges.ends), dtype=bool)
         vertices[:n] = origins.vertices
-        same = np.flatnonzero(new.ends[:, 1] < n)
-        at = np.searchsorted(old.ends @ (n, 1), new.ends[same] @ (n, 1))
-        edges[same] = origins.edges[at]
-        parts = self.new()
+        uncut = np.flatnonzero(part_edges.ends[:, 1] < n)
+        positions = np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))
+        edges[uncut] = origins.edges[positions]
+        parts = self.cut_parts()
         corners = self.corners(parts)
-        on = (corners == 0) & (
+        is_on_side = (corners == 0) & (
             corners[:, [1, 2, 0]] == 0
         )  # side k of a part lies on the side of its face opposite corner j
-        marked = origins.edges[old.of[self.parent[parts]][:, [1, 2, 0]]]
-        part, side, _ = np.nonzero(on & marked[:, None, :])
-        edges[new.of[parts[part], side]] = True
+        marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
+        part, side, _ = np.nonzero(is_on_side & marked[:, None, :])
+        edges[part_edges.of[parts[part], side]] = True
         faces = origins.faces[self.parent]
-        edges[new.of[faces]] = True
-        vertices[new.ends[edges]] = True
+        edges[part_edges.of[faces]] = True
+        vertices[part_edges.ends[edges]] = True
         return Origins(vertices, edges, faces)
 
 
-def _interpolation(ends: Ints, at: Floats, n: int) -> csr_array:
+def _interpolation(ends: Ints, positions: Floats, n: int) -> csr_array:
     """Return the matrix (k, n) from values at n vertices to values on edges with ends (k, 2).
 
     positions : (k,) from 0 at the first end to 1 at the second.
     """
     rows = np.repeat(np.arange(len(ends)), 2)
-    return csr_array((np.stack([1 - at, at], axis=1).ravel(), (rows, ends.ravel())), shape=(len(ends), n))
+    return csr_array((np.stack([1 - positions, positions], axis=1).ravel(), (rows, ends.ravel())), shape=(len(ends), n))
 
 
 @dataclass(frozen=True, eq=False)
 class DividedField:
     """Values x (n',), or (n', 2), at the vertices of a divided surface, linear on its parts."""
 
-    divided: Divided
+    divided: DividedSurface
     x: Floats
 
     def __post_init__(self) -> None:
@@ -386,12 +386,12 @@ class DividedField:
 
     def at_points(self, points: Floats) -> Floats:
         """Return the values (m, p) of a field with one value a vertex at points of each face, barycentric (p, 3)."""
-        whole, parts = self.divided.whole, self.divided.new()
-        values, inside = self.x[whole.F] @ points.T, np.full((whole.m, len(points)), -np.inf)
-        own = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part
-        least, parent = own.min(axis=2), self.divided.parent[parts]
+        surface, parts = self.divided.whole, self.divided.cut_parts()
+        values, inside = self.x[surface.F] @ points.T, np.full((surface.m, len(points)), -np.inf)
+        part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part
+        least, parent = part_coordinates.min(axis=2), self.divided.parent[parts]
         np.maximum.at(inside, parent, least)
         part, point = np.nonzero(least == inside[parent])
         corners = self.x[self.divided.surface.F[parts[part]]]
-        values[parent[part], point] = np.einsum("kc,kc->k", own[part, point], corners)
+        values[parent[part], point] = np.einsum("kc,kc->k", part_coordinates[part, point], corners)
         return np.asarray(values)

@@ -31,7 +31,7 @@ class Windows:
     values: Floats
 
     @classmethod
-    def of(
+    def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
         """Return windows from five names (k,) each, ends A and B (k, 2), metres, and start, end and offset (k,)."""
@@ -88,14 +88,14 @@ class Windows:
         """Metres (k,) added to the distance from the source."""
         return self.values[:, 6]
 
-    def at(self, which: Ints | Bools) -> "Windows":
+    def select(self, which: Ints | Bools) -> "Windows":
         """Return the windows with these indices or marks (k,)."""
         return Windows(self.names[which], self.values[which])
 
     @classmethod
-    def together(cls, some: Sequence["Windows"]) -> "Windows":
+    def concatenate(cls, parts: Sequence["Windows"]) -> "Windows":
         """Return the windows of all sets in one."""
-        return cls(np.concatenate([part.names for part in some]), np.concatenate([part.values for part in some]))
+        return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
         """Return the places (k, 2) A + t (B - A)."""
@@ -117,19 +117,19 @@ class Windows:
         """Return the directions (k, 2) of rays at places (k, 2)."""
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
-    def left(self, t: Floats, C: Floats) -> Floats:
+    def left_offset(self, t: Floats, C: Floats) -> Floats:
         """Return the offset (..., k) of C (..., k, 2) to the left of the ray through A + t (B - A), times a length.
         Values within rounding are 0."""
         P = self.place(t)
         ray = self.rays(P)
-        off = cross2(ray, C - P)
-        return np.where(np.abs(off) <= SLACK * size2(ray) * (size2(C) + size2(P)), 0.0, off)
+        offsets = cross2(ray, C - P)
+        return np.where(np.abs(offsets) <= SLACK * size2(ray) * (size2(C) + size2(P)), 0.0, offsets)
 
 
-def share(one: Floats, two: Floats) -> Floats:
+def zero_share(start: Floats, end: Floats) -> Floats:
     """Return the zero (k,) of a linear function with the values `start` and `end` (k,), as a share of its range."""
-    span = one - two
-    return np.divide(one, span, out=np.zeros_like(one), where=span != 0)
+    span = start - end
+    return np.divide(start, span, out=np.zeros_like(start), where=span != 0)
 
 
 def size2(a: Floats) -> Floats:
@@ -174,9 +174,9 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
             nearer.
     """
     front = _Front(surface, origins, reach)
-    waiting = front.advanced([front.strips(), front.fans(_Bends.marked(origins))], reach)
+    waiting = front.advance([front.edge_windows(), front.vertex_windows(_Bends.from_origins(origins))], reach)
     reached = front.reached.copy()
-    front.advanced(waiting, reach + front.size[front.edges.of[reached]].max(initial=0.0))
+    front.advance(waiting, reach + front.size[front.edges.of[reached]].max(initial=0.0))
     along = front.vertex[front.edges.ends].min(axis=1) + front.size / 2
     return Distances(front.vertex, np.minimum(front.middle, along), reached)
 
@@ -191,12 +191,12 @@ class _Bends(NamedTuple):
     angle: Floats
     bound: float
 
-    def at(self, which: Ints | Bools) -> "_Bends":
+    def select(self, which: Ints | Bools) -> "_Bends":
         return _Bends(self.vertex[which], self.offset[which], self.edge[which], self.angle[which], self.bound)
 
     @classmethod
-    def marked(cls, origins: Origins) -> "_Bends":
-        """Return the origins as sources; `_Front.fans` leaves out rays that are nearest to an edge among the
+    def from_origins(cls, origins: Origins) -> "_Bends":
+        """Return the origins as sources; `_Front.vertex_windows` leaves out rays that are nearest to an edge among the
         origins."""
         vertex = np.flatnonzero(origins.vertices)
         none = np.full((len(vertex), 2), -1)
@@ -238,29 +238,29 @@ class _Front:
         marked = np.flatnonzero(self.origins.vertices)
         return np.asarray(dijkstra(graph, directed=False, indices=marked, min_only=True, limit=limit))
 
-    def strips(self) -> Windows:
+    def edge_windows(self) -> Windows:
         edge = np.flatnonzero(self.origins.edges)
         zero, a, b = np.zeros(len(edge)), *self.edges.ends[edge].T
         A, B = np.zeros((len(edge), 2)), np.stack([self.size[edge], zero], axis=1)
-        return Windows.of((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
+        return Windows.from_columns((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
 
-    def advanced(self, windows: list[Windows], limit: float) -> list[Windows]:
+    def advance(self, windows: list[Windows], limit: float) -> list[Windows]:
         """Propagate windows until all are farther away than the limit, metres; return those."""
-        far: list[Windows] = []
+        beyond: list[Windows] = []
         while windows:
-            some = Windows.together(windows)
-            some = some.at(self._useful(some))
-            least = some.nearest()
-            far.append(some.at(least > limit))
+            current = Windows.concatenate(windows)
+            current = current.select(self._useful(current))
+            least = current.nearest()
+            beyond.append(current.select(least > limit))
             within = least <= limit
-            windows = self._crossed(some.at(within), least[within] <= self.reach) if within.any() else []
+            windows = self._windows_behind(current.select(within), least[within] <= self.reach) if within.any() else []
             bends, self.waiting = self.waiting, []
             for some_bends in bends:
-                near = some_bends.offset <= limit
-                self.waiting.append(some_bends.at(~near))
-                if near.any():
-                    windows.append(self.fans(some_bends.at(near)))
-        return far
+                is_near = some_bends.offset <= limit
+                self.waiting.append(some_bends.select(~is_near))
+                if is_near.any():
+                    windows.append(self.vertex_windows(some_bends.select(is_near)))
+        return beyond
 
     def _useful(self, w: Windows) -> Bools:
         """Return the windows (k,) that are nearer to their part of the edge than the two ends of the edge are."""
@@ -270,36 +270,43 @@ class _Front:
         better = high <= self.vertex[w.a] + w.end * size + room
         return better & (low <= self.vertex[w.b] + (1 - w.start) * size + room) & (w.end - w.start > SLACK)
 
-    def _crossed(self, w: Windows, near: Bools) -> list[Windows]:
+    def _windows_behind(self, w: Windows, is_near: Bools) -> list[Windows]:
         """Return the windows on the other edges of the faces behind; is_near (k,) marks windows within `reach`."""
-        i, half = _ranged(self.edges.start[w.edge], self.edges.start[w.edge + 1], self.edges.order)
+        i, half = _range_values(self.edges.start[w.edge], self.edges.start[w.edge + 1], self.edges.order)
         face = half // 3
-        there = (face != w.face[i]) & ~self.origins.faces[face]
-        i, half, face = i[there], half[there], face[there]
-        self.reached[face[near[i]]] = True
-        w, ahead, back = w.at(i), next_half_edge(half, 1), next_half_edge(half, 2)
-        same = self.F.ravel()[half] == w.a
-        c, of = self.F.ravel()[back], self.edges.of.ravel()
+        is_behind = (face != w.face[i]) & ~self.origins.faces[face]
+        i, half, face = i[is_behind], half[is_behind], face[is_behind]
+        self.reached[face[is_near[i]]] = True
+        w, ahead, back = w.select(i), next_half_edge(half, 1), next_half_edge(half, 2)
+        same_direction = self.F.ravel()[half] == w.a
+        c, edge_of = self.F.ravel()[back], self.edges.of.ravel()
         along, high = self.third[half].T
         AB = w.at_b - w.at_a
         across = np.stack([-AB[:, 1], AB[:, 0]], axis=1)
-        C = w.at_a + np.where(same, along, 1 - along)[:, None] * AB + high[:, None] * across
-        edges = np.where(same, of[back], of[ahead]), np.where(same, of[ahead], of[back])
+        C = w.at_a + np.where(same_direction, along, 1 - along)[:, None] * AB + high[:, None] * across
+        edges = (
+            np.where(same_direction, edge_of[back], edge_of[ahead]),
+            np.where(same_direction, edge_of[ahead], edge_of[back]),
+        )
         corners = np.stack([C, w.at_a, w.at_b])
-        (one, a0, b0), (two, a1, b1) = w.left(w.start, corners), w.left(w.end, corners)
-        start, end = share(a0, one), np.where(two < 0, share(a1, two), 1.0)
-        first = Windows.of((edges[0], face, w.a, c, w.parallel), w.at_a, C, start, end, w.offset).at(one < 0)
-        start, end = np.where(one > 0, share(one, b0), 0.0), share(two, b1)
-        second = Windows.of((edges[1], face, c, w.b, w.parallel), C, w.at_b, start, end, w.offset).at(two > 0)
-        for new in (first, second):
-            self._note_middles(new)
-        seen = (one <= 0) & (two >= 0)
-        self._arrive(w.at(seen), C[seen], c[seen], np.stack(edges, axis=1)[seen])
-        return [first, second]
+        (start_side, a0, b0), (end_side, a1, b1) = w.left_offset(w.start, corners), w.left_offset(w.end, corners)
+        start, end = zero_share(a0, start_side), np.where(end_side < 0, zero_share(a1, end_side), 1.0)
+        start_windows = Windows.from_columns(
+            (edges[0], face, w.a, c, w.parallel), w.at_a, C, start, end, w.offset
+        ).select(start_side < 0)
+        start, end = np.where(start_side > 0, zero_share(start_side, b0), 0.0), zero_share(end_side, b1)
+        end_windows = Windows.from_columns(
+            (edges[1], face, c, w.b, w.parallel), C, w.at_b, start, end, w.offset
+        ).select(end_side > 0)
+        for windows in (start_windows, end_windows):
+            self._note_middles(windows)
+        seen = (start_side <= 0) & (end_side >= 0)
+        self._arrive(w.select(seen), C[seen], c[seen], np.stack(edges, axis=1)[seen])
+        return [start_windows, end_windows]
 
     def _note_middles(self, w: Windows) -> None:
         shown = (w.start <= 0.5 + SLACK) & (w.end >= 0.5 - SLACK)
-        w = w.at(shown)
+        w = w.select(shown)
         np.minimum.at(self.middle, w.edge, w.distance((w.at_a + w.at_b) / 2))
 
     def _arrive(self, w: Windows, C: Floats, c: Ints, edges: Ints) -> None:
@@ -307,71 +314,73 @@ class _Front:
         back = -w.rays(C)
         sides = np.stack([w.at_a - C, w.at_b - C])
         angle = np.abs(np.arctan2(cross2(sides, back), dot2(sides, back))).T
-        self._bend(_Bends(c, w.distance(C), edges, angle, np.pi))
+        self._note_vertices(_Bends(c, w.distance(C), edges, angle, np.pi))
 
-    def _bend(self, bends: _Bends) -> None:
-        c, found = bends.vertex, bends.offset
-        np.minimum.at(self.vertex, c, found)
+    def _note_vertices(self, bends: _Bends) -> None:
+        c, offsets = bends.vertex, bends.offset
+        np.minimum.at(self.vertex, c, offsets)
         room = 1 + SLACK
-        new = np.flatnonzero(self.bending[c] & (found <= room * self.vertex[c]) & (room * found < self.bent[c]))
-        if len(new):
-            new = new[np.unique(c[new], return_index=True)[1]]
-            self.bent[c[new]] = found[new]
-            self.waiting.append(bends.at(new))
+        bending = np.flatnonzero(self.bending[c] & (offsets <= room * self.vertex[c]) & (room * offsets < self.bent[c]))
+        if len(bending):
+            bending = bending[np.unique(c[bending], return_index=True)[1]]
+            self.bent[c[bending]] = offsets[bending]
+            self.waiting.append(bends.select(bending))
 
-    def fans(self, bends: _Bends) -> Windows:
+    def vertex_windows(self, bends: _Bends) -> Windows:
         vertex = bends.vertex
-        i, half = _ranged(self.first_corner[vertex], self.first_corner[vertex + 1], self.corners)
-        of, face = self.edges.of.ravel(), half // 3
-        p, q = of[half], of[next_half_edge(half, 2)]  # edges at the vertex
+        i, half = _range_values(self.first_corner[vertex], self.first_corner[vertex + 1], self.corners)
+        edge_of, face = self.edges.of.ravel(), half // 3
+        p, q = edge_of[half], edge_of[next_half_edge(half, 2)]  # edges at the vertex
         ahead, back = self.F.ravel()[next_half_edge(half, 1)], self.F.ravel()[next_half_edge(half, 2)]
         turn = self.turn[half]
-        off_p, off_q = self._bearings(bends, i, p, q, turn)
-        low, high = np.maximum(0, bends.bound - off_p), np.minimum(turn, turn - bends.bound + off_q)
+        bearing_p, bearing_q = self._bearings(bends, i, p, q, turn)
+        low, high = np.maximum(0, bends.bound - bearing_p), np.minimum(turn, turn - bends.bound + bearing_q)
         A = self.size[p][:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
         B = np.stack([self.size[q], np.zeros(len(q))], axis=1)
-        start, end = (_met(A, B, turn - angle) for angle in (low, high))
+        start, end = (_ray_positions(A, B, turn - angle) for angle in (low, high))
         start, end = np.where(low > 0, start, 0.0), np.where(high < turn, end, 1.0)
         offset = bends.offset[i]
-        w = Windows.of((of[next_half_edge(half, 1)], face, ahead, back, np.zeros_like(i)), A, B, start, end, offset)
-        w = w.at((high - low > SLACK) & ~self.origins.faces[face])
+        w = Windows.from_columns(
+            (edge_of[next_half_edge(half, 1)], face, ahead, back, np.zeros_like(i)), A, B, start, end, offset
+        )
+        w = w.select((high - low > SLACK) & ~self.origins.faces[face])
         self.reached[face[bends.offset[i] <= self.reach]] = True
         self._note_middles(w)
-        for edge, end_, bearing in ((p, ahead, off_p), (q, back, off_q)):
-            at = bearing >= bends.bound - SLACK
-            here, size = edge[at], self.size[edge[at]]
-            np.minimum.at(self.middle, here, offset[at] + size / 2)
-            along = np.stack([here, here], axis=1)
-            self._bend(_Bends(end_[at], offset[at] + size, along, np.zeros(along.shape), np.pi))
+        for edge, end_, bearing in ((p, ahead, bearing_p), (q, back, bearing_q)):
+            is_beyond = bearing >= bends.bound - SLACK
+            beyond_edges, size = edge[is_beyond], self.size[edge[is_beyond]]
+            np.minimum.at(self.middle, beyond_edges, offset[is_beyond] + size / 2)
+            along = np.stack([beyond_edges, beyond_edges], axis=1)
+            self._note_vertices(_Bends(end_[is_beyond], offset[is_beyond] + size, along, np.zeros(along.shape), np.pi))
         return w
 
     def _bearings(self, bends: _Bends, i: Ints, p: Ints, q: Ints, turn: Floats) -> tuple[Floats, Floats]:
         """Return the angles around vertices i from edges p and q to the nearest direction without rays, radians."""
         count = len(self.size)
         keys, place = np.unique(np.concatenate([i, i]) * count + np.concatenate([p, q]), return_inverse=True)
-        one, two = place.ravel().reshape(2, -1)
-        off = np.full(len(keys), np.inf)
+        first_key, second_key = place.ravel().reshape(2, -1)
+        bearings = np.full(len(keys), np.inf)
         if bends.bound < np.pi:
-            off[self.origins.edges[keys % count]] = 0.0
+            bearings[self.origins.edges[keys % count]] = 0.0
         else:
-            known = np.searchsorted(keys, np.arange(len(bends.vertex))[:, None] * count + bends.edge)
-            np.minimum.at(off, known, bends.angle)
+            start_positions = np.searchsorted(keys, np.arange(len(bends.vertex))[:, None] * count + bends.edge)
+            np.minimum.at(bearings, start_positions, bends.angle)
         while True:
-            before = off.copy()
-            np.minimum.at(off, one, off[two] + turn)
-            np.minimum.at(off, two, off[one] + turn)
-            if np.array_equal(before, off):
-                return off[one], off[two]
+            before = bearings.copy()
+            np.minimum.at(bearings, first_key, bearings[second_key] + turn)
+            np.minimum.at(bearings, second_key, bearings[first_key] + turn)
+            if np.array_equal(before, bearings):
+                return bearings[first_key], bearings[second_key]
 
 
-def _ranged(begins: Ints, ends: Ints, values: Ints) -> tuple[Ints, Ints]:
+def _range_values(begins: Ints, ends: Ints, values: Ints) -> tuple[Ints, Ints]:
     """Return for ranges (k,) of values the range of each value, and the values."""
     count = ends - begins
     i = np.repeat(np.arange(len(count)), count)
     return i, values[np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + begins[i]]
 
 
-def _met(A: Floats, B: Floats, angle: Floats) -> Floats:
+def _ray_positions(A: Floats, B: Floats, angle: Floats) -> Floats:
     """Return the shares (k,) of lines from A to B (k, 2) at which rays from (0, 0) meet them."""
     ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return np.clip(share(cross2(ray, A), cross2(ray, B)), 0, 1)
+    return np.clip(zero_share(cross2(ray, A), cross2(ray, B)), 0, 1)

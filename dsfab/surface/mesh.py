@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import igl
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, closed_length, cross, edge_lengths, first, lengths, lock
+from dsfab.core.arrays import Bools, Floats, Ints, cross, edge_lengths, first_few, lengths, lock, polygon_perimeter
 from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import POSSIBLE_SIZE
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import trimesh
 
 
-def box(V: Floats, F: Ints) -> Floats:
+def bounding_box(V: Floats, F: Ints) -> Floats:
     """Return the lowest and the highest corner (2, 3) of the vertices V (n, 3) that faces F (m, 3) use."""
     used = np.zeros(len(V), dtype=bool)
     used[F.ravel()] = True
@@ -33,39 +33,39 @@ def signed_volume(V: Floats, F: Ints) -> float:
 
     Method: signed tetrahedra from the middle of the box (divergence theorem), so that no digits are lost far from 0.
     """
-    return float(_tetrahedra(V, F).sum())
+    return float(_tetrahedron_volumes(V, F).sum())
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
     """Return the signed volume (count,) of each closed shell; `shell` (m,) is the shell of each face; negative for
     voids."""
-    return np.bincount(shell, _tetrahedra(V, F), count).astype(np.float64)
+    return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 
 def total_area(V: Floats, F: Ints) -> float:
     """Return the area of all faces F (m, 3) on vertices V (n, 3), in their unit squared."""
-    return sum(float(np.sqrt((N**2).sum(axis=0)).sum()) / 2 for _, _, N in _faces(V, F))
+    return sum(float(np.sqrt((N**2).sum(axis=0)).sum()) / 2 for _, _, N in _face_blocks(V, F))
 
 
-def _tetrahedra(V: Floats, F: Ints) -> Floats:
-    found = np.zeros(len(F))
-    for some, a, N in _faces(V, F):
-        found[some] = (a * N).sum(axis=0) / 6
-    return found
+def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
+    volumes = np.zeros(len(F))
+    for block, a, N in _face_blocks(V, F):
+        volumes[block] = (a * N).sum(axis=0) / 6
+    return volumes
 
 
-def _faces(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
+def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
     """Yield blocks of faces: their slice, first corners from the middle of the box (3, k), twice their area vectors
     (3, k).
     """
     if not len(F):
         return
-    columns = np.ascontiguousarray((V - box(V, F).mean(axis=0)).T)
+    columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
     for k in range(0, len(F), 1 << 15):
-        some = slice(k, k + (1 << 15))
-        a, b, c = (np.stack([column.take(corner) for column in columns]) for corner in F[some].T)
+        block = slice(k, k + (1 << 15))
+        a, b, c = (np.stack([column.take(corner) for column in columns]) for corner in F[block].T)
         (x, y, z), (u, v, w) = b - a, c - a
-        yield some, a, np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
+        yield block, a, np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 class NearestPlaces(NamedTuple):
@@ -81,7 +81,7 @@ class NearestPlaces(NamedTuple):
         return np.sqrt(self.squared)
 
 
-def nearest(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
+def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
     """Return the places nearest to points (k, 3) on triangles (m, 3), edges (m, 2) or vertices (m, 1) of V (n, 3); m >
     0.
 
@@ -89,8 +89,8 @@ def nearest(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
     """
     if not len(points):
         return NearestPlaces(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-    given = (np.ascontiguousarray(x) for x in (points, V, simplices))
-    squared, simplex, place = igl.point_mesh_squared_distance(*given)
+    arrays = (np.ascontiguousarray(x) for x in (points, V, simplices))
+    squared, simplex, place = igl.point_mesh_squared_distance(*arrays)
     return NearestPlaces(np.asarray(squared), np.asarray(simplex, dtype=np.int64), np.asarray(place))
 
 
@@ -130,7 +130,7 @@ class Surface:
         if not np.isfinite(self.V).all():
             bad = np.flatnonzero(~np.isfinite(self.V).all(axis=1))
             raise SurfaceError(
-                f"{len(bad)} of {self.n} vertices are not finite numbers (first: {first(bad)}); repair the mesh"
+                f"{len(bad)} of {self.n} vertices are not finite numbers (first: {first_few(bad)}); repair the mesh"
             )
         smallest, largest = POSSIBLE_SIZE
         reach = float(np.abs(self.V).max(initial=0.0))
@@ -145,12 +145,13 @@ class Surface:
         if self.F.min() < 0 or self.F.max() >= self.n:
             bad = np.flatnonzero((self.F.min(axis=1) < 0) | (self.F.max(axis=1) >= self.n))
             raise SurfaceError(
-                f"{len(bad)} faces name vertices outside 0..{self.n - 1} (first faces: {first(bad)}); repair the mesh"
+                f"{len(bad)} faces name vertices outside 0..{self.n - 1} (first faces: {first_few(bad)}); repair "
+                "the mesh"
             )
         bad = np.flatnonzero(self.areas <= ZERO_AREA * self.size**2)
         if len(bad):
             raise SurfaceError(
-                f"{len(bad)} of {self.m} faces have no area (first: {first(bad)}); remove collapsed faces"
+                f"{len(bad)} of {self.m} faces have no area (first: {first_few(bad)}); remove collapsed faces"
             )
 
     @classmethod
@@ -262,7 +263,7 @@ class Surface:
     def loops(self) -> list[Ints]:
         """Boundary loops as vertex indices (k,), longest first (in metres)."""
         loops = boundary_loops(self.F, self.edges)
-        return sorted(loops, key=lambda loop: -closed_length(self.V[loop]))
+        return sorted(loops, key=lambda loop: -polygon_perimeter(self.V[loop]))
 
     @cached_property
     def vertex_areas(self) -> Floats:

@@ -25,7 +25,7 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
 """Axes that become x, y, z for each up axis, and their signs: rotations, not mirrors."""
 
 
-def upright(V: Floats, up: Up) -> Floats:
+def upright_vertices(V: Floats, up: Up) -> Floats:
     """Return the vertices V (n, 3), rotated so that the axis `up` becomes z; y keeps x, as for glTF (x, -z, y)."""
     axes, signs = _TURNS[up]
     return V if up == "z" else np.asarray(V[:, list(axes)] * np.array(signs, dtype=float) + 0.0)
@@ -45,8 +45,8 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
     side = _components(i, j, 6 * len(F)).reshape(-1, 2)
     fan, reference = np.unique(side.min(axis=1), return_index=True)  # every corner of a fan has both of its sides
-    first = reference[np.searchsorted(fan, side.min(axis=1))]
-    sides: Ints = np.where(side[:, 0] == side[first, 0], 1, -1).reshape(-1, 3)
+    reference_corner = reference[np.searchsorted(fan, side.min(axis=1))]
+    sides: Ints = np.where(side[:, 0] == side[reference_corner, 0], 1, -1).reshape(-1, 3)
     return sides
 
 

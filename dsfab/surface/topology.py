@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from dsfab.core.arrays import Bools, Ints, complement, first
+from dsfab.core.arrays import Bools, Ints, complement, first_few
 
 LONGEST_WALK = 100
 """Largest number of steps around a vertex; each step visits all vertices whose walk has not ended."""
@@ -41,18 +41,18 @@ class EdgeTable:
     @cached_property
     def pairs(self) -> Ints:
         """Half-edges (i, 2) of the edges with exactly two faces."""
-        at = self.start[:-1][self.count == 2]
-        return np.stack([self.order[at], self.order[at + 1]], axis=1)
+        starts = self.start[:-1][self.count == 2]
+        return np.stack([self.order[starts], self.order[starts + 1]], axis=1)
 
     @cached_property
     def twins(self) -> Ints:
         """Opposite half-edge (3 m,) of each half-edge; -1 on an edge with one face or more than two."""
         twin = np.full(self.of.size, -1)
-        one, two = self.pairs.T
-        twin[one], twin[two] = two, one
+        first_half, second_half = self.pairs.T
+        twin[first_half], twin[second_half] = second_half, first_half
         return twin
 
-    def between(self, i: Ints, j: Ints) -> Ints:
+    def edges_between(self, i: Ints, j: Ints) -> Ints:
         """Return the edges (k,) between vertices i and j (k,), which must exist."""
         n = int(self.ends.max()) + 1
         return np.searchsorted(self.ends[:, 0] * n + self.ends[:, 1], np.minimum(i, j) * n + np.maximum(i, j))
@@ -76,11 +76,11 @@ def edge_table(F: Ints) -> EdgeTable:
     by_high = _counted_order(high, n)
     order = by_high[_counted_order(low[by_high], n)]
     key = (low * n + high)[order]
-    new = np.concatenate([[True], key[1:] != key[:-1]])
-    of = np.empty(len(key), dtype=np.int64)
-    of[order] = np.cumsum(new) - 1
-    ends = np.stack(np.divmod(key[new], n), axis=1)
-    return EdgeTable(ends, of.reshape(-1, 3), order, np.append(np.flatnonzero(new), len(key)))
+    is_first = np.concatenate([[True], key[1:] != key[:-1]])
+    edge = np.empty(len(key), dtype=np.int64)
+    edge[order] = np.cumsum(is_first) - 1
+    ends = np.stack(np.divmod(key[is_first], n), axis=1)
+    return EdgeTable(ends, edge.reshape(-1, 3), order, np.append(np.flatnonzero(is_first), len(key)))
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
@@ -95,14 +95,14 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
     Faces that meet in a vertex only belong to different pieces: such a contact carries no moment and cannot be
     built."""
     face = edges.order // 3
-    same = np.diff(edges.of.ravel()[edges.order]) == 0
-    count, label = connected(len(F), face[:-1][same], face[1:][same])
+    is_shared = np.diff(edges.of.ravel()[edges.order]) == 0
+    count, label = link_components(len(F), face[:-1][is_shared], face[1:][is_shared])
     rank = np.empty(count, dtype=np.int64)
     rank[np.argsort(-np.bincount(label, minlength=count), kind="stable")] = np.arange(count)
     return count, rank[label]
 
 
-def connected(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
+def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
     """Return the number of components of `count` nodes with links i - j (k,), and the component of each node.
 
     Components are ordered by their first nodes. Each round hangs the larger root of every link on the smaller root,
@@ -119,8 +119,8 @@ def connected(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
         np.minimum.at(root, np.maximum(i, j), np.minimum(i, j))
         while not np.array_equal(onward := root[root], root):
             root = onward
-    first = root == things
-    return int(first.sum()), (np.cumsum(first) - 1)[root]
+    is_root = root == things
+    return int(is_root.sum()), (np.cumsum(is_root) - 1)[root]
 
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
@@ -143,10 +143,10 @@ def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
     loops = []
     while onward:
         chain: list[int] = []
-        at = next(iter(onward))
-        while at in onward:
-            chain.append(at)
-            at = onward.pop(at)
+        node = next(iter(onward))
+        while node in onward:
+            chain.append(node)
+            node = onward.pop(node)
         loops.append(vertex[chain])
     return sorted(loops, key=lambda loop: (-len(loop), int(loop.min())))
 
@@ -161,7 +161,7 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
     clash = i % 2 == j % 2
     k, e, f = len(start), link[i], link[j]
     rows, columns = np.concatenate([e, e + k]), np.concatenate([f + k * clash, f + k - k * clash])
-    _, copy = connected(2 * k, rows, columns)
+    _, copy = link_components(2 * k, rows, columns)
     turned: Bools = copy[:k] > copy[k:]
     return turned
 
@@ -169,7 +169,7 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
     """Return the vertices (k,) where the sheet F (m, 3) touches itself in a point: their faces form more than one
     fan."""
-    if _whole_fans(F, edges, n):
+    if _walks_meet_all_corners(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
     vertex_of_fan = np.empty(count, dtype=np.int64)
@@ -198,11 +198,11 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
     at_a = np.where(same_way, h1, next_half_edge(h1))
     at_b = np.where(same_way, next_half_edge(h1), h1)
     i, j = np.concatenate([h0, next_half_edge(h0)]), np.concatenate([at_a, at_b])
-    count, fan = connected(3 * len(F), i, j)
+    count, fan = link_components(3 * len(F), i, j)
     return int(count), fan.astype(np.int64)
 
 
-def _whole_fans(F: Ints, edges: EdgeTable, n: int) -> bool:
+def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
     """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide. Walks need
     faces of one orientation. A walk starts at the boundary, if the vertex has one, and steps over the edges from corner
     to corner. It stops after `LONGEST_WALK` steps, because a fan may have thousands of faces."""
@@ -214,14 +214,14 @@ def _whole_fans(F: Ints, edges: EdgeTable, n: int) -> bool:
     start[F.ravel()[alone]] = alone
     onward = np.ascontiguousarray(edges.twins.reshape(-1, 3)[:, [2, 0, 1]]).ravel()
     start = start[start >= 0]
-    at, met = start, 0
+    corner, met = start, 0
     for _ in range(LONGEST_WALK):
-        if not len(at):
+        if not len(corner):
             break
-        met += len(at)
-        at = onward[at]
-        still = np.flatnonzero((at != start) & (at >= 0))
-        at, start = at[still], start[still]
+        met += len(corner)
+        corner = onward[corner]
+        still = np.flatnonzero((corner != start) & (corner >= 0))
+        corner, start = corner[still], start[still]
     return met == 3 * len(F)
 
 
@@ -229,8 +229,8 @@ def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
     """Return the edges (k,) that both neighbours, of faces F (m, 3), run through in the same direction."""
     a = F.ravel()
     h0, h1 = edges.pairs.T
-    same = np.flatnonzero(a[h0] == a[h1])
-    return np.flatnonzero(edges.count == 2)[same] if len(same) else same
+    clashes = np.flatnonzero(a[h0] == a[h1])
+    return np.flatnonzero(edges.count == 2)[clashes] if len(clashes) else clashes
 
 
 def euler_characteristic(F: Ints, edges: EdgeTable) -> int:
@@ -256,13 +256,13 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
     h0, h1 = edges.pairs.T
     f, g, clash = h0 // 3, h1 // 3, (a[h0] == a[h1]) * m
     i, j = np.concatenate([f, f + m]), np.concatenate([g + clash, g + m - clash])
-    count, copy = connected(2 * m, i, j)
+    count, copy = link_components(2 * m, i, j)
     upright, turned = copy[:m], copy[m:]
     if (upright == turned).any():
         return None
     size = np.bincount(upright, minlength=count)
-    here, there = size[upright], size[turned]
-    flips: Bools = (here < there) | ((here == there) & (upright > turned))
+    upright_size, turned_size = size[upright], size[turned]
+    flips: Bools = (upright_size < turned_size) | ((upright_size == turned_size) & (upright > turned))
     return flips
 
 
@@ -273,17 +273,20 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
     opposed = misoriented_edges(F, edges)
     twice = duplicate_faces(F)
     touching = pinches(F, edges, n)
-    ways = "" if not len(opposed) or flips_to_orient(F, edges) is not None else "; the surface is not orientable"
-    found = (
+    note = "" if not len(opposed) or flips_to_orient(F, edges) is not None else "; the surface is not orientable"
+    faults = (
         (crowded, f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)})"),
-        (twice, f"{len(twice)} faces repeat an earlier face (first: {first(twice)})"),
+        (twice, f"{len(twice)} faces repeat an earlier face (first: {first_few(twice)})"),
         (
             opposed,
-            f"{len(opposed)} edges have faces of opposite sides (first: {named_edges(opposed, edges)}){ways}",
+            f"{len(opposed)} edges have faces of opposite sides (first: {named_edges(opposed, edges)}){note}",
         ),
-        (touching, f"{len(touching)} vertices are pinches, where parts touch in a point (first: {first(touching)})"),
+        (
+            touching,
+            f"{len(touching)} vertices are pinches, where parts touch in a point (first: {first_few(touching)})",
+        ),
     )
-    return tuple(sentence for where, sentence in found if len(where))
+    return tuple(sentence for where, sentence in faults if len(where))
 
 
 def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
@@ -294,7 +297,7 @@ def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
 
 def adjacency(edges: EdgeTable, n: int) -> csr_array:
     """Return a matrix (n, n) with ones between the ends of edges."""
-    i, j = _both_ways(edges)
+    i, j = _directed_edges(edges)
     return csr_array(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)))
 
 
@@ -322,24 +325,24 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
     """Return the edges (e, ...) with both ends marked (n, ...). An inner edge between two boundary vertices does not
     count, because its marks belong to the boundary. Exception: it is a side of a face whose corners are all marked,
     unless that face has two free edges (an ear of the mesh)."""
-    found = marks[edges.ends].all(axis=1)
+    is_spanned = marks[edges.ends].all(axis=1)
     rim = on_boundary(edges, len(marks))
     chord = rim[edges.ends].all(axis=1) & ~edges.boundary
-    beside = np.zeros_like(found)
+    beside_marked_face = np.zeros_like(is_spanned)
     ears = edges.boundary[edges.of].sum(axis=1) > 1
     for k in range(3):
-        np.logical_or.at(beside, edges.of[~ears, k], marks[F[~ears]].all(axis=1))
-    return np.asarray(found & (beside | ~chord.reshape(-1, *[1] * (marks.ndim - 1))))
+        np.logical_or.at(beside_marked_face, edges.of[~ears, k], marks[F[~ears]].all(axis=1))
+    return np.asarray(is_spanned & (beside_marked_face | ~chord.reshape(-1, *[1] * (marks.ndim - 1))))
 
 
-def smoothing_pairs(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
+def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
     """Return vertices (p,) and the neighbours (p,) whose mean they may move to; boundary vertices only move along
     it."""
-    i, j = _both_ways(edges)
+    i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]
 
 
-def _both_ways(edges: EdgeTable) -> tuple[Ints, Ints]:
+def _directed_edges(edges: EdgeTable) -> tuple[Ints, Ints]:
     i, j = np.concatenate([edges.ends, edges.ends[:, ::-1]]).T
     return i, j

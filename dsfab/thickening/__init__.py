@@ -5,7 +5,7 @@ from dsfab.thickening.extras.bodies import Base
 from dsfab.thickening.extras.cutting import Holes, SplitBodies, Trim
 from dsfab.thickening.extras.feet_and_rings import Feet, Ring
 from dsfab.thickening.offset_vectors import SHIFT, Offsets, Side, offsets
-from dsfab.thickening.separation_proof import OffsetLayer, apart
+from dsfab.thickening.separation_proof import OffsetLayer, proven_cells
 from dsfab.thickening.skin import closed_skin
 from dsfab.thickening.solid import Repairs, Solid, parts, thicken
 
@@ -23,10 +23,10 @@ __all__ = [
     "Solid",
     "SplitBodies",
     "Trim",
-    "apart",
     "closed_skin",
     "offsets",
     "parts",
+    "proven_cells",
     "thicken",
     "with_extras",
 ]

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, cross, first, lengths, lock, sorted_order
+from dsfab.core.arrays import Bools, Floats, Ints, cross, first_few, lengths, lock, sorted_order
 from dsfab.core.errors import SolidError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import corner_sides, one_sided_pieces
@@ -19,7 +19,7 @@ def check_edges(surface: Surface) -> None:
     if len(crowded):
         raise SolidError(
             f"{len(crowded)} edges of the sheet have more than two faces (first, by vertices: "
-            f"{_named(edges.ends[crowded])}); separate the sheets that meet there"
+            f"{_edge_names(edges.ends[crowded])}); separate the sheets that meet there"
         )
 
 
@@ -32,7 +32,7 @@ def check_oriented(surface: Surface) -> None:
     if len(wrong):
         raise SolidError(
             f"the two faces of {len(wrong)} edges of the sheet point to opposite sides (first, by vertices: "
-            f"{_named(edges.ends[wrong])}); orient the faces of the mesh consistently"
+            f"{_edge_names(edges.ends[wrong])}); orient the faces of the mesh consistently"
         )
 
 
@@ -41,12 +41,12 @@ def check_contacts(surface: Surface) -> None:
     pinched = surface.pinches
     if len(pinched):
         raise SolidError(
-            f"parts of the sheet meet in nothing but a point at {len(pinched)} vertices (first: {first(pinched)}); "
+            f"parts of the sheet meet in nothing but a point at {len(pinched)} vertices (first: {first_few(pinched)}); "
             "join or split them before thickening"
         )
 
 
-def _named(ends: Ints, count: int = 5) -> str:
+def _edge_names(ends: Ints, count: int = 5) -> str:
     shown = ", ".join(f"{a}-{b}" for a, b in ends[:count])
     return shown + (", ..." if len(ends) > count else "")
 
@@ -69,26 +69,26 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_open(surface, point, faces)[vertex])  # few on a fine mesh
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # few on a fine mesh
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
         worst, lowest = _lowest_corner(vertex, np.einsum("ci,ci->c", normal, point[vertex]))
-        here = vertex[worst]
-        square = np.einsum("vi,vi->v", point[here], point[here])
+        corner_vertex = vertex[worst]
+        square = np.einsum("vi,vi->v", point[corner_vertex], point[corner_vertex])
         open_ = lowest < (1 - VISIBILITY_GAP) * square
         if not open_.any():
             break
-        here, worst, square, lowest = here[open_], worst[open_], square[open_], lowest[open_]
-        towards = normal[worst] - point[here]
+        corner_vertex, worst, square, lowest = corner_vertex[open_], worst[open_], square[open_], lowest[open_]
+        towards = normal[worst] - point[corner_vertex]
         length2 = np.maximum(np.einsum("vi,vi->v", towards, towards), np.finfo(float).tiny)
-        point[here] += np.clip((square - lowest) / length2, 0, 1)[:, None] * towards
-        still = np.isin(vertex, here)
+        point[corner_vertex] += np.clip((square - lowest) / length2, 0, 1)[:, None] * towards
+        still = np.isin(vertex, corner_vertex)
         vertex, normal = vertex[still], normal[still]
-    return _settled(surface, point, mean, faces)
+    return _unit_normals(surface, point, mean, faces)
 
 
-def _open(surface: Surface, point: Floats, faces: Floats) -> Bools:
+def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
     """(n,) True if a step towards the worst face may help."""
     lowest = np.full(surface.n, np.inf)
     for corner, normal in zip(surface.F.T, faces.transpose(1, 0, 2), strict=True):
@@ -107,8 +107,8 @@ def _corner_mean(surface: Surface, weights: Floats, values: Floats) -> Floats:
     """(n, k) weighted mean over the corners at each vertex of values (3 m, k); zero without corners."""
     w, vertex = weights.ravel(), surface.F.ravel()
     total = np.stack([np.bincount(vertex, w * column, surface.n) for column in values.T], axis=1)
-    whole = np.bincount(vertex, w, surface.n)[:, None]
-    mean: Floats = np.divide(total, whole, out=np.zeros_like(total), where=whole > 0)
+    total_weight = np.bincount(vertex, w, surface.n)[:, None]
+    mean: Floats = np.divide(total, total_weight, out=np.zeros_like(total), where=total_weight > 0)
     return mean
 
 
@@ -133,7 +133,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
     return hits[first_hit], lowest
 
 
-def _settled(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
+def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
     """Unit normals from the points; the mean, or any face's normal, if a point sees a face from behind."""
     seen = _sees_all(surface, point, faces)
     N = np.where(seen[:, None], point, mean)
@@ -224,7 +224,7 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
     if len(bad) and not t.shape:
         raise SolidError(f"thickness = {thickness} m cannot be built; give a positive number of metres")
     if len(bad):
-        raise SolidError(f"the thickness is not a positive number at {len(bad)} vertices (first: {first(bad)})")
+        raise SolidError(f"the thickness is not a positive number at {len(bad)} vertices (first: {first_few(bad)})")
     return np.broadcast_to(t, surface.n)
 
 
@@ -238,20 +238,20 @@ def safe_shares(
     smallest : shares are not shrunk below this, because an exact test follows.
     """
     share = np.ones(surface.n)
-    look = np.arange(surface.m)
-    while len(look):
-        shrinks, left = np.zeros(surface.n, dtype=bool), D * share[:, None]
-        for k in range(0, len(look), CHUNK):
-            some = look[k : k + CHUNK]
-            F = surface.F[some]
-            d = left.take(F, axis=0)
-            C, asked = _prism_jacobians(surface.V.take(F, axis=0) + shift * d, d * sides[some][:, :, None])
+    faces = np.arange(surface.m)
+    while len(faces):
+        shrinks, scaled = np.zeros(surface.n, dtype=bool), D * share[:, None]
+        for k in range(0, len(faces), CHUNK):
+            rows = faces[k : k + CHUNK]
+            F = surface.F[rows]
+            d = scaled.take(F, axis=0)
+            C, required = _prism_jacobians(surface.V.take(F, axis=0) + shift * d, d * sides[rows][:, :, None])
             least = np.minimum(np.minimum(C[:, 0], C[:, 1]), C[:, 2])
-            tight = ((least < asked) & (asked > 0)).any(axis=1)
+            tight = ((least < required) & (required > 0)).any(axis=1)
             shrinks[F[tight]] = True
         shrinks &= share > smallest
         share[shrinks] = np.maximum(share[shrinks] * shrink, smallest)
-        look = np.flatnonzero(shrinks[surface.F].any(axis=1))
+        faces = np.flatnonzero(shrinks[surface.F].any(axis=1))
     return share
 
 

@@ -9,69 +9,71 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, distinct
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import smoothing_pairs
+from dsfab.surface.topology import smoothing_neighbours
 from dsfab.thickening.self_intersection import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
-from dsfab.thickening.union import THIN, THINNEST, United, united_prisms
+from dsfab.thickening.union import THIN, THINNEST, PrismUnion, prism_union
 
 
 @dataclass(frozen=True, eq=False)
-class Unfolded:
+class UnfoldedSheet:
     """The sheet's vertices V (n, 3) without small folds, and the pairs of its faces that still cross (k, 2)."""
 
     V: Floats
     crossing: Ints
 
 
-def unfolded(surface: Surface, D: Floats) -> Unfolded:
+def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
     """Smooth small folds of a sheet away, up to twice its thickness in size. D (n, 3): its half thickness, metres.
 
     Such a fold, of a few faces as a rule, is a fault of the mesh that no offset can pass: prisms over it turn over
     however thin they are. Larger folds are intended: there the surface crosses itself.
     """
-    first = crossing = intersecting_pairs(surface.V, surface.F)
-    V, near, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
+    all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
+    V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
-        fold, size = _folds(surface.V, surface.F, np.concatenate([first, crossing]))
+        fold, size = _folds(surface.V, surface.F, np.concatenate([all_crossings, crossing]))
         small = np.isin(fold, np.flatnonzero(size <= 4 * half))
-        at = np.zeros(surface.n, dtype=bool)
-        at[surface.F[crossing].ravel()] = True
-        at &= small
-        if not at.any():
+        to_move = np.zeros(surface.n, dtype=bool)
+        to_move[surface.F[crossing].ravel()] = True
+        to_move &= small
+        if not to_move.any():
             break
-        V = np.where(at[:, None], (V + near @ V) / 2, V)
-        first, crossing = np.concatenate([first, crossing]), intersecting_pairs(V, surface.F)
-    stuck = np.isin(fold, np.unique(fold[surface.F[crossing].ravel()])) & (fold >= 0) if len(first) else None
+        V = np.where(to_move[:, None], (V + averages @ V) / 2, V)
+        all_crossings, crossing = np.concatenate([all_crossings, crossing]), intersecting_pairs(V, surface.F)
+    stuck = np.isin(fold, np.unique(fold[surface.F[crossing].ravel()])) & (fold >= 0) if len(all_crossings) else None
     if stuck is not None and stuck.any() and (V != surface.V).any():  # undo moves of remaining folds
         V = np.where(stuck[:, None], surface.V, V)
         crossing = intersecting_pairs(V, surface.F)
-    return Unfolded(V, crossing)
+    return UnfoldedSheet(V, crossing)
 
 
-def flattened(surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints) -> tuple[Floats, Floats, Ints]:
+def flatten_contacts(
+    surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
+) -> tuple[Floats, Floats, Ints]:
     """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
 
     Faces that meet become thinner, to a film if necessary. If an offset hardly sees a face around its vertex,
     shortening does not help: both then move half of the way to the mean of the neighbours. Returns the best state.
     """
-    V, faces, near = surface.V, skin.faces(backslash), _averages(surface)
+    V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # at half of that rounding to single precision would show
-    best = V, D, pairs
+    result = V, D, pairs
     for _ in range(60):
         if not len(pairs):
             break
-        at = np.zeros(surface.n, dtype=bool)
-        at[faces[pairs].ravel() % surface.n] = True
-        blind = at & (_lowest_cosine(Surface(V, surface.F), skin, D) < 0.1)
-        thin = at & (np.linalg.norm(D, axis=1) > least)
+        involved = np.zeros(surface.n, dtype=bool)
+        involved[faces[pairs].ravel() % surface.n] = True
+        blind = involved & (_lowest_cosine(Surface(V, surface.F), skin, D) < 0.1)
+        thin = involved & (np.linalg.norm(D, axis=1) > least)
         if not (blind | thin).any():
             break
-        V = np.where(blind[:, None], (V + near @ V) / 2, V)
-        D = np.where(blind[:, None], (D + near @ D) / 2, D) * np.where(thin, THIN, 1)[:, None]
+        V = np.where(blind[:, None], (V + averages @ V) / 2, V)
+        D = np.where(blind[:, None], (D + averages @ D) / 2, D) * np.where(thin, THIN, 1)[:, None]
         pairs = pairs_after_moves(skin.vertices(V, D), faces, pairs, np.tile(blind | thin, 2))
-        if len(pairs) < len(best[2]):
-            best = V, D, pairs
-    return best
+        if len(pairs) < len(result[2]):
+            result = V, D, pairs
+    return result
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
@@ -90,24 +92,24 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(len(V),) * 2), directed=False)[1]
     used = distinct(corner)
-    kinds, of = np.unique(label[used], return_inverse=True)
+    kinds, fold_of_vertex = np.unique(label[used], return_inverse=True)
     fold = np.full(len(V), -1)
-    fold[used] = of
+    fold[used] = fold_of_vertex
     low, high = np.full((len(kinds), 3), np.inf), np.full((len(kinds), 3), -np.inf)
-    np.minimum.at(low, of, V[used])
-    np.maximum.at(high, of, V[used])
+    np.minimum.at(low, fold_of_vertex, V[used])
+    np.maximum.at(high, fold_of_vertex, V[used])
     return fold, np.linalg.norm(high - low, axis=1)
 
 
 def _averages(surface: Surface) -> csr_array:
     """(n, n) the mean over the neighbours of each vertex, along the boundary for boundary vertices."""
-    i, j = smoothing_pairs(surface.edges, surface.n)
+    i, j = smoothing_neighbours(surface.edges, surface.n)
     count = np.bincount(i, minlength=surface.n)
     return csr_array((1 / count[i], (i, j)), shape=(surface.n,) * 2)
 
 
 @dataclass(frozen=True, eq=False)
-class Repaired:
+class RepairedSkin:
     """A skin after repair: offsets D (n, 3) metres, diagonals (r,), and the pairs of faces that still intersect (k, 2).
 
     found   : number of pairs before the repair.
@@ -122,10 +124,10 @@ class Repaired:
     pairs: Ints
     found: int
     crosses: int = 0
-    union: United | None = None
+    union: PrismUnion | None = None
 
 
-def repaired(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> Repaired:
+def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
 
     Thinning does not help a sheet that crosses itself: it is cut into patches, whose solids are united.
@@ -134,31 +136,31 @@ def repaired(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
-    found = len(pairs)
-    backslash, pairs = _flipped(skin, V, D, backslash, pairs, among)
+    pair_count = len(pairs)
+    backslash, pairs = _flip_diagonals(skin, V, D, backslash, pairs, among)
     if not len(pairs):
-        return Repaired(V, D, backslash, pairs, found)
-    sheet = unfolded(surface, D)
+        return RepairedSkin(V, D, backslash, pairs, pair_count)
+    sheet = unfold(surface, D)
     crosses, folded = len(sheet.crossing), sheet.V is not V
     if folded:
         V, surface = sheet.V, Surface(sheet.V, surface.F)
-        backslash, pairs = _flipped(
+        backslash, pairs = _flip_diagonals(
             skin, V, D, backslash, intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
         )
     if crosses:
-        D, pairs = _thinned(skin, V, D, backslash, pairs, _away_from(surface, sheet.crossing, D))
+        D, pairs = _thin_offsets(skin, V, D, backslash, pairs, _away_from(surface, sheet.crossing, D))
         corners = D[surface.F] * np.where(skin.upper < surface.n, 1, -1)[:, :, None]
-        union = united_prisms(surface, corners, skin, pairs)
+        union = prism_union(surface, corners, skin, pairs)
         if union is not None and len(union.pairs) < len(pairs):
-            return Repaired(V, D, backslash, union.pairs, found, crosses, union)
+            return RepairedSkin(V, D, backslash, union.pairs, pair_count, crosses, union)
     every = np.ones(surface.n, dtype=bool)
-    D, pairs = _thinned(skin, V, D, backslash, pairs, every)
+    D, pairs = _thin_offsets(skin, V, D, backslash, pairs, every)
     if not crosses:
-        V, D, pairs = flattened(surface, skin, D, backslash, pairs)
-    return Repaired(V, D, backslash, pairs, found, crosses)
+        V, D, pairs = flatten_contacts(surface, skin, D, backslash, pairs)
+    return RepairedSkin(V, D, backslash, pairs, pair_count, crosses)
 
 
-def _flipped(
+def _flip_diagonals(
     skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, among: Bools | None = None
 ) -> tuple[Bools, Ints]:
     """Flip the diagonals of the walls in `pairs` that are free of intersections afterwards."""
@@ -169,14 +171,14 @@ def _flipped(
         walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbours may block each other: every second one
         if not len(walls):
             break
-        trial = _toggled(backslash, walls)
+        trial = _toggle(backslash, walls)
         cleared = np.setdiff1d(walls, skin.walls(intersecting_pairs(P, skin.faces(trial), among)))
         if not len(cleared):
             continue
-        trial = _toggled(backslash, cleared)
-        left = intersecting_pairs(P, skin.faces(trial), among)
-        if len(left) < len(pairs):
-            backslash, pairs = trial, left
+        trial = _toggle(backslash, cleared)
+        remaining = intersecting_pairs(P, skin.faces(trial), among)
+        if len(remaining) < len(pairs):
+            backslash, pairs = trial, remaining
     return backslash, pairs
 
 
@@ -186,7 +188,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
     return np.asarray(cKDTree(surface.V[surface.F[crossing]].reshape(-1, 3)).query(surface.V)[0] > reach)
 
 
-def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
+def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
     """Shorten offsets around the pairs until none remains or none may be shorter; return the best state.
 
     free : (n,) vertices that may be shortened.
@@ -195,7 +197,7 @@ def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, fr
         return D, pairs
     faces = skin.faces(backslash)
     share = np.ones(skin.n)
-    best_share, best = share, pairs
+    best_share, best_pairs = share, pairs
     for _ in range(30):
         if not len(pairs):
             break
@@ -208,12 +210,12 @@ def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, fr
         moved = np.zeros(skin.n, dtype=bool)
         moved[involved] = True
         pairs = pairs_after_moves(skin.vertices(V, D * share[:, None]), faces, pairs, np.tile(moved, 2))
-        if len(pairs) < len(best):
-            best_share, best = share, pairs
-    return D * best_share[:, None], best
+        if len(pairs) < len(best_pairs):
+            best_share, best_pairs = share, pairs
+    return D * best_share[:, None], best_pairs
 
 
-def _toggled(flags: Bools, at: Ints) -> Bools:
+def _toggle(flags: Bools, indices: Ints) -> Bools:
     changed = flags.copy()
-    changed[at] = ~changed[at]
+    changed[indices] = ~changed[indices]
     return changed

@@ -23,11 +23,11 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     if among is not None and not among.all():
         which = np.flatnonzero(among)
         used, corner = np.unique(F[which], return_inverse=True)
-        found = intersecting_pairs(V[used], corner.reshape(-1, 3)) if len(which) else np.empty((0, 2), dtype=np.int64)
-        return np.asarray(which[found])
+        hits = intersecting_pairs(V[used], corner.reshape(-1, 3)) if len(which) else np.empty((0, 2), dtype=np.int64)
+        return np.asarray(which[hits])
     V, F = np.array(V, dtype=np.float64), np.array(F, dtype=np.int64)
-    _, found, _ = igl.predicates.find_self_intersections(V, F)
-    apart = np.asarray(found, dtype=np.int64).reshape(-1, 2)
+    _, hits, _ = igl.predicates.find_self_intersections(V, F)
+    apart = np.asarray(hits, dtype=np.int64).reshape(-1, 2)
     strangers = ~(F[apart[:, 0]][:, :, None] == F[apart[:, 1]][:, None, :]).any(axis=(1, 2))
     pairs = np.concatenate([apart[strangers], _around_vertices(V, F), _over_edges(V, F)])
     pairs = np.sort(pairs, axis=1)
@@ -46,9 +46,9 @@ def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
     middle = corners.mean(axis=1)
     radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1)) * (1 + 1e-9)  # rounding
     reach = radius[changed].max()
-    far, _ = cKDTree(middle[changed]).query(middle, distance_upper_bound=reach + radius.max())
-    found = intersecting_pairs(V, F, changed | (far <= radius + reach))
-    pairs = np.concatenate([before[~changed[before].any(axis=1)], found[changed[found].any(axis=1)]])
+    distance, _ = cKDTree(middle[changed]).query(middle, distance_upper_bound=reach + radius.max())
+    new_pairs = intersecting_pairs(V, F, changed | (distance <= radius + reach))
+    pairs = np.concatenate([before[~changed[before].any(axis=1)], new_pairs[changed[new_pairs].any(axis=1)]])
     return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
 
 
@@ -58,38 +58,38 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     middle = _unit(ahead + behind)
     corner = sorted_order(s)
     around = s[corner]
-    at, hits = np.arange(len(corner)), []
+    position, hits = np.arange(len(corner)), []
     for distance in range(1, len(corner)):  # up to the number of faces at a vertex
-        at = at[at + distance < len(corner)]
-        at = at[around[at] == around[at + distance]]
-        if not len(at):
+        position = position[position + distance < len(corner)]
+        position = position[around[position] == around[position + distance]]
+        if not len(position):
             break
-        i, j = corner[at], corner[at + distance]
+        i, j = corner[position], corner[position + distance]
         once = (a[i] != b[j]) & (b[i] != a[j]) & (a[i] != a[j]) & (b[i] != b[j])
         i, j = i[once], j[once]
-        unclear = ~_separated(ahead, behind, middle, i, j)
+        unclear = ~_surely_separated(ahead, behind, middle, i, j)
         i, j = i[unclear], j[unclear]
         meet = _corners_meet(V, s[i], (a[i], b[i]), (a[j], b[j]))
         hits.append(np.stack([i[meet] // 3, j[meet] // 3], axis=1))
     return np.concatenate([*hits, np.empty((0, 2), dtype=np.int64)])
 
 
-def _separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
+def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
     """True if the plane halfway between two corners surely separates them: cheap, and enough for nearly all."""
     w = middle[i] - middle[j]
-    far = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
-    near = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))
+    least = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
+    largest = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))
     rounding = 1e-12
-    sure: Bools = (far > rounding) & (near < -rounding)
+    sure: Bools = (least > rounding) & (largest < -rounding)
     return sure
 
 
-def _corners_meet(V: Floats, s: Ints, one: tuple[Ints, Ints], two: tuple[Ints, Ints]) -> Bools:
+def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
     """True if triangles (s, a, b) and (s, c, d) meet outside s, exactly.
 
     They do when the edge ab meets the other triangle, or cd the first; in a common plane, when their angles overlap.
     """
-    S, A, B, C, D = V[s], V[one[0]], V[one[1]], V[two[0]], V[two[1]]
+    S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
     meet: Bools = (a * b <= 0) & (c * d <= 0)
     flat = meet & (a == 0) & (b == 0) & (c == 0) & (d == 0)
@@ -113,15 +113,15 @@ def _stabs(p: Floats, q: Floats, triangle: tuple[Floats, Floats, Floats]) -> Boo
 def _angles_overlap(S: Floats, A: Floats, B: Floats, C: Floats, D: Floats) -> Bools:
     """True if the angles a s b and c s d of one plane have more than s in common."""
     axis = np.abs(np.cross(A - S, B - S)).argmax(axis=1)
-    one, two = _turn(axis, S, A, B) < 0, _turn(axis, S, C, D) < 0
-    A, B = np.where(one[:, None], B, A), np.where(one[:, None], A, B)
-    C, D = np.where(two[:, None], D, C), np.where(two[:, None], C, D)
+    first_turned, second_turned = _turn(axis, S, A, B) < 0, _turn(axis, S, C, D) < 0
+    A, B = np.where(first_turned[:, None], B, A), np.where(first_turned[:, None], A, B)
+    C, D = np.where(second_turned[:, None], D, C), np.where(second_turned[:, None], C, D)
 
-    def within(P: Floats, start: Floats, end: Floats) -> Bools:
+    def in_angle(P: Floats, start: Floats, end: Floats) -> Bools:
         inside: Bools = (_turn(axis, S, start, P) >= 0) & (_turn(axis, S, P, end) >= 0)
         return inside
 
-    return within(C, A, B) | within(D, A, B) | within(A, C, D) | within(B, C, D)
+    return in_angle(C, A, B) | in_angle(D, A, B) | in_angle(A, C, D) | in_angle(B, C, D)
 
 
 def _over_edges(V: Floats, F: Ints) -> Ints:
@@ -133,8 +133,8 @@ def _over_edges(V: Floats, F: Ints) -> Ints:
     twins = (p[h] == q[g]) & (q[h] == p[g])
     h, g = h[twins], g[twins]
     N = _unit(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]))
-    close = ~(np.einsum("ek,ek->e", N[h // 3], N[g // 3]) > -0.9)
-    h, g = h[close], g[close]
+    may_fold = ~(np.einsum("ek,ek->e", N[h // 3], N[g // 3]) > -0.9)
+    h, g = h[may_fold], g[may_fold]
     P, Q, A, B = V[p[h]], V[q[h]], V[apex[h]], V[apex[g]]
     axis = np.abs(np.cross(Q - P, A - P)).argmax(axis=1)
     folded = (_side(P, Q, A, B) == 0) & (_turn(axis, P, Q, A) * _turn(axis, P, Q, B) >= 0)

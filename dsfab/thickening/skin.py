@@ -11,7 +11,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import corner_sides
 
 
-def rounded(V: Floats) -> Floats:
+def round_to_single(V: Floats) -> Floats:
     """Round V (n, 3), metres, to single precision in millimetres, so that STL and 3MF do not change it."""
     single: Floats = (V * MM_PER_M).astype(np.float32).astype(np.float64) / MM_PER_M
     return single
@@ -29,7 +29,7 @@ def rounding_step(V: Floats, D: Floats) -> float:
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 
 
-def coarsened(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
+def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Collapse short edges and flat neighbours of a closed mesh V (n, 3), F (m, 3), which stays closed and oriented.
 
     tolerance : in the unit of V, for each collapse; the sum may move 1.5 to 3 times as far.
@@ -37,8 +37,8 @@ def coarsened(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """
     import manifold3d
 
-    given = manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64)))
-    simple = given.simplify(tolerance)
+    solid = manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64)))
+    simple = solid.simplify(tolerance)
     mesh = simple.to_mesh64()
     faces = np.asarray(mesh.tri_verts, dtype=np.int64)
     if simple.status() != manifold3d.Error.NoError or not len(faces):
@@ -52,7 +52,7 @@ def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, In
     D : (n, 3) half-thickness vectors. shift : as in `Skin`. The mesh is neither proven nor repaired if it crosses
         itself.
     """
-    skin = Skin.of(surface, shift)
+    skin = Skin.from_surface(surface, shift)
     return skin.vertices(surface.V, D), skin.faces(skin.shorter_diagonals(surface.V, D))
 
 
@@ -82,19 +82,19 @@ class Skin:
     single: bool = False
 
     @classmethod
-    def of(cls, surface: Surface, shift: int = 0, single: bool = False) -> "Skin":
+    def from_surface(cls, surface: Surface, shift: int = 0, single: bool = False) -> "Skin":
         """Return the skin of a manifold sheet; its faces need not have a common orientation."""
         F, n = surface.F, surface.n
         turned = corner_sides(F, surface.edges) < 0
-        both = np.stack([F + n * turned, F + n * ~turned])
+        copies = np.stack([F + n * turned, F + n * ~turned])
         rim = surface.edges.boundary[surface.edges.of.ravel()]
-        ends = both.reshape(2, -1)[:, rim], np.roll(both, -1, axis=2).reshape(2, -1)[:, rim]
-        return cls(n, both[0], both[1], *ends, np.flatnonzero(rim) // 3, shift, single)
+        ends = copies.reshape(2, -1)[:, rim], np.roll(copies, -1, axis=2).reshape(2, -1)[:, rim]
+        return cls(n, copies[0], copies[1], *ends, np.flatnonzero(rim) // 3, shift, single)
 
     def vertices(self, V: Floats, D: Floats) -> Floats:
         """(2 n, 3) the copies on the side that D points to, then the other ones."""
-        both = np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
-        return rounded(both) if self.single else both
+        copies = np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
+        return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
         """(r,) True if p+ q- is the shorter diagonal of a wall; a tie, up to rounding, is False."""
@@ -107,9 +107,11 @@ class Skin:
         """(2 m + 2 r, 3) upper faces, lower faces, first and second triangle of the walls, all facing outward."""
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
-        one = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))
-        two = np.where(across, np.stack([p, below_p, below_q], axis=1), np.stack([q, below_p, below_q], axis=1))
-        return np.concatenate([self.upper, self.lower[:, ::-1], one, two])
+        first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))
+        second_triangle = np.where(
+            across, np.stack([p, below_p, below_q], axis=1), np.stack([q, below_p, below_q], axis=1)
+        )
+        return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second_triangle])
 
     def walls(self, faces: Ints) -> Ints:
         """(k,) the walls of faces (f,) of the solid, each once."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, first, lock, locked
+from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock, read_only_copy
 from dsfab.core.errors import SolidError
 from dsfab.core.units import MM_PER_M
 from dsfab.surface import signed_volume, signed_volumes, total_area
@@ -14,7 +14,7 @@ from dsfab.surface.files.other_libraries import as_compas, as_pyvista, as_trimes
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import edge_table, euler_characteristic, half_edges, misoriented_edges, pieces
 from dsfab.thickening.offset_vectors import SHIFT, Side, check_contacts, check_edges
-from dsfab.thickening.repair import Repaired, repaired
+from dsfab.thickening.repair import RepairedSkin, repair_skin
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, is_fine
 
@@ -60,39 +60,41 @@ class Repairs:
     smallest: float = 1.0
 
 
-def repairs_of(surface: Surface, D: Floats, repair: Repaired, V: Floats, F: Ints) -> tuple[Repairs, tuple[str, ...]]:
+def repair_report(
+    surface: Surface, D: Floats, repair: RepairedSkin, V: Floats, F: Ints
+) -> tuple[Repairs, tuple[str, ...]]:
     """Report the repair of the sheet with offsets D (n, 3) in numbers and in sentences; V, F is the solid."""
-    told, notes = Repairs(rung="flipped" if repair.found else "none", found=repair.found), []
+    report, notes = Repairs(rung="flipped" if repair.found else "none", found=repair.found), []
     share = np.linalg.norm(repair.D, axis=1) / np.linalg.norm(D, axis=1)
     thin = int((share < 1 - 1e-9).sum())
     if thin:
-        at, least = surface.V[share.argmin()], float(share.min())
+        point, least = surface.V[share.argmin()], float(share.min())
         lost = 1 - float(surface.areas @ share[surface.F].mean(axis=1)) / float(surface.areas.sum())
-        told = replace(told, rung="thinned", thinned=thin, thinnest=least, thinnest_at=_triple(at), lost=lost)
+        report = replace(report, rung="thinned", thinned=thin, thinnest=least, thinnest_at=_triple(point), lost=lost)
         notes.append(
             f"the sheet met itself in {repair.found} pairs of faces and was thinned at {thin} of {surface.n} "
-            f"vertices, by {lost:.2%} of its volume, down to {least:.2f} of its thickness near {_place(at)}"
+            f"vertices, by {lost:.2%} of its volume, down to {least:.2f} of its thickness near {_place(point)}"
         )
     away = np.linalg.norm(repair.V - surface.V, axis=1)
     if away.any():
-        moved, far = int((away > 0).sum()), float(away.max())
-        told = replace(told, rung=told.rung if thin else "thinned", moved=moved, moved_by=far)
+        moved, largest_move = int((away > 0).sum()), float(away.max())
+        report = replace(report, rung=report.rung if thin else "thinned", moved=moved, moved_by=largest_move)
         notes.append(
             f"the sheet was folded over itself in places smaller than its thickness; {moved} of its vertices were "
-            f"moved, at most by {far:.3g} m near {_place(surface.V[away.argmax()])}"
+            f"moved, at most by {largest_move:.3g} m near {_place(surface.V[away.argmax()])}"
         )
     if repair.union:
-        told = replace(told, rung="united", crossings=repair.union.places)
+        report = replace(report, rung="united", crossings=repair.union.places)
         lines = "in one place" if repair.union.places == 1 else f"in {repair.union.places} places"
         notes.append(f"the sheet crosses itself {lines}; its parts are fused there")
     if len(repair.pairs):
-        at = V[F[repair.pairs[0]]].mean(axis=(0, 1))
-        told = replace(told, pairs=len(repair.pairs), pairs_at=_triple(at))
+        point = V[F[repair.pairs[0]]].mean(axis=(0, 1))
+        report = replace(report, pairs=len(repair.pairs), pairs_at=_triple(point))
         notes.append(
-            f"{len(repair.pairs)} pairs of faces of the solid still intersect, the first near {_place(at)}; "
+            f"{len(repair.pairs)} pairs of faces of the solid still intersect, the first near {_place(point)}; "
             f"{_cause(repair)}"
         )
-    return told, tuple(notes)
+    return report, tuple(notes)
 
 
 def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
@@ -112,7 +114,7 @@ def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
     )
 
 
-def _cause(repair: Repaired) -> str:
+def _cause(repair: RepairedSkin) -> str:
     if repair.union:
         return "rounding where parts are fused; programs that slice it for printing take such contacts"
     if repair.crosses:
@@ -172,10 +174,10 @@ class Solid:
         """The mesh as a manifold3d solid for Boolean operations, metres; raises SolidError if manifold3d rejects it."""
         import manifold3d
 
-        made = manifold3d.Manifold(manifold3d.Mesh64(np.array(self.V), np.array(self.F, dtype=np.uint64)))
-        if made.status() != manifold3d.Error.NoError:
-            raise SolidError(f"manifold3d does not take the solid: {made.status().name}")
-        return made
+        solid = manifold3d.Manifold(manifold3d.Mesh64(np.array(self.V), np.array(self.F, dtype=np.uint64)))
+        if solid.status() != manifold3d.Error.NoError:
+            raise SolidError(f"manifold3d does not take the solid: {solid.status().name}")
+        return solid
 
     def to_build123d(self) -> "build123d.Shape":
         """The mesh as planar CAD faces, millimetres, as in STEP; `to_build123d` of a design is smooth."""
@@ -196,7 +198,7 @@ class Solid:
     @cached_property
     def box(self) -> Floats:
         """(2, 3) lowest and highest corner of the bounding box, metres."""
-        corners: Floats = locked([self.V.min(axis=0), self.V.max(axis=0)], np.float64, (2, 3))
+        corners: Floats = read_only_copy([self.V.min(axis=0), self.V.max(axis=0)], np.float64, (2, 3))
         return corners
 
 
@@ -221,13 +223,13 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     check_contacts(surface)
     surface, D = _used_part(surface, D)
     single = is_fine(surface.V, D) and not surface.is_flat  # rounding bends tilted planes
-    skin = Skin.of(surface, SHIFT[side], single)
+    skin = Skin.from_surface(surface, SHIFT[side], single)
     _check_upward(surface, skin, D)
     among = None if proven is None else ~proven[skin.sources()]
-    repair = repaired(surface, skin, D, among)
+    repair = repair_skin(surface, skin, D, among)
     if skin.single and len(repair.pairs) and not repair.union:  # rounding alone may cause them
         skin = replace(skin, single=False)
-        exact = repaired(surface, skin, D, among)
+        exact = repair_skin(surface, skin, D, among)
         skin, repair = (skin, exact) if len(exact.pairs) < len(repair.pairs) else (replace(skin, single=True), repair)
     if repair.union:
         V, F, count = repair.union.V, repair.union.F, repair.union.pieces
@@ -237,7 +239,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
         changed = repair.V is not surface.V or (repair.D is not D and bool((repair.D != D).any()))
         V = _vertices(skin, repair, F, None if changed else among)
         count, shells = _pieces_and_shells(surface, F)
-    repairs, notes = repairs_of(surface, D, repair, V, F)
+    repairs, notes = repair_report(surface, D, repair, V, F)
     solid = Solid(
         V=V,
         F=F,
@@ -246,11 +248,11 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
         notes=(*notes, *rounding_notes(V, F)),
         repairs=repairs,
     )
-    judge(solid)
+    check_solid(solid)
     return solid
 
 
-def _vertices(skin: Skin, repair: Repaired, F: Ints, among: Bools | None) -> Floats:
+def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) -> Floats:
     """Vertices of the repaired solid: exact if these do not intersect more than the rounded ones."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
@@ -259,7 +261,7 @@ def _vertices(skin: Skin, repair: Repaired, F: Ints, among: Bools | None) -> Flo
     return exact if len(intersecting_pairs(exact, F, among)) <= len(repair.pairs) else V
 
 
-def judge(solid: Solid) -> None:
+def check_solid(solid: Solid) -> None:
     """Raise SolidError unless manifold3d accepts the solid as a closed manifold of the same, positive volume.
 
     Its status must be read, because a bad mesh turns empty without an error. It does not test intersections.
@@ -296,7 +298,7 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
     bad = np.flatnonzero(used & ~(np.isfinite(D).all(axis=1) & D.any(axis=1)))
     if len(bad):
         raise SolidError(
-            f"{len(bad)} offset vectors are zero or not finite (first: {first(bad)}); carry them from `offsets`"
+            f"{len(bad)} offset vectors are zero or not finite (first: {first_few(bad)}); carry them from `offsets`"
         )
     if used.all():
         return surface, D
@@ -354,16 +356,16 @@ def parts(solid: Solid) -> tuple[Solid, ...]:
 
 def _owners(low: Floats, high: Floats, outer: Bools) -> Ints:
     owner = np.arange(len(low))
-    at = np.flatnonzero(outer)
-    size = np.linalg.norm(high[at] - low[at], axis=1)
+    outer_shells = np.flatnonzero(outer)
+    size = np.linalg.norm(high[outer_shells] - low[outer_shells], axis=1)
     for k in np.flatnonzero(~outer):
-        around = (low[at] <= low[k]).all(axis=1) & (high[at] >= high[k]).all(axis=1)
-        owner[k] = at[np.where(around, size, np.inf).argmin()]
+        around = (low[outer_shells] <= low[k]).all(axis=1) & (high[outer_shells] >= high[k]).all(axis=1)
+        owner[k] = outer_shells[np.where(around, size, np.inf).argmin()]
     return owner
 
 
-def _part(solid: Solid, mine: Bools) -> Solid:
-    F = solid.F[mine]
+def _part(solid: Solid, faces: Bools) -> Solid:
+    F = solid.F[faces]
     used = np.zeros(len(solid.V), dtype=bool)
     used[F] = True
     F = (np.cumsum(used) - 1)[F]

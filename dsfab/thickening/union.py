@@ -13,7 +13,7 @@ from dsfab.surface import signed_volumes
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_table, pieces
 from dsfab.thickening.self_intersection import intersecting_pairs
-from dsfab.thickening.skin import Skin, coarsened, rounded
+from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
 INWARD = 0.005
 """Move of seam vertices of a patch, and of the ends of its neighbour, as a share of the way to their neighbours."""
@@ -34,57 +34,57 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     clashes : (k, 2) faces of the sheet whose prisms meet.
     Near a seam parts are thinner, by 1 % one vertex away and 2 % on it, and half as much again for every colour.
     """
-    near = adjacency(surface.edges, surface.n)
+    neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
-    own = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
-    more = [_extension(surface, colour, c, own[c], clashes) for c in range(count)]
+    own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
+    extensions = [_extension(surface, colour, c, own_vertices[c], clashes) for c in range(count)]
     parts = []
     for c in range(count):
-        beyond = corners_of(surface.F, more[c], surface.n) & ~own[c]
+        beyond = corners_of(surface.F, extensions[c], surface.n) & ~own_vertices[c]
         on_seam, open_seam = np.zeros((2, surface.n), dtype=bool)
         for lower in range(c):
-            shared = own[c] & own[lower]
-            open_ = shared & corners_of(surface.F, (colour == c) & ~more[lower], surface.n)
+            shared = own_vertices[c] & own_vertices[lower]
+            open_ = shared & corners_of(surface.F, (colour == c) & ~extensions[lower], surface.n)
             on_seam, open_seam = on_seam | (shared & ~open_), open_seam | open_
         on_seam &= ~open_seam
         inside = corners_of(surface.F, colour < c, surface.n) & ~on_seam if c else np.zeros(surface.n, dtype=bool)
-        V = _drawn_in(surface, near, beyond, own[c])
-        V = _moved(V, near, on_seam, inside, INWARD)
+        V = _shrink_ends(surface, neighbours, beyond, own_vertices[c])
+        V = _move_towards(V, neighbours, on_seam, inside, INWARD)
         share = np.ones(surface.n)
         step = 0.01 * (1 + 0.5 * c)
-        share[(near @ on_seam.astype(float) > 0) & own[c] & ~open_seam] = 1 - step
+        share[(neighbours @ on_seam.astype(float) > 0) & own_vertices[c] & ~open_seam] = 1 - step
         share[on_seam] = 1 - 2 * step
-        parts.append(Overlap((colour == c) | more[c], V, share))
+        parts.append(Overlap((colour == c) | extensions[c], V, share))
     return parts
 
 
-def _extension(surface: Surface, colour: Ints, c: int, own: Bools, clashes: Ints) -> Bools:
+def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
     """(m,) the faces of higher colours with a vertex of colour c, without those that meet another face of the part."""
-    more = (colour > c) & own[surface.F].any(axis=1)
-    part = more | (colour == c)
+    extension = (colour > c) & own_vertices[surface.F].any(axis=1)
+    part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
-    more[meet.ravel()] = False
-    return np.asarray(more)
+    extension[meet.ravel()] = False
+    return np.asarray(extension)
 
 
-def _drawn_in(surface: Surface, near: csr_array, beyond: Bools, own: Bools) -> Floats:
+def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
     """Vertices with those `beyond` moved by 45 % along their shortest edge to a vertex of the patch."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
-    used = beyond[i] & own[j]
+    used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
     order = np.lexsort([np.linalg.norm(surface.V[i] - surface.V[j], axis=1), i])
-    at, nearest = np.unique(i[order], return_index=True)
+    moved, nearest = np.unique(i[order], return_index=True)
     V = surface.V.copy()
-    V[at] += 0.45 * (surface.V[j[order][nearest]] - V[at])
-    return _moved(V, near, beyond, own, INWARD)  # aside, because skins must not meet edge on edge
+    V[moved] += 0.45 * (surface.V[j[order][nearest]] - V[moved])
+    return _move_towards(V, neighbours, beyond, own_vertices, INWARD)  # aside, because skins must not meet edge on edge
 
 
-def _moved(V: Floats, near: csr_array, which: Bools, towards: Bools, share: float) -> Floats:
+def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
     """V with the marked vertices moved a share of the way to the mean of their neighbours in `towards`, if any."""
-    count = near @ towards.astype(float)
-    at = np.flatnonzero(which & (count > 0))
+    count = neighbours @ towards.astype(float)
+    rows = np.flatnonzero(moves & (count > 0))
     V = V.copy()
-    V[at] += share * ((near[at] @ (V * towards[:, None])) / count[at, None] - V[at])
+    V[rows] += share * ((neighbours[rows] @ (V * towards[:, None])) / count[rows, None] - V[rows])
     return V
 
 
@@ -96,7 +96,7 @@ THINNEST = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class United:
+class PrismUnion:
     """A closed mesh V (n, 3), F (m, 3), the pairs of faces in it that still intersect (k, 2), and its pieces.
 
     share  : (n',) of the input offset that remains at each vertex of the sheet.
@@ -111,7 +111,7 @@ class United:
     places: int
 
 
-def united_prisms(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> United | None:
+def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
     """Unite the prisms over a sheet whose solid has intersecting faces `pairs` (k, 2).
 
     corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each.
@@ -121,70 +121,72 @@ def united_prisms(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) ->
     """
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
-    found = skin.sources()[pairs]
-    around = _touching(surface.F[found])
+    meeting = skin.sources()[pairs]
+    around = _touching(surface.F[meeting])
     clashes = np.empty((0, 2), dtype=np.int64)
     for round_ in range(30):
-        stuck = _stuck(found, around, label)
-        clashes = np.unique(np.concatenate([clashes, np.sort(found[~stuck], axis=1)]), axis=0)
-        thin = np.unique(surface.F[found[stuck]]) if round_ else np.empty(0, dtype=np.int64)  # no thinning in round 0
+        inseparable = _stuck(meeting, around, label)
+        clashes = np.unique(np.concatenate([clashes, np.sort(meeting[~inseparable], axis=1)]), axis=0)
+        thin = (
+            np.unique(surface.F[meeting[inseparable]]) if round_ else np.empty(0, dtype=np.int64)
+        )  # no thinning in round 0
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
-        cut = _separated(label, clashes, graph)
+        cut = _cut_patches(label, clashes, graph)
         if cut is None:
             return None
         label = cut
-        colour, D = _coloured(label, clashes), corners * share[surface.F][:, :, None]
+        colour, D = _patch_colours(label, clashes), corners * share[surface.F][:, :, None]
         parts = [_part(surface, D, overlap, skin) for overlap in overlaps(surface, colour, clashes)]
-        found, around = (np.concatenate([getattr(part, key) for part in parts]) for key in ("found", "around"))
-        if not len(found) or (round_ and not len(thin) and _stuck(found, around, label).all()):
+        meeting, around = (np.concatenate([getattr(part, key) for part in parts]) for key in ("found", "around"))
+        if not len(meeting) or (round_ and not len(thin) and _stuck(meeting, around, label).all()):
             break
     merged = _union([(part.V, part.F) for part in parts])
     if merged is None:
         return None
-    V, F, pairs = _settled(*merged, skin.single)
-    return United(V, F, pairs, _outer_shells(V, F), share, _places(surface, clashes, graph))
+    V, F, pairs = _collapse_short_edges(*merged, skin.single)
+    return PrismUnion(V, F, pairs, _outer_shells(V, F), share, _crossing_count(surface, clashes, graph))
 
 
-def _settled(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
+def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
     """The union with short edges collapsed so that fewest pairs intersect, and these pairs.
 
     Two surfaces that cross near a vertex have points on their line closer together than single precision resolves.
     """
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
-    best: tuple[Floats, Ints, Ints] | None = None
+    result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
-        P, S = coarsened(V, F, tolerance) if tolerance else (V, F)
+        P, S = coarsen_mesh(V, F, tolerance) if tolerance else (V, F)
         pairs = intersecting_pairs(P, S)
         if single:
-            exact, pairs = len(pairs), intersecting_pairs(rounded(P), S)
-            P = rounded(P) if len(pairs) <= exact else P
-        if best is None or len(pairs) < len(best[2]):
-            best = P, S, pairs
+            exact, pairs = len(pairs), intersecting_pairs(round_to_single(P), S)
+            P = round_to_single(P) if len(pairs) <= exact else P
+        if result is None or len(pairs) < len(result[2]):
+            result = P, S, pairs
         if not len(pairs):
             break
-    assert best is not None
-    return best
+    assert result is not None
+    return result
 
 
 def _dual(surface: Surface) -> csr_array:
     f, g = (surface.edges.pairs // 3).T
     reach = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
     reach = np.maximum(reach, np.finfo(float).tiny)
-    both = np.concatenate([f, g]), np.concatenate([g, f])
-    return csr_array((np.concatenate([reach, reach]), both), shape=(surface.m, surface.m))
+    index_pairs = np.concatenate([f, g]), np.concatenate([g, f])
+    return csr_array((np.concatenate([reach, reach]), index_pairs), shape=(surface.m, surface.m))
 
 
-def _stuck(found: Ints, around: Bools, label: Ints) -> Bools:
+def _stuck(face_pairs: Ints, around: Bools, label: Ints) -> Bools:
     """(k,) mask of pairs of faces of one patch around a common vertex, which no cut separates."""
-    return np.asarray(around & (label[found[:, 0]] == label[found[:, 1]]))
+    return np.asarray(around & (label[face_pairs[:, 0]] == label[face_pairs[:, 1]]))
 
 
 def _touching(F: Ints) -> Bools:
     return np.asarray((F[:, 0, :, None] == F[:, 1, None, :]).any(axis=(1, 2)))
 
 
-def _separated(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
+def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
     """Patches (m,) cut halfway between faces that clash until none contains both; None beyond `patch_limit` patches."""
     label = label.copy()
     count = int(label.max()) + 1
@@ -192,9 +194,9 @@ def _separated(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 
         inside = clashes[label[clashes[:, 0]] == label[clashes[:, 1]]]
         if not len(inside):
             return label
-        for patch, at in zip(*np.unique(label[inside[:, 0]], return_index=True), strict=True):
+        for patch, first_rows in zip(*np.unique(label[inside[:, 0]], return_index=True), strict=True):
             faces = np.flatnonzero(label == patch)
-            ends = np.searchsorted(faces, inside[at])
+            ends = np.searchsorted(faces, inside[first_rows])
             away = dijkstra(graph[faces][:, faces], directed=False, indices=ends)
             label[faces[away[1] < away[0]]] = count
             count += 1
@@ -202,17 +204,17 @@ def _separated(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 
             return None
 
 
-def _coloured(label: Ints, clashes: Ints) -> Ints:
-    patch, of, size = np.unique(label, return_inverse=True, return_counts=True)
+def _patch_colours(label: Ints, clashes: Ints) -> Ints:
+    patch, patch_of_face, size = np.unique(label, return_inverse=True, return_counts=True)
     rivals: list[set[int]] = [set() for _ in patch]
-    for a, b in np.unique(of[clashes], axis=0).tolist():
+    for a, b in np.unique(patch_of_face[clashes], axis=0).tolist():
         rivals[a].add(b)
         rivals[b].add(a)
     colour = np.full(len(patch), -1)
     for k in np.argsort(-size, kind="stable").tolist():
         taken = {int(colour[r]) for r in rivals[k]}
         colour[k] = next(c for c in range(len(patch)) if c not in taken)
-    return np.asarray(colour[of])
+    return np.asarray(colour[patch_of_face])
 
 
 class _Part(NamedTuple):
@@ -230,25 +232,25 @@ def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _P
     """The closed mesh over the faces of a part; patches that touch in a vertex get a copy of it each."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
-    _, first = np.unique(F.ravel(), return_index=True)
-    old = surface.F[faces].ravel()[first]
-    sheet = Surface(overlap.V[old], F)
-    D = corners[faces].reshape(-1, 3)[first] * overlap.share[old, None]
-    skin = Skin.of(sheet, like.shift, like.single)
+    _, first_corner = np.unique(F.ravel(), return_index=True)
+    sheet_vertex = surface.F[faces].ravel()[first_corner]
+    sheet = Surface(overlap.V[sheet_vertex], F)
+    D = corners[faces].reshape(-1, 3)[first_corner] * overlap.share[sheet_vertex, None]
+    skin = Skin.from_surface(sheet, like.shift, like.single)
     V, S = skin.vertices(sheet.V, D), skin.faces(skin.shorter_diagonals(sheet.V, D))
-    found = skin.sources()[intersecting_pairs(V, S)]
-    return _Part(V, S, faces[found], _touching(F[found]))
+    face_pairs = skin.sources()[intersecting_pairs(V, S)]
+    return _Part(V, S, faces[face_pairs], _touching(F[face_pairs]))
 
 
 def _union(parts: list[tuple[Floats, Ints]]) -> tuple[Floats, Ints] | None:
     import manifold3d
 
     solids = [manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64))) for V, F in parts]
-    whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
-    good = manifold3d.Error.NoError
-    if any(solid.status() != good for solid in (*solids, whole)) or whole.is_empty():
+    union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+    no_error = manifold3d.Error.NoError
+    if any(solid.status() != no_error for solid in (*solids, union)) or union.is_empty():
         return None
-    mesh = whole.to_mesh64()
+    mesh = union.to_mesh64()
     return np.asarray(mesh.vert_properties)[:, :3].astype(np.float64), np.asarray(mesh.tri_verts).astype(np.int64)
 
 
@@ -258,7 +260,7 @@ def _outer_shells(V: Floats, F: Ints) -> int:
     return int((signed_volumes(V, F, label, count) > 0).sum())
 
 
-def _places(surface: Surface, clashes: Ints, graph: csr_array) -> int:
+def _crossing_count(surface: Surface, clashes: Ints, graph: csr_array) -> int:
     """Number of clusters of the faces that clash, connected over neighbours and across the crossings."""
     involved = np.unique(clashes)
     i, j = np.searchsorted(involved, clashes).T

@@ -42,10 +42,10 @@ class Rays:
         self._tree = igl.AABB()
         self._tree.init(self._V, self._F)
 
-    def first(self, start: Floats, way: Floats) -> Ints:
+    def first_hits(self, start: Floats, direction: Floats) -> Ints:
         """(k,) the first face hit from `start` (k, 3), lifted a little, along unit vectors (k, 3), or -1."""
-        start = (start - self._middle) * self._scale + 1e-9 * LARGE * way  # beneath the face itself
-        return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, way)[0], dtype=np.int64)
+        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # beneath the face itself
+        return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
 
 class Facets:
@@ -59,19 +59,19 @@ class Facets:
         self._order = np.argsort(self._facet, kind="stable")
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
-    def first_apart(self, size: Floats, one: Ints, other: Ints) -> int | None:
+    def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
         """Row of the pair of faces (k,) with the least `size` whose facets do not meet in a point; None without a
         finite size.
         """
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break
-            if not self._meet(one[k], other[k]):
+            if not self._meet(start_face[k], end_face[k]):
                 return int(k)
         return None
 
-    def _meet(self, one: int, other: int) -> bool:
-        a, b = int(self._facet[one]), int(self._facet[other])
+    def _meet(self, face_a: int, face_b: int) -> bool:
+        a, b = int(self._facet[face_a]), int(self._facet[face_b])
         return a != b and bool(np.isin(self._corners(a), self._corners(b)).any())
 
     def _corners(self, facet: int) -> Ints:
@@ -91,11 +91,11 @@ def thinnest_wall(solid: Solid) -> Wall | None:
     face = face[face >= 0]
     N = _normals(V, F)
     start = (1 - INSIDE) * V[corner] + INSIDE * V[F[face]].mean(axis=1)
-    hit = Rays(V, F).first(start, -N[face])
+    hit = Rays(V, F).first_hits(start, -N[face])
     opposed = (hit >= 0) & (-np.einsum("ki,ki->k", N[face], N[hit]) > OPPOSED)
     depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])  # libigl's own distance has six digits
     thickness = np.where(opposed, depth, np.inf)
-    k = Facets(F, N).first_apart(thickness, face, hit)
+    k = Facets(F, N).nearest_separate_pair(thickness, face, hit)
     return None if k is None else Wall(float(thickness[k]), V[corner[k]])
 
 
@@ -110,7 +110,7 @@ def _largest_faces(V: Floats, F: Ints) -> Ints:
     order = np.argsort(area, kind="stable")
     largest = np.full(len(V), -1)
     for corner in F[order].T:  # numpy keeps the last of equal indices: the largest face
-        held = largest[corner]
-        better = (held < 0) | (area[np.maximum(held, 0)] <= area[order])
+        current = largest[corner]
+        better = (current < 0) | (area[np.maximum(current, 0)] <= area[order])
         largest[corner[better]] = order[better]
     return largest

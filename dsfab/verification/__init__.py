@@ -50,10 +50,10 @@ def choose(names: Sequence[str]) -> list[Test]:
         return list(TESTS.values())
     chosen: dict[str, Test] = {}
     for name in names:
-        found = {key: test for key, test in TESTS.items() if key.startswith(name)}
-        if not found:
+        matches = {key: test for key, test in TESTS.items() if key.startswith(name)}
+        if not matches:
             raise StaticsError(f"there is no verification test {name!r}; the tests are {', '.join(TESTS)}")
-        chosen |= {name: TESTS[name]} if name in TESTS else found
+        chosen |= {name: TESTS[name]} if name in TESTS else matches
     return list(chosen.values())
 
 

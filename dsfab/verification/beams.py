@@ -78,10 +78,10 @@ def raasch_hook(cells: int, mesh: Mesh) -> Problem:
     end is pushed sideways, along its own width."""
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
-    first = np.minimum(turn, np.pi / 3)
-    lean = np.pi / 3 - (turn - first)
-    x = 14 * np.sin(first) + 46 * (np.sin(np.pi / 3) - np.sin(lean))
-    z = 14 * (1 - np.cos(first)) + 46 * (np.cos(lean) - np.cos(np.pi / 3))
+    first_arc = np.minimum(turn, np.pi / 3)
+    lean = np.pi / 3 - (turn - first_arc)
+    x = 14 * np.sin(first_arc) + 46 * (np.sin(np.pi / 3) - np.sin(lean))
+    z = 14 * (1 - np.cos(first_arc)) + 46 * (np.cos(lean) - np.cos(np.pi / 3))
     return tip_loaded(uv, F, np.stack([x, 20 * uv[:, 1], z], axis=1), Material(3300.0, 0.35), 2.0, (0.0, 1.0, 0.0))
 
 
@@ -117,8 +117,8 @@ def _curved_plane() -> float:
     pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]
     """
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
-    both = a**2 + b**2
-    return float(np.pi * both / (young * thickness * (a**2 - b**2 + both * np.log(b / a))))
+    squares = a**2 + b**2
+    return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))
 
 
 HARDER = "MacNeal and Harder 1985, unit load on the whole end"

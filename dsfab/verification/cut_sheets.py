@@ -5,9 +5,9 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats
 from dsfab.slicing import cut
 from dsfab.statics import Material, SpreadLoad
-from dsfab.study.calculix import nodes_of, solid_compliance, wedges
+from dsfab.study.calculix import end_face_nodes, solid_compliance, wedges
 from dsfab.surface import Surface
-from dsfab.verification.problems import Mesh, Problem, Test, at, edges_on, held_directions, square
+from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_directions, is_at, square
 
 CONCRETE = Material(33e9, 0.2, 2500.0)
 THICKNESS = 0.05
@@ -24,12 +24,12 @@ def vault(cells: int) -> Surface:
     """Return a barrel vault of six by four openings, cut by stripes around it and along it, half of either kept."""
     uv, F = square(COARSE, COARSE - 2, "union_jack")
     turn = OPENING * (uv[:, 0] - 0.5)
-    whole = Surface(np.stack([RADIUS * np.sin(turn), LENGTH * uv[:, 1], RADIUS * np.cos(turn)], axis=1), F)
+    uncut = Surface(np.stack([RADIUS * np.sin(turn), LENGTH * uv[:, 1], RADIUS * np.cos(turn)], axis=1), F)
     stripes = [np.sort(np.concatenate([np.arange(n + 1) - 0.25, np.arange(n + 1) + 0.25])) for n in (6, 4)]
-    kept = cut(whole, [6 * uv[:, 0], 4 * uv[:, 1]], stripes).kept().surface
-    surface = Surface(on_cylinder(kept.V)[0], kept.F)
+    ribs = cut(uncut, [6 * uv[:, 0], 4 * uv[:, 1]], stripes).subset().surface
+    surface = Surface(on_cylinder(ribs.V)[0], ribs.F)
     for _ in range(round(np.log2(cells / COARSE))):
-        surface = halved(surface)
+        surface = halved_on_cylinder(surface)
     return surface
 
 
@@ -40,7 +40,7 @@ def on_cylinder(points: Floats) -> tuple[Floats, Floats]:
     return points * (0, 1, 0) + RADIUS * normal, normal
 
 
-def halved(surface: Surface) -> Surface:
+def halved_on_cylinder(surface: Surface) -> Surface:
     """Split every triangle into four, with new vertices on the cylinder."""
     F, edges = surface.F, surface.edges
     mid = surface.n + edges.of
@@ -52,7 +52,7 @@ def halved(surface: Surface) -> Surface:
 def feet(surface: Surface) -> Bools:
     """Return (n,) vertices on the two springing lines."""
     turn = np.arctan2(surface.V[:, 0], surface.V[:, 2])
-    return at(np.abs(turn), OPENING / 2)
+    return is_at(np.abs(turn), OPENING / 2)
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
@@ -66,7 +66,7 @@ def cut_vault(cells: int, mesh: Mesh) -> Problem:
         THICKNESS,
         fixed=held_directions(surface.n, (where, "xyz")),
         force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.on(surface, face=CONCRETE.density * THICKNESS * GRAVITY),
+        spread=SpreadLoad.broadcast(surface, face=CONCRETE.density * THICKNESS * GRAVITY),
         clamped=edges_on(surface, where),
         value=lambda answer: answer.compliance,
     )
@@ -76,8 +76,8 @@ def vault_solid(cells: int, mesh: Mesh) -> tuple[int, float] | None:
     """Return the vault as a solid: its nodes times three, and its compliance, J; None if CalculiX is not installed."""
     surface = vault(cells)
     solid = wedges(surface, THICKNESS, on_cylinder)
-    found = solid_compliance(solid, CONCRETE, nodes_of(solid, surface, feet(surface)), GRAVITY)
-    return None if found is None else (3 * len(np.unique(solid.elements)), found)
+    compliance = solid_compliance(solid, CONCRETE, end_face_nodes(solid, surface, feet(surface)), GRAVITY)
+    return None if compliance is None else (3 * len(np.unique(solid.elements)), compliance)
 
 
 TESTS = [

@@ -15,7 +15,7 @@ import numpy as np
 
 from dsfab import __version__
 from dsfab.core.arrays import Floats
-from dsfab.export import whole_or_nothing
+from dsfab.export import atomic_folder
 from dsfab.report.html_pages import html_page
 from dsfab.statics import REPORTED, USES, elements_of
 from dsfab.verification import Problem, Standing, Test, VerificationRow, pattern_spread, shortfalls, standings
@@ -41,24 +41,24 @@ def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standi
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):
-                drawn = [row for row in rows if (row.elements, row.mesh) == (name, mesh) and row.ratio is not None]
+                plotted = [row for row in rows if (row.elements, row.mesh) == (name, mesh) and row.ratio is not None]
                 axes.loglog(
-                    [row.unknowns for row in drawn],
-                    [_percent((row.ratio or 0) - 1) for row in drawn],
+                    [row.unknowns for row in plotted],
+                    [_percent((row.ratio or 0) - 1) for row in plotted],
                     color=colour,
                     linestyle=("-", "--", ":")[k],
                     marker="o",
                     markersize=3.5,
                     linewidth=1.6,
-                    label=(name if k == 0 else None) if drawn else None,
+                    label=(name if k == 0 else None) if plotted else None,
                 )
-        found = [standing for standing in against if standing.unknowns is not None]
-        names = list(dict.fromkeys(standing.published.element for standing in found))
+        comparable = [standing for standing in against if standing.unknowns is not None]
+        names = list(dict.fromkeys(standing.published.element for standing in comparable))
         for mark, name in zip(MARKS, names, strict=False):
-            same = [standing for standing in found if standing.published.element == name]
+            of_element = [standing for standing in comparable if standing.published.element == name]
             axes.plot(
-                [standing.unknowns or 0 for standing in same],
-                [_percent(standing.published.ratio - 1) for standing in same],
+                [standing.unknowns or 0 for standing in of_element],
+                [_percent(standing.published.ratio - 1) for standing in of_element],
                 color=PUBLISHED,
                 linestyle="",
                 marker=mark,
@@ -79,7 +79,7 @@ def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standi
 def drawing(problem: Problem, title: str) -> str:
     """Draw the mesh from above or isometrically, with its supports (dots) and a sample of its loads (arrows)."""
     V = problem.surface.V
-    view = np.eye(2, 3) if problem.flat == 2 else _isometric()
+    view = np.eye(2, 3) if problem.plane_axis == 2 else _isometric()
     shown = V @ view.T
     ends = problem.surface.edges.ends
     rim = problem.surface.edges.boundary
@@ -186,7 +186,7 @@ svg { max-width: 100%; height: auto; font-family: var(--sans); } a { color: inhe
 def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationRow]) -> Path:
     """Write `index.html` about these rows into `folder` and return its path. Raises ExportError."""
     text = page(tests, rows)
-    with whole_or_nothing(folder) as partial:
+    with atomic_folder(folder) as partial:
         (partial / "index.html").write_text(text, encoding="utf-8")
     return folder / "index.html"
 
@@ -195,7 +195,7 @@ def page(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
     """Return the whole page. Equal rows give equal text, because it contains no time."""
     against = standings(rows, {test.name: test for test in tests})
     short = shortfalls(rows)
-    parts = [_head(tests, rows), _uses(), _summary(tests, rows), _field(against)]
+    parts = [_head(tests, rows), _uses(), _summary(tests, rows), _published_counts(against)]
     parts += [_section(test, rows, against, short) for test in tests]
     return html_page("dsfab verify", "\n".join(parts), STYLE)
 
@@ -254,8 +254,8 @@ def _cells(count: int) -> str:
 def _error(row: VerificationRow, limit: float | None) -> str:
     if row.value is None:
         return "no value"
-    of = f" of {limit:.5g}, the limit of thin sheets" if limit else ""
-    return f"{row.value / (limit or row.reference):.4f}{of}; wanted within {100 * (row.target or 0):.2g} %"
+    limit_text = f" of {limit:.5g}, the limit of thin sheets" if limit else ""
+    return f"{row.value / (limit or row.reference):.4f}{limit_text}; wanted within {100 * (row.target or 0):.2g} %"
 
 
 def _summary(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
@@ -265,9 +265,9 @@ def _summary(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
     for test in tests:
         cells = ""
         for pair in pairs:
-            last = [row for row in rows if (row.test, row.elements, row.cells) == (test.name, pair, test.cells[-1])]
-            ratios = sorted(row.ratio for row in last if row.ratio is not None)
-            verdicts = Counter(row.verdict for row in last)
+            finest = [row for row in rows if (row.test, row.elements, row.cells) == (test.name, pair, test.cells[-1])]
+            ratios = sorted(row.ratio for row in finest if row.ratio is not None)
+            verdicts = Counter(row.verdict for row in finest)
             worst = next((name for name in WORST_FIRST if name in verdicts), "")
             apart = ratios and ratios[-1] - ratios[0] >= 5e-4
             shown = "" if not ratios else f"{ratios[0]:.3f}" + (f" to {ratios[-1]:.3f}" if apart else "")
@@ -279,7 +279,7 @@ def _summary(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
     )
 
 
-def _field(against: Sequence[Standing]) -> str:
+def _published_counts(against: Sequence[Standing]) -> str:
     """Return a table: how often the pair for displacements is better and worse than each published element."""
     if not against:
         return ""
@@ -303,20 +303,20 @@ def _field(against: Sequence[Standing]) -> str:
 
 
 def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing], short: Mapping[str, str]) -> str:
-    here = [row for row in rows if row.test == test.name]
-    beside = [standing for standing in against if standing.published.test == test.name]
+    test_rows = [row for row in rows if row.test == test.name]
+    test_standings = [standing for standing in against if standing.published.test == test.name]
     mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
     problem = test.problem(test.cells[min(1, len(test.cells) - 1)], mesh)
     if len(problem.surface.edges.ends) > 3000:  # a finer sketch would be black
         problem = test.problem(test.cells[0], mesh)
     sketch = drawing(problem, test.about)
-    plot = "" if test.tolerance < 1e-6 else curves(test, here, beside)
-    told = (test.beyond and f"Verdict theory: {test.beyond}", short.get(test.name, ""))
-    note = "".join(f"<p>{escape(one)}.</p>" for one in told if one)
+    plot = "" if test.tolerance < 1e-6 else curves(test, test_rows, test_standings)
+    remarks = (test.beyond and f"Verdict theory: {test.beyond}", short.get(test.name, ""))
+    note = "".join(f"<p>{escape(remark)}.</p>" for remark in remarks if remark)
     return (
         f'<section id="{test.name}"><h2>{test.name}</h2><p>{escape(test.about.capitalize())}. Reference '
         f"{test.reference:.6g}: {escape(test.source)}.{_limit(test)}</p><figure>{sketch}{plot}</figure>"
-        f"{_table(test, here)}{note}{_beside(beside)}</section>"
+        f"{_table(test, test_rows)}{note}{_published_table(test_standings)}</section>"
     )
 
 
@@ -331,14 +331,14 @@ def _table(test: Test, rows: Sequence[VerificationRow]) -> str:
     lines = ""
     for mesh in test.meshes:
         for cells in test.cells:
-            found = {row.elements: row for row in rows if (row.mesh, row.cells) == (mesh, cells)}
-            target = next((row for row in found.values() if row.met is not None), None)
+            row_by_pair = {row.elements: row for row in rows if (row.mesh, row.cells) == (mesh, cells)}
+            target = next((row for row in row_by_pair.values() if row.met is not None), None)
             state = "" if target is None or target.target is None else f"{100 * target.target:.2g} % "
             word = "" if target is None else "met" if target.met else "missed"
             lines += (
                 f"<tr><td>{mesh.replace('_', ' ')}</td><td>{cells}</td><td class={word or 'quiet'}>{state}{word}</td>"
             )
-            lines += f"{''.join(_numbers(found[pair]) for pair in pairs)}</tr>"
+            lines += f"{''.join(_numbers(row_by_pair[pair]) for pair in pairs)}</tr>"
     return (
         f"<div class=wide><table><tr><th>mesh</th><th>cells</th><th>target</th>{head}</tr><tr class=quiet><td></td>"
         f"<td></td><td></td>{'<td>unknowns</td><td>ratio</td><td>rate</td><td></td>' * len(pairs)}</tr>{lines}"
@@ -358,7 +358,7 @@ def _verdict(verdict: str) -> str:
     return f'<td class="{"quiet" if verdict in ("not run", "") else verdict}">{verdict}</td>'
 
 
-def _beside(against: Sequence[Standing]) -> str:
+def _published_table(against: Sequence[Standing]) -> str:
     if not against:
         return ""
     lines = ""

@@ -15,9 +15,9 @@ from dsfab.verification.problems import (
     Mesh,
     Problem,
     Test,
-    at,
     edges_on,
     held_directions,
+    is_at,
     lines_on,
     mean_move,
     square,
@@ -49,7 +49,7 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
     movement."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
-    left, right, bottom, top = (at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0))
+    left, right, bottom, top = (is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0))
     sides = {(1.0, 0.0): (right,), (-1.0, 0.0): (left,)}
     if shear:
         sides = {(0.0, 1.0): (right,), (0.0, -1.0): (left,), (1.0, 0.0): (top,), (-1.0, 0.0): (bottom,)}
@@ -61,7 +61,7 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
         0.01,
         fixed=held_directions(surface.n, (corner, "xy"), (bottom & right, "y") if shear else (left & top, "x")),
         force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.on(surface, edge=load),
+        spread=SpreadLoad.broadcast(surface, edge=load),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),
         value=mean_move(top if shear else right, (1.0, 0.0, 0.0)),
     )
@@ -78,7 +78,7 @@ def cook(cells: int, mesh: Mesh) -> Problem:
         uv, F = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1), F[:, ::-1]
     low, high = 44 * uv[:, 0], 44 + 16 * uv[:, 0]
     V = np.stack([48 * uv[:, 0], low + (high - low) * uv[:, 1], 0 * low], axis=1)
-    middle = at(uv[:, 0], 1.0) & at(uv[:, 1], 0.5)
+    middle = is_at(uv[:, 0], 1.0) & is_at(uv[:, 1], 0.5)
     panel = tip_loaded(uv, F, V, Material(1.0, 1 / 3), 1.0, (0.0, 1.0, 0.0))
     return replace(panel, value=mean_move(middle, (0.0, 1.0, 0.0)))
 
@@ -123,38 +123,38 @@ def quarter(
     material: Material,
     thickness: float,
     stress: Callable[[Floats, Floats], Floats],
-    asked: tuple[float, str],
+    target: tuple[float, str],
 ) -> Problem:
     """Return a quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
 
     stress : (x, y) -> (..., 2, 2) Pa, whose tractions act on the outer edge v = 1.
     target : (end, component): the value is this component of the stress at the edge of the hole, at u = end.
     """
-    end, component = asked
+    end, component = target
     surface = Surface(V, F)
-    outer = edges_on(surface, at(uv[:, 1], 1.0))
-    here = np.flatnonzero(at(uv[:, 0], end) & at(uv[:, 1], 0.0))[0]
+    outer = edges_on(surface, is_at(uv[:, 1], 1.0))
+    vertex = np.flatnonzero(is_at(uv[:, 0], end) & is_at(uv[:, 1], 0.0))[0]
     row, column = ("xyz".index(axis) for axis in component)
 
     def value(answer: Equilibrium) -> float:
-        return float(vertex_stress(surface, material, answer, here)[row, column])
+        return float(vertex_stress(surface, material, answer, vertex)[row, column])
 
     return Problem(
         surface,
         material,
         thickness,
-        fixed=held_directions(surface.n, (at(uv[:, 0], 0.0), "y"), (at(uv[:, 0], 1.0), "x")),
+        fixed=held_directions(surface.n, (is_at(uv[:, 0], 0.0), "y"), (is_at(uv[:, 0], 1.0), "x")),
         force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.on(surface, edge=thickness * tractions(surface, outer, stress)),
+        spread=SpreadLoad.broadcast(surface, edge=thickness * tractions(surface, outer, stress)),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),
         value=value,
     )
 
 
-def tractions(surface: Surface, where: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
+def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
     """Return (e, 3) mean of stress . n on marked edges, n pointing away from the origin, by four Gauss points; else
     0."""
-    ends = surface.V[surface.edges.ends[where], :2]
+    ends = surface.V[surface.edges.ends[marked], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
     n *= np.sign(np.einsum("ex,ex->e", n, ends.sum(axis=1)))[:, None]
@@ -162,9 +162,9 @@ def tractions(surface: Surface, where: Bools, stress: Callable[[Floats, Floats],
     for x, weight in zip(*np.polynomial.legendre.leggauss(4), strict=True):
         point = ends[:, 0] + (1 + x) / 2 * along
         mean += weight / 2 * np.einsum("...ab,...b->...a", stress(point[:, 0], point[:, 1]), n)
-    found = np.zeros((len(where), 3))
-    found[where, :2] = mean
-    return found
+    edge_tractions = np.zeros((len(marked), 3))
+    edge_tractions[marked, :2] = mean
+    return edge_tractions
 
 
 TESTS = [

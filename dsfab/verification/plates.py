@@ -17,7 +17,7 @@ from dsfab.statics import (
     solve_statics,
 )
 from dsfab.surface import Surface
-from dsfab.verification.problems import MESHES, Mesh, Problem, Test, at, edges_on, held_directions, lines_on, square
+from dsfab.verification.problems import MESHES, Mesh, Problem, Test, edges_on, held_directions, is_at, lines_on, square
 
 PLATE = Material(young=1e7, poisson=0.3)
 HEAVY = replace(PLATE, density=1000.0)
@@ -28,7 +28,7 @@ def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
     """Return a unit square under 1 Pa across; the value is the deflection of its centre times D / (q a^4)."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
-    sides = [at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0)]
+    sides = [is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0)]
     rim = np.logical_or.reduce(sides)
     centre = np.arange(surface.n) == np.abs(uv - 0.5).max(axis=1).argmin()
     stiffness = PLATE.bending_stiffness(THIN)
@@ -38,7 +38,7 @@ def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
         THIN,
         fixed=held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (rim, "z")),
         force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.on(surface, face=(0.0, 0.0, 1.0)),
+        spread=SpreadLoad.broadcast(surface, face=(0.0, 0.0, 1.0)),
         clamped=edges_on(surface, *sides) & clamped,
         value=lambda answer: stiffness * float(answer.u[centre, 2][0]),
     )
@@ -52,7 +52,7 @@ def skew_plate(cells: int, mesh: Mesh) -> Problem:
     others. The value is the deflection of its centre times 100 D / (q a^4)."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
-    ends = at(uv[:, 1], 0.0) | at(uv[:, 1], 1.0)
+    ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
     centre = np.arange(surface.n) == np.abs(uv - 0.5).max(axis=1).argmin()
     scale = 100 * SKEWED.bending_stiffness(0.1) / 100**4
     return Problem(
@@ -61,7 +61,7 @@ def skew_plate(cells: int, mesh: Mesh) -> Problem:
         0.1,
         fixed=held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (ends, "z")),
         force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.on(surface, face=(0.0, 0.0, 1.0)),
+        spread=SpreadLoad.broadcast(surface, face=(0.0, 0.0, 1.0)),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),
         value=lambda answer: scale * float(answer.u[centre, 2][0]),
     )
@@ -74,8 +74,8 @@ def stressed_plate(cells: int, mesh: Mesh) -> Problem:
     centre = np.abs(surface.V[:, :2] - 0.5).max(axis=1).argmin()
 
     def value(answer: Equilibrium) -> float:
-        found = sheet_stress(SheetModel(surface, PLATE, THIN), answer.elements, answer)
-        top = found.tensor("top")[(centre == surface.F).any(axis=1)]
+        stress = sheet_stress(SheetModel(surface, PLATE, THIN), answer.elements, answer)
+        top = stress.tensor("top")[(centre == surface.F).any(axis=1)]
         return float(np.abs(np.linalg.eigvalsh(top.mean(axis=0))).max()) * THIN**2
 
     return replace(problem, value=value)
@@ -87,8 +87,8 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
     scale = 2 * np.pi * np.sqrt(HEAVY.density * THIN / HEAVY.bending_stiffness(THIN))
 
     def modes(elements: Elements) -> float:
-        found = frequencies(SheetModel(problem.surface, HEAVY, THIN), problem.fixed, 1, elements=elements)
-        return float(scale * found.hertz[0])
+        result = frequencies(SheetModel(problem.surface, HEAVY, THIN), problem.fixed, 1, elements=elements)
+        return float(scale * result.hertz[0])
 
     return replace(problem, modes=modes)
 
@@ -97,13 +97,13 @@ def pressed_plate(cells: int, mesh: Mesh) -> Problem:
     """Return a unit square on simple supports, pressed along x by a line load N; the value is its lowest N a^2 / D."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
-    ends = [at(uv[:, 0], end) for end in (0.0, 1.0)]
-    rim = np.logical_or.reduce([*ends, at(uv[:, 1], 0.0), at(uv[:, 1], 1.0)])
-    corner = ends[0] & at(uv[:, 1], 0.0)
+    ends = [is_at(uv[:, 0], end) for end in (0.0, 1.0)]
+    rim = np.logical_or.reduce([*ends, is_at(uv[:, 1], 0.0), is_at(uv[:, 1], 1.0)])
+    corner = ends[0] & is_at(uv[:, 1], 0.0)
     edge = lines_on(surface, edges_on(surface, ends[0]), (1.0, 0.0, 0.0))
     edge = edge + lines_on(surface, edges_on(surface, ends[1]), (-1.0, 0.0, 0.0))
-    spread = SpreadLoad.on(surface, edge=edge)
-    fixed = held_directions(surface.n, (rim, "z"), (corner, "xy"), (ends[1] & at(uv[:, 1], 0.0), "y"))
+    spread = SpreadLoad.broadcast(surface, edge=edge)
+    fixed = held_directions(surface.n, (rim, "z"), (corner, "xy"), (ends[1] & is_at(uv[:, 1], 0.0), "y"))
     still = np.zeros((surface.n, 3))
     problem = Problem(
         surface, PLATE, THIN, fixed, still, spread, np.zeros(len(surface.edges.ends), dtype=bool), lambda answer: np.nan
@@ -112,8 +112,8 @@ def pressed_plate(cells: int, mesh: Mesh) -> Problem:
     def modes(elements: Elements) -> float:
         sheet = SheetModel(surface, PLATE, THIN)
         answer = solve_statics(sheet, problem.load, Elements(elements.membrane, "hinge"), spread)
-        found = buckling(sheet, problem.load, answer, 1, elements=elements)
-        return float(found.factor[0]) / PLATE.bending_stiffness(THIN)
+        result = buckling(sheet, problem.load, answer, 1, elements=elements)
+        return float(result.factor[0]) / PLATE.bending_stiffness(THIN)
 
     return replace(problem, modes=modes)
 

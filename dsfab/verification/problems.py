@@ -36,13 +36,13 @@ def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
     i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
     a = (i * (ny + 1) + j).ravel()
     b, c, d = a + ny + 1, a + ny + 2, a + 1
-    other = np.zeros(len(a), dtype=bool) if mesh == "diagonal" else ((i + j) % 2 == 1).ravel()
+    other_diagonal = np.zeros(len(a), dtype=bool) if mesh == "diagonal" else ((i + j) % 2 == 1).ravel()
     F = np.concatenate(
         [
-            np.stack([a, b, c], axis=1)[~other],
-            np.stack([a, c, d], axis=1)[~other],
-            np.stack([a, b, d], axis=1)[other],
-            np.stack([b, c, d], axis=1)[other],
+            np.stack([a, b, c], axis=1)[~other_diagonal],
+            np.stack([a, c, d], axis=1)[~other_diagonal],
+            np.stack([a, b, d], axis=1)[other_diagonal],
+            np.stack([b, c, d], axis=1)[other_diagonal],
         ]
     )
     if mesh == "jittered":
@@ -53,15 +53,15 @@ def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
     return uv, F
 
 
-def at(values: Floats, where: float) -> Bools:
+def is_at(values: Floats, position: float) -> Bools:
     """Return (k,) which parameters (k,) equal `position`."""
-    return np.asarray(np.abs(values - where) < NEAR)
+    return np.asarray(np.abs(values - position) < NEAR)
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
     """Return (e,) boundary edges with both ends on one of the lines of vertices."""
-    on = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
-    return np.asarray(on & surface.edges.boundary)
+    is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
+    return np.asarray(is_on_line & surface.edges.boundary)
 
 
 def octasphere(cells: int) -> tuple[Floats, Ints]:
@@ -70,8 +70,8 @@ def octasphere(cells: int) -> tuple[Floats, Ints]:
     signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
     points = (b[None] * signs[:, None]).reshape(-1, 3)
     F = np.concatenate([(faces if s.prod() > 0 else faces[:, ::-1]) + k * len(b) for k, s in enumerate(signs)])
-    unique, of = np.unique(points, axis=0, return_inverse=True)
-    return _on_sphere(unique, cells), of.reshape(-1)[F]
+    unique, vertex_numbers = np.unique(points, axis=0, return_inverse=True)
+    return _on_sphere(unique, cells), vertex_numbers.reshape(-1)[F]
 
 
 def octant(cells: int) -> tuple[Floats, Ints]:
@@ -134,20 +134,20 @@ class Problem:
         return LoadCase(self.fixed, force, (self.force != 0).any(axis=1))
 
     @property
-    def flat(self) -> int | None:
+    def plane_axis(self) -> int | None:
         """Axis across a sheet that is solved in its plane, else None."""
         return None if self.modes else flat_axis(self.surface, self.load)
 
     @property
     def needs_rotations(self) -> bool:
         """True if edges are clamped and the load bends the sheet."""
-        return bool(self.clamped.any()) and self.flat is None
+        return bool(self.clamped.any()) and self.plane_axis is None
 
     def unknowns(self, elements: Elements) -> int:
         """Return the number of free unknowns of these elements."""
         fixed = self.fixed.copy()
-        if self.flat is not None:
-            fixed[:, self.flat] = True
+        if self.plane_axis is not None:
+            fixed[:, self.plane_axis] = True
             elements = elements.in_plane
         return int((~fixed).sum() + (~held_on_edges(self.surface, elements, fixed, self.clamped)).sum())
 
@@ -155,8 +155,8 @@ class Problem:
         """Return the number of free unknowns of usual elements: three displacements and two rotations a vertex.
         Vertices of clamped edges lose one rotation, built-in vertices both; sheets in a plane have none."""
         fixed = self.fixed.copy()
-        if self.flat is not None:
-            fixed[:, self.flat] = True
+        if self.plane_axis is not None:
+            fixed[:, self.plane_axis] = True
             return int((~fixed).sum())
         turning = np.zeros(self.surface.n, dtype=bool)
         turning[self.surface.edges.ends[self.clamped]] = True
@@ -256,7 +256,7 @@ def tip_loaded(
     """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force spread along its end u = 1. The value is
     the movement of that end."""
     surface = Surface(V, F)
-    root, tip = at(uv[:, 0], 0.0), at(uv[:, 0], 1.0)
+    root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)
     ends = surface.V[surface.edges.ends[end]]
     width = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
@@ -268,7 +268,7 @@ def tip_loaded(
         thickness,
         fixed=held_directions(surface.n, (root, "xyz")),
         force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.on(surface, edge=lines_on(surface, end, tuple(along / width))),
+        spread=SpreadLoad.broadcast(surface, edge=lines_on(surface, end, tuple(along / width))),
         clamped=edges_on(surface, root),
         value=mean_move(tip, tuple(direction)),
     )

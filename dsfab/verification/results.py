@@ -77,7 +77,7 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
                 test.source,
                 verdict,
                 target,
-                None if target is None else _met(test, value, target),
+                None if target is None else _meets_target(test, value, target),
                 test.limit,
                 None if test.limit is None or value is None else value / test.limit,
             )
@@ -91,8 +91,8 @@ OUTSIDE = "solid wedges (CalculiX)"
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
     """Return all refinements by the test's other program; nothing if the test has none, or it is not installed."""
-    found = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
-    values = [one[1] for one in found if one is not None]
+    results = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
+    values = [result[1] for result in results if result is not None]
     if not values:
         return []
     ratios = [value / test.reference for value in values]
@@ -102,16 +102,16 @@ def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
             mesh,
             OUTSIDE,
             test.cells[k],
-            one[0],
-            one[1],
+            result[0],
+            result[1],
             test.reference,
             ratios[k],
             observed_rate(values[k - 2 : k + 1]) if k >= 2 else None,
             test.source,
             _verdict(test, ratios[k:]),
         )
-        for k, one in enumerate(found)
-        if one is not None
+        for k, result in enumerate(results)
+        if result is not None
     ]
 
 
@@ -137,7 +137,7 @@ def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int]
     for row in rows:
         if row.value is not None:
             values.setdefault((row.test, row.elements, row.cells), []).append(row.value)
-    return {key: max(found) / min(found) - 1 for key, found in values.items() if len(found) > 1}
+    return {key: max(group) / min(group) - 1 for key, group in values.items() if len(group) > 1}
 
 
 def _value(problem: Problem, elements: Elements) -> float | None:
@@ -149,15 +149,15 @@ def _value(problem: Problem, elements: Elements) -> float | None:
 
 def _verdict(test: Test, ratios: Sequence[float | None]) -> str:
     """Return the verdict on the first of the ratios, on meshes from this one to the finest."""
-    near = [ratio is not None and abs(ratio - 1) <= test.tolerance for ratio in ratios]
-    last, limit = ratios[-1], test.limit
-    if test.beyond and limit and last is not None and not near[-1]:
-        within = abs(last * test.reference / limit - 1) <= test.tolerance
+    is_within = [ratio is not None and abs(ratio - 1) <= test.tolerance for ratio in ratios]
+    finest, limit = ratios[-1], test.limit
+    if test.beyond and limit and finest is not None and not is_within[-1]:
+        within = abs(finest * test.reference / limit - 1) <= test.tolerance
         return "theory" if within else "off"
-    return "ok" if near[0] else "coarse" if near[-1] else "off"
+    return "ok" if is_within[0] else "coarse" if is_within[-1] else "off"
 
 
-def _met(test: Test, value: float | None, target: float) -> bool:
+def _meets_target(test: Test, value: float | None, target: float) -> bool:
     aim = test.reference if test.limit is None else test.limit
     return value is not None and abs(value / aim - 1) <= target
 
@@ -283,26 +283,26 @@ CONSTANT = ("OptiStruct TRI3", "CATIA TR3", "Abaqus CPS3", "Abaqus S3R", "consta
 MIDDLES = ("OptiStruct TRI6", "NASTRAN QUAD8", "Abaqus CPS6", "Abaqus CPS8R", "Abaqus S8R5")
 
 
-def _published() -> Iterator[Published]:
+def _published_values() -> Iterator[Published]:
     for source, element, in_plane, out_of_plane in STRAIGHT_BEAMS:
-        for suffix, near, across in zip(SHAPES, in_plane, out_of_plane, strict=True):
-            yield _one(f"straight_beam_in_plane{suffix}", element, 1, near, source)
-            yield _one(f"straight_beam_out_of_plane{suffix}", element, 1, across, source)
+        for suffix, in_plane_ratio, out_of_plane_ratio in zip(SHAPES, in_plane, out_of_plane, strict=True):
+            yield _published_value(f"straight_beam_in_plane{suffix}", element, 1, in_plane_ratio, source)
+            yield _published_value(f"straight_beam_out_of_plane{suffix}", element, 1, out_of_plane_ratio, source)
     for source, elements, note in TWISTED_BEAMS:
         for element, pair in elements.items():
             for name, ratio in zip(("in_plane", "out_of_plane"), pair, strict=True):
-                yield _one(f"twisted_beam_{name}", element, 1, ratio, source, TWELVE_BY_TWO, note)
+                yield _published_value(f"twisted_beam_{name}", element, 1, ratio, source, TWELVE_BY_TWO, note)
     for test, source, cells, elements in REFINED:
         for element, ratios in elements.items():
             for count, ratio in zip(cells, ratios, strict=True):
-                yield _one(test, element, count, ratio, source)
+                yield _published_value(test, element, count, ratio, source)
     for test, source, reference, elements in NAFEMS:
         for element, pair in elements.items():
             for note, value in zip(("coarse mesh", "fine mesh"), pair, strict=True):
-                yield _one(test, element, None, value / reference, source, None, note)
+                yield _published_value(test, element, None, value / reference, source, None, note)
 
 
-def _one(
+def _published_value(
     test: str,
     element: str,
     cells: int | None,
@@ -314,7 +314,7 @@ def _one(
     return Published(test, element, cells, ratio, source, unknowns, element in CONSTANT, element in MIDDLES, note)
 
 
-PUBLISHED = tuple(_published())
+PUBLISHED = tuple(_published_values())
 """All published values."""
 
 
@@ -342,24 +342,24 @@ class Standing:
 
 def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
     """Return every published value of the tests that `rows` has with the pair for displacements."""
-    found = []
+    compared = []
     for published in PUBLISHED:
-        here = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
-        ours = [row for row in here if row.elements == str(elements_of("displacement"))]
+        test_rows = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
+        ours = [row for row in test_rows if row.elements == str(elements_of("displacement"))]
         if ours:
-            found.append(_standing(published, worst_by_cells(ours), tests[published.test]))
-    return found
+            compared.append(_standing(published, worst_by_cells(ours), tests[published.test]))
+    return compared
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
     """Return unknowns and the largest error over the patterns, for each number of cells at which no pattern failed."""
-    found: dict[int, tuple[int, float]] = {}
+    worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
-        here = [row for row in rows if row.cells == cells]
-        errors = [abs(row.ratio - 1) for row in here if row.ratio is not None]
-        if len(errors) == len(here):
-            found[cells] = max(row.unknowns for row in here), max(errors)
-    return found
+        cell_rows = [row for row in rows if row.cells == cells]
+        errors = [abs(row.ratio - 1) for row in cell_rows if row.ratio is not None]
+        if len(errors) == len(cell_rows):
+            worst[cells] = max(row.unknowns for row in cell_rows), max(errors)
+    return worst
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
@@ -370,18 +370,18 @@ def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]
         ours = [row for row in ours if row.mesh == ours[0].mesh]
         if ours and ours[-1].verdict == "off":
-            lines[name] = f"{PAPER} falls short: {_listed([(row.ratio or 0, row.cells) for row in ours])}"
-            others: dict[str, list[tuple[float, object]]] = {}
+            lines[name] = f"{PAPER} falls short: {_ratios_text([(row.ratio or 0, row.cells) for row in ours])}"
+            published_values: dict[str, list[tuple[float, object]]] = {}
             for published in PUBLISHED:
                 if published.test == name and published.constant:
                     label = f"{published.element} [{published.source}]"
-                    others.setdefault(label, []).append((published.ratio, published.cells or published.note))
-            for label, values in others.items():
-                lines[name] += f"; published for constant strain: {_listed(values)}, {label}"
+                    published_values.setdefault(label, []).append((published.ratio, published.cells or published.note))
+            for label, values in published_values.items():
+                lines[name] += f"; published for constant strain: {_ratios_text(values)}, {label}"
     return lines
 
 
-def _listed(values: Sequence[tuple[float, object]]) -> str:
+def _ratios_text(values: Sequence[tuple[float, object]]) -> str:
     ratios, places = zip(*values, strict=True)
     return f"{', '.join(f'{ratio:.3f}' for ratio in ratios)} at {', '.join(map(str, places))}"
 

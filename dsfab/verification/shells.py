@@ -9,9 +9,9 @@ from dsfab.verification.problems import (
     Mesh,
     Problem,
     Test,
-    at,
     edges_on,
     held_directions,
+    is_at,
     mean_move,
     octant,
     point_force,
@@ -26,17 +26,17 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
     uv, F = square(cells, cells, mesh)
     turn = np.radians(80) * (uv[:, 0] - 0.5)
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)
-    ends = at(uv[:, 1], 0.0) | at(uv[:, 1], 1.0)
-    crown = at(uv[:, 1], 0.0) & at(uv[:, 0], 0.5)  # against sliding lengthwise, without reaction
+    ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
+    crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # against sliding lengthwise, without reaction
     return Problem(
         surface,
         Material(4.32e8, 0.0),
         0.25,
         fixed=held_directions(surface.n, (ends, "xz"), (crown, "y")),
         force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.on(surface, face=(0.0, 0.0, -90.0)),
+        spread=SpreadLoad.broadcast(surface, face=(0.0, 0.0, -90.0)),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),
-        value=mean_move(at(uv[:, 0], 0.0) & at(uv[:, 1], 0.5), (0.0, 0.0, -1.0)),
+        value=mean_move(is_at(uv[:, 0], 0.0) & is_at(uv[:, 1], 0.5), (0.0, 0.0, -1.0)),
     )
 
 
@@ -47,14 +47,14 @@ def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     turn, polar = np.pi / 2 * uv[:, 0], np.radians(18 + 72 * uv[:, 1])
     V = 10 * np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
     surface = Surface(V, F)
-    start, end, rim = at(uv[:, 0], 0.0), at(uv[:, 0], 1.0), at(uv[:, 1], 1.0)
+    start, end, rim = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0), is_at(uv[:, 1], 1.0)
     return Problem(
         surface,
         Material(6.825e7, 0.3),
         0.04,
         fixed=held_directions(surface.n, (start, "y"), (end, "x"), (start & rim, "z")),
         force=point_force(surface.n, (start & rim, (1.0, 0.0, 0.0)), (end & rim, (0.0, -1.0, 0.0))),
-        spread=SpreadLoad.on(surface),
+        spread=SpreadLoad.broadcast(surface),
         clamped=edges_on(surface, start, end),
         value=mean_move(start & rim, (1.0, 0.0, 0.0)),
     )
@@ -66,14 +66,14 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
     uv, F = square(cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([300 * np.cos(turn), 300 * uv[:, 1], 300 * np.sin(turn)], axis=1), F)
-    side, top, middle, end = at(uv[:, 0], 0.0), at(uv[:, 0], 1.0), at(uv[:, 1], 0.0), at(uv[:, 1], 1.0)
+    side, top, middle, end = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0), is_at(uv[:, 1], 0.0), is_at(uv[:, 1], 1.0)
     return Problem(
         surface,
         Material(3e6, 0.3),
         3.0,
         fixed=held_directions(surface.n, (side, "z"), (top, "x"), (middle, "y"), (end, "xz")),
         force=point_force(surface.n, (top & middle, (0.0, 0.0, -0.25))),
-        spread=SpreadLoad.on(surface),
+        spread=SpreadLoad.broadcast(surface),
         clamped=edges_on(surface, side, top, middle),
         value=mean_move(top & middle, (0.0, 0.0, -1.0)),
     )
@@ -93,7 +93,7 @@ def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
         0.04,
         fixed=held_directions(surface.n, (y0, "y"), (x0, "x"), (x0 & y0, "z")),
         force=point_force(surface.n, (y0 & z0, (2e3, 0.0, 0.0)), (x0 & z0, (0.0, -2e3, 0.0))),
-        spread=SpreadLoad.on(surface),
+        spread=SpreadLoad.broadcast(surface),
         clamped=edges_on(surface, x0, y0),
         value=mean_move(y0 & z0, (1.0, 0.0, 0.0)),
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from dsfab.statics import Elements, Material, SheetModel, SpreadLoad, buckling, solve_statics
 from dsfab.surface import LoadCase, Surface
-from dsfab.verification.problems import Mesh, Problem, Test, at, edges_on, held_directions, lines_on, square
+from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_directions, is_at, lines_on, square
 
 WALL, THICKNESS = Material(young=1e7, poisson=0.3), 0.02
 """Material and thickness of a tube of radius 1."""
@@ -31,10 +31,10 @@ def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
     uv, F = square(cells, along, mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)
-    start, end, low, high = at(uv[:, 0], 0.0), at(uv[:, 0], 1.0), at(uv[:, 1], 0.0), at(uv[:, 1], 1.0)
+    start, end, low, high = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0), is_at(uv[:, 1], 0.0), is_at(uv[:, 1], 1.0)
     edge = lines_on(surface, edges_on(surface, low), (0.0, 0.0, 1.0))
     edge = edge + lines_on(surface, edges_on(surface, high), (0.0, 0.0, -1.0))
-    spread, clamped = SpreadLoad.on(surface, edge=edge), edges_on(surface, start, end)
+    spread, clamped = SpreadLoad.broadcast(surface, edge=edge), edges_on(surface, start, end)
     sides = ((start, "y"), (end, "x"), (start & low, "z"))
     fixed = held_directions(surface.n, *sides, (low | high, "xy"))
     still = np.zeros((surface.n, 3))

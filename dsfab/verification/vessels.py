@@ -7,7 +7,7 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.statics import Equilibrium, Material, SpreadLoad
 from dsfab.surface import Surface
-from dsfab.verification.problems import Mesh, Problem, Test, at, held_directions, octasphere, square
+from dsfab.verification.problems import Mesh, Problem, Test, held_directions, is_at, octasphere, square
 
 VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5
 """Vessels of radius 1 m, 10 mm thick, under 1 bar."""
@@ -24,7 +24,7 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
         WALL,
         fixed=held_directions(surface.n, *poles),
         force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.on(surface, face=PRESSURE * surface.normals),
+        spread=SpreadLoad.broadcast(surface, face=PRESSURE * surface.normals),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),
         value=_swelling(V),
     )
@@ -39,7 +39,7 @@ def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
     turn = 2 * np.pi * uv[:, 0]
     out = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     surface = Surface(out + uv[:, 1, None] * np.array([0.0, 0.0, 2.0]), F)
-    end = at(uv[:, 1], 0.0)
+    end = is_at(uv[:, 1], 0.0)
     x_axis, y_axis = end & (np.abs(out[:, 1]) < 1e-9), end & (np.abs(out[:, 0]) < 1e-9)
     return Problem(
         surface,
@@ -47,7 +47,7 @@ def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
         WALL,
         fixed=held_directions(surface.n, (x_axis, "yz"), (y_axis, "xz")),
         force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.on(surface, face=PRESSURE * surface.normals),
+        spread=SpreadLoad.broadcast(surface, face=PRESSURE * surface.normals),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),
         value=_swelling(out),
     )

@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats
 from dsfab.statics import Elements, Material, SheetModel, SpreadLoad, frequencies
 from dsfab.surface import Surface
-from dsfab.verification.problems import MESHES, Mesh, Problem, Test, at, edges_on, held_directions, square
+from dsfab.verification.problems import MESHES, Mesh, Problem, Test, edges_on, held_directions, is_at, square
 
 STEEL = Material(200e9, 0.3, 8000.0)
 THICKNESS = 0.05
@@ -26,7 +26,7 @@ def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
     """FV16: 10 m square, 50 mm thick, built in along x = 0; it moves across its plane only. The value is in hertz."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(10 * uv, ((0, 0), (0, 1))), F)
-    root = at(uv[:, 0], 0.0)
+    root = is_at(uv[:, 0], 0.0)
     fixed = held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (root, "z"))
     return vibrating(surface, fixed, edges_on(surface, root), mode)
 
@@ -36,7 +36,7 @@ def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
     uv, F = square(2 * cells, cells, mesh)
     high = 5 - 4 * uv[:, 0]
     surface = Surface(np.stack([10 * uv[:, 0], high * (uv[:, 1] - 0.5), 0 * high], axis=1), F)
-    root = at(uv[:, 0], 0.0)
+    root = is_at(uv[:, 0], 0.0)
     fixed = held_directions(surface.n, (np.ones(surface.n, dtype=bool), "z"), (root, "xy"))
     return vibrating(surface, fixed, edges_on(surface, root), mode)
 
@@ -50,7 +50,7 @@ def vibrating(surface: Surface, fixed: Bools, clamped: Bools, mode: int) -> Prob
         return float(frequencies(sheet, fixed, mode, elements=elements).hertz[mode - 1])
 
     return Problem(
-        surface, STEEL, THICKNESS, fixed, still, SpreadLoad.on(surface), clamped, lambda answer: np.nan, modes
+        surface, STEEL, THICKNESS, fixed, still, SpreadLoad.broadcast(surface), clamped, lambda answer: np.nan, modes
     )
 
 

@@ -10,8 +10,8 @@ nesting       parts on sheets                           stock      prices and hi
 bodies        built members as bodies in space
 """
 
-from dsfab.workshop.bars import CLEAR, PlateArm, half_plane_clip, placed_parts, plate_arms
-from dsfab.workshop.bodies import RefoldedPlan, RefoldedStrip, built_shapes, refolded
+from dsfab.workshop.bars import BAR_CLEARANCE, PlateArm, half_plane_clip, placed_parts, plate_arms
+from dsfab.workshop.bodies import RefoldedPlan, RefoldedStrip, built_shapes, refolded_plan
 from dsfab.workshop.development import Development, StripCourse, member_course
 from dsfab.workshop.files import (
     bar_table,
@@ -23,7 +23,7 @@ from dsfab.workshop.files import (
     write_workshop,
 )
 from dsfab.workshop.layers import Layering
-from dsfab.workshop.nesting import NestedPart, NestedSheet, nested
+from dsfab.workshop.nesting import NestedPart, NestedSheet, nest_parts
 from dsfab.workshop.parts import FlatPart, Hole
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
 from dsfab.workshop.planks import PlankPlan, PlankStock, plank_plan
@@ -32,7 +32,7 @@ from dsfab.workshop.stock import money, stock_cost, stock_words
 from dsfab.workshop.strips import StripLimits, StripParts, is_strip, strip_limits, strip_parts
 
 __all__ = [
-    "CLEAR",
+    "BAR_CLEARANCE",
     "Development",
     "FlatPart",
     "Hole",
@@ -60,12 +60,12 @@ __all__ = [
     "layer_numbers",
     "member_course",
     "money",
-    "nested",
+    "nest_parts",
     "node_table",
     "placed_parts",
     "plank_plan",
     "plate_arms",
-    "refolded",
+    "refolded_plan",
     "sheet_parts",
     "stock_cost",
     "stock_words",

@@ -12,10 +12,10 @@ from dsfab.members import MemberGraph
 from dsfab.surface import signed_volume
 from dsfab.workshop.bars import BarPlan, bar_body
 from dsfab.workshop.development import Development, StripCourse, member_course
-from dsfab.workshop.layers import END
+from dsfab.workshop.layers import END_DISTANCE
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.plan import WorkshopPlan
-from dsfab.workshop.planks import PlankPlan, plank_courses, upright
+from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +42,11 @@ class RefoldedPlan:
     """
 
     strips: tuple[RefoldedStrip, ...]
-    off: Floats
+    deviations: Floats
 
 
 @lru_cache(maxsize=2)
-def refolded(plan: WorkshopPlan) -> RefoldedPlan:
+def refolded_plan(plan: WorkshopPlan) -> RefoldedPlan:
     """Return the strips or planks of a full-size plan in space; flat sheets and plates have none."""
     graph, layering = plan.graph, plan.layering
     if plan.planks and graph:
@@ -54,36 +54,40 @@ def refolded(plan: WorkshopPlan) -> RefoldedPlan:
     if graph is None or layering is None or plan.model:
         return RefoldedPlan((), np.empty(0))
     courses = {}
-    strips, off = list[RefoldedStrip](), list[float]()
+    strips, deviations = list[RefoldedStrip](), list[float]()
     lines = {node.id: (node.point, node.normal) for node in graph.nodes}
     for part in plan.parts:
         if not len(part.axis):
             continue
         if part.member not in courses:
             member = graph.by_id[part.member]
-            courses[part.member] = member_course(graph, member, END * layering.bolt, 2 * layering.half_cover)
-        strip = _refolded(part, Development(courses[part.member], part.layer))
+            courses[part.member] = member_course(
+                graph, member, END_DISTANCE * layering.bolt, 2 * layering.half_cover_length
+            )
+        strip = _refolded_strip(part, Development(courses[part.member], part.layer))
         strips.append(strip)
         for bolt, hole in zip(strip.bolts, strip.holes, strict=True):
             if bolt in lines:
                 point, normal = lines[bolt]
                 away = hole - point
-                off.append(float(np.linalg.norm(away - (away @ normal) * normal)))
-    return RefoldedPlan(tuple(strips), np.array(off))
+                deviations.append(float(np.linalg.norm(away - (away @ normal) * normal)))
+    return RefoldedPlan(tuple(strips), np.array(deviations))
 
 
-def _refolded(part: FlatPart, layer: Development) -> RefoldedStrip:
+def _refolded_strip(part: FlatPart, layer: Development) -> RefoldedStrip:
     course = layer.course
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(part.axis, axis=0), axis=1))])
     along += float(np.interp(part.span[0], course.s, layer.length))
     outline = part.outline.reshape(2, len(part.axis), 2)
-    right, left = outline[0], outline[1, ::-1]
+    right_edge, left_edge = outline[0], outline[1, ::-1]
     s = np.interp(along, layer.length, course.s)
     P, _, B, N = layer.frame(s)
-    y = np.stack([-np.linalg.norm(right - part.axis, axis=1), np.linalg.norm(left - part.axis, axis=1)], axis=1)
+    y = np.stack(
+        [-np.linalg.norm(right_edge - part.axis, axis=1), np.linalg.norm(left_edge - part.axis, axis=1)], axis=1
+    )
     holes = np.array([hole.at for hole in part.holes]).reshape(-1, 2)
-    at, aside = _beside(part.axis, along, holes)
-    Q, _, C, _ = layer.frame(np.interp(at, layer.length, course.s))
+    places, aside = _line_coordinates(part.axis, along, holes)
+    Q, _, C, _ = layer.frame(np.interp(places, layer.length, course.s))
     edges = P[:, None] + y[..., None] * B[:, None]
     return RefoldedStrip(
         part.id, part.member, edges, N, Q + aside[:, None] * C, tuple(hole.bolt for hole in part.holes)
@@ -96,31 +100,31 @@ def _refolded_planks(plan: PlankPlan, graph: MemberGraph) -> RefoldedPlan:
     sides: dict[str, list[Floats]] = {}
     for part in plan.parts:
         if len(part.axis):
-            nodes = graph.along[part.member]
-            plank = _plank(part, upright(courses[part.member], plan.stock.depth))
+            nodes = graph.nodes_along[part.member]
+            plank = _refolded_plank(part, upright_course(courses[part.member], plan.stock.depth))
             points = np.array([node.point for node in nodes]).reshape(-1, 3)
             nearest = [int(np.linalg.norm(points - place, axis=1).argmin()) for place in plank.holes]
             planks.append(replace(plank, bolts=tuple(nodes[k].id for k in nearest)))
             for k, place in zip(nearest, plank.holes, strict=True):
                 sides.setdefault(nodes[k].id, []).append(place)
-    off = list[float]()
-    for one in plan.found.crossings.found:
-        places = sides.get(one.node, [])
+    deviations = list[float]()
+    for crossing in plan.planks.crossings.crossings:
+        places = sides.get(crossing.node, [])
         if len(places) == 2:
             away = places[1] - places[0]
-            off.append(float(np.linalg.norm(away - (away @ one.normal) * one.normal)))
-    return RefoldedPlan(tuple(planks), np.array(off))
+            deviations.append(float(np.linalg.norm(away - (away @ crossing.normal) * crossing.normal)))
+    return RefoldedPlan(tuple(planks), np.array(deviations))
 
 
-def _plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
+def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     """Return a plank from its outline with slots: the lowest and highest point at each place along it."""
     layer = Development(course, part.layer)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(part.axis, axis=0), axis=1))])
     along += float(np.interp(part.span[0], course.s, layer.length))
-    at, y = _beside(part.axis, along, part.outline, beyond=True)
-    first = int((y > y.max() / 2).argmax())
-    right, left = (at[:first], y[:first]), (at[first:][::-1], y[first:][::-1])
-    chains = [_with_ends(right, left), _with_ends(left, right)]
+    places, y = _line_coordinates(part.axis, along, part.outline, beyond=True)
+    left_start = int((y > y.max() / 2).argmax())
+    right_edge, left_edge = (places[:left_start], y[:left_start]), (places[left_start:][::-1], y[left_start:][::-1])
+    chains = [_with_ends(right_edge, left_edge), _with_ends(left_edge, right_edge)]
     # walls of slots are 1e-7 m long, so that the plank has one depth at every place
     steps = [np.maximum.accumulate(x) + 1e-7 * np.arange(len(x)) for x, _ in chains]
     every = np.unique(np.concatenate([*steps, along]))
@@ -130,32 +134,37 @@ def _plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     low = np.abs(y) < y.max() / 2
     bottoms = np.flatnonzero(low & np.roll(low, -1))  # a slot's two inner corners follow each other
     middles = (part.outline[bottoms] + np.roll(part.outline, -1, axis=0)[bottoms]) / 2
-    at, y = _beside(part.axis, along, middles)
-    P, _, up, _ = layer.frame(np.interp(at, layer.length, course.s))
+    places, y = _line_coordinates(part.axis, along, middles)
+    P, _, up, _ = layer.frame(np.interp(places, layer.length, course.s))
     return RefoldedStrip(part.id, part.member, edges, normal, P + y[:, None] * up, ())
 
 
-def _with_ends(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """Return an edge (lengths, distances to the left) with the farther ends of the opposite edge, at oblique cuts."""
-    (at, y), (to, z) = one, other
-    before, after = slice(0, int(to[0] < at[0])), slice(len(to) - int(to[-1] > at[-1]), len(to))
-    return np.concatenate([to[before], at, to[after]]), np.concatenate([z[before], y, z[after]])
+    (places, y), (opposite_places, z) = edge, opposite
+    before, after = (
+        slice(0, int(opposite_places[0] < places[0])),
+        slice(len(opposite_places) - int(opposite_places[-1] > places[-1]), len(opposite_places)),
+    )
+    return np.concatenate([opposite_places[before], places, opposite_places[after]]), np.concatenate(
+        [z[before], y, z[after]]
+    )
 
 
-def _beside(axis: Floats, along: Floats, places: Floats, beyond: bool = False) -> tuple[Floats, Floats]:
+def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool = False) -> tuple[Floats, Floats]:
     """Return lengths along a line (k, 2) and distances to its left, (h,), for places (h, 2)."""
-    way = np.diff(axis, axis=0)
-    long = np.linalg.norm(way, axis=1)
-    off = places[:, None] - axis[None, :-1]
-    t = np.einsum("hki,ki->hk", off, way) / long**2
-    low, high = np.zeros(len(way)), np.ones(len(way))
+    segments = np.diff(axis, axis=0)
+    lengths = np.linalg.norm(segments, axis=1)
+    offsets = places[:, None] - axis[None, :-1]
+    t = np.einsum("hki,ki->hk", offsets, segments) / lengths**2
+    low, high = np.zeros(len(segments)), np.ones(len(segments))
     if beyond:
         low[0], high[-1] = -np.inf, np.inf
     t = np.clip(t, low, high)
-    away = np.linalg.norm(off - t[..., None] * way, axis=2)
+    away = np.linalg.norm(offsets - t[..., None] * segments, axis=2)
     k, row = away.argmin(axis=1), np.arange(len(places))
-    left = (way[k, 0] * off[row, k, 1] - way[k, 1] * off[row, k, 0]) / long[k]
-    return along[k] + t[row, k] * long[k], left
+    to_left = (segments[k, 0] * offsets[row, k, 1] - segments[k, 1] * offsets[row, k, 0]) / lengths[k]
+    return along[k] + t[row, k] * lengths[k], to_left
 
 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
@@ -167,43 +176,43 @@ def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) 
     mitres.
     """
     if plan.bars:
-        return _bars(plan.bars, shapes, shift)
+        return _bar_shapes(plan.bars, shapes, shift)
     built = {part.member for part in plan.parts}
     strips: dict[str, list[RefoldedStrip]] = {}
-    for strip in refolded(plan).strips:
+    for strip in refolded_plan(plan).strips:
         strips.setdefault(strip.member, []).append(strip)
-    found = []
+    result = []
     for shape in shapes:
         if shape.id in strips:
-            V, F = _joined([strip_body(strip, plan.thickness) for strip in strips[shape.id]])
-            found.append(replace(shape, V=V, F=F, plate=False))
+            V, F = _merged_mesh([strip_body(strip, plan.thickness) for strip in strips[shape.id]])
+            result.append(replace(shape, V=V, F=F, plate=False))
         elif shape.id in built:
-            layering, own = plan.layering, next(part.layer for part in plan.parts if part.member == shape.id)
-            height = layering.height(layering.plates) if layering else own
-            found.append(replace(shape, V=_moved(shape.V, plan.thickness, height, shift), plate=True))
-    return tuple(found)
+            layering, part_layer = plan.layering, next(part.layer for part in plan.parts if part.member == shape.id)
+            height = layering.layer_height(layering.plate_layer) if layering else part_layer
+            result.append(replace(shape, V=_moved_skins(shape.V, plan.thickness, height, shift), plate=True))
+    return tuple(result)
 
 
-def _bars(plan: BarPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
+def _bar_shapes(plan: BarPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
     bodies: dict[str, list[tuple[Floats, Ints]]] = {}
-    for bar in plan.found.bars:
+    for bar in plan.bar_lattice.bars:
         bodies.setdefault(bar.bay.member, []).append(bar_body(bar, plan.stock))
     discs = {part.member: part.layer for part in plan.parts if part.member and not len(part.axis)}
-    found = []
+    result = []
     for shape in shapes:
         if shape.id in bodies:
-            V, F = _joined(bodies[shape.id])
-            found.append(replace(shape, V=V, F=F, plate=False))
+            V, F = _merged_mesh(bodies[shape.id])
+            result.append(replace(shape, V=V, F=F, plate=False))
         elif shape.id in discs:
-            found.append(replace(shape, V=_moved(shape.V, plan.stock.bar, discs[shape.id], shift), plate=True))
-    return tuple(found)
+            result.append(replace(shape, V=_moved_skins(shape.V, plan.stock.bar, discs[shape.id], shift), plate=True))
+    return tuple(result)
 
 
 def strip_body(strip: RefoldedStrip, thickness: float) -> tuple[Floats, Ints]:
     """Return vertices (4 k, 3) in metres and triangles of a strip: four corners at each of its k stations."""
     up = thickness / 2 * strip.normals
-    right, left = strip.edges[:, 0], strip.edges[:, 1]
-    V = np.stack([right - up, right + up, left + up, left - up], axis=1).reshape(-1, 3)
+    right_edge, left_edge = strip.edges[:, 0], strip.edges[:, 1]
+    V = np.stack([right_edge - up, right_edge + up, left_edge + up, left_edge - up], axis=1).reshape(-1, 3)
     k = np.arange(len(up) - 1)[:, None]
     a = 4 * k + np.arange(4)
     b = 4 * k + np.roll(np.arange(4), -1)
@@ -214,13 +223,13 @@ def strip_body(strip: RefoldedStrip, thickness: float) -> tuple[Floats, Ints]:
     return V, F if signed_volume(V, F) > 0 else F[:, ::-1]
 
 
-def _joined(bodies: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    first = np.cumsum([0, *(len(V) for V, _ in bodies)])
-    faces = [F + start for (_, F), start in zip(bodies, first, strict=False)]
+def _merged_mesh(bodies: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
+    starts = np.cumsum([0, *(len(V) for V, _ in bodies)])
+    faces = [F + start for (_, F), start in zip(bodies, starts, strict=False)]
     return np.concatenate([V for V, _ in bodies]), np.concatenate(faces)
 
 
-def _moved(V: Floats, thickness: float, height: float, shift: int) -> Floats:
+def _moved_skins(V: Floats, thickness: float, height: float, shift: int) -> Floats:
     upper, lower = V.reshape(2, -1, 3)
     middle, half = (upper + lower) / 2, (upper - lower) / 2
     n = half / np.linalg.norm(half, axis=1)[:, None]

@@ -14,22 +14,22 @@ from itertools import pairwise
 import numpy as np
 
 from dsfab.core.arrays import Floats, lock
-from dsfab.core.messages import length, some_names
+from dsfab.core.messages import length, names_and_count
 from dsfab.core.units import MM_PER_M
 from dsfab.members import Member, MemberGraph, Node
 from dsfab.surface import Surface
 from dsfab.workshop.development import Development, StripCourse, member_course
-from dsfab.workshop.ground import Ground, StripFoot
+from dsfab.workshop.ground import BasePlane, StripFoot
 from dsfab.workshop.layers import Layering
-from dsfab.workshop.parts import FILLED, FlatPart, Hole, label, text_length
+from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import splice_cuts, strip_fits
-from dsfab.workshop.strips import DRILL, StripLimits, bending_strain, is_strip, letter_height
+from dsfab.workshop.strips import MESH_TOLERANCE, StripLimits, bending_strain, is_strip, letter_height
 
-CARD = 0.01
+CREASE_STRAIN = 0.01
 """Strain at which greyboard creases: a bending radius of 50 thicknesses. A rule of thumb; thin card takes more."""
 NARROWEST = 0.002
 """Least width of card strips (m); narrower strips tear at holes and burn through."""
-LETTERS = (0.003, 0.002)
+MODEL_LETTERS = (0.003, 0.002)
 """Largest heights of part names and of node names (m)."""
 
 
@@ -54,71 +54,74 @@ def _scaled_member(member: Member, scale: float) -> Member:
 
 
 def _scaled_node(node: Node, scale: float) -> Node:
-    at = node.at[0] / scale, node.at[1] / scale
-    return replace(node, at=at, point=node.point / scale, area=node.area / scale**2)
+    stations = node.at[0] / scale, node.at[1] / scale
+    return replace(node, at=stations, point=node.point / scale, area=node.area / scale**2)
 
 
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
     """Return notes on a graph at model size with pins (m): bending of card, narrow members and coarse meshes."""
-    found = []
-    how = f"card of {length(limits.thickness)} is bent to a strain of {limits.bending:.2%} ({limits.member} most)"
+    notes = []
+    bending_text = (
+        f"card of {length(limits.thickness)} is bent to a strain of {limits.bending:.2%} ({limits.member} most)"
+    )
     thinner = np.floor(1e4 * limits.thickest) / 1e4 if limits.bending else 0.0
-    if limits.bending > CARD:
-        found.append(
-            f"NOT WITHOUT CREASES: {how}, and greyboard creases at some {CARD:.0%}: set --thickness to "
+    if limits.bending > CREASE_STRAIN:
+        notes.append(
+            f"NOT WITHOUT CREASES: {bending_text}, and greyboard creases at some {CREASE_STRAIN:.0%}: set "
+            "--thickness to "
             f"{MM_PER_M * thinner:g}mm or less, or build a larger model"
         )
     else:
-        found.append(f"{how}; greyboard creases at some {CARD:.0%}")
+        notes.append(f"{bending_text}; greyboard creases at some {CREASE_STRAIN:.0%}")
     narrow = sorted((member for member in graph.members if is_strip(member)), key=lambda member: member.mean_width)
     narrow = [member for member in narrow if member.mean_width < NARROWEST]
     if narrow:
         least = narrow[0].mean_width
         larger = _rounded_scale(scale * least / NARROWEST)
-        found.append(
+        notes.append(
             f"TOO NARROW: {len(narrow)} of the members are narrower than the {length(NARROWEST)} that card holds "
             f"together at ({narrow[0].id} is {length(least)}): build at 1:{larger:g} or "
             f"larger, or make members {length(NARROWEST * scale)} wide, see [pattern.width]"
         )
     fit = 1e-4  # metres that a coarse mesh may move holes of a model away from their nodes
-    wanted = limits.wanted * np.sqrt(fit / (DRILL * bolt)) * scale if bolt else np.inf
-    if limits.edge * scale > 1.05 * wanted:
-        found.append(
+    wanted_edge = limits.wanted_edge * np.sqrt(fit / (MESH_TOLERANCE * bolt)) * scale if bolt else np.inf
+    if limits.edge * scale > 1.05 * wanted_edge:
+        notes.append(
             f"HOLES MAY MISS EACH OTHER: edges of {length(limits.edge * scale)} are too coarse a mesh for this model; "
-            f"set surface.edge to {wanted:.2g} or less"
+            f"set surface.edge to {wanted_edge:.2g} or less"
         )
-    return found
+    return notes
 
 
 def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
     """Return squares of card, with a hole, for nodes with empty layers between their members."""
     families = {member.id: member.family for member in graph.members}
-    found = []
+    squares = []
     for node in graph.nodes:
         if node.kind != "grazing" and all(is_strip(graph.by_id[name]) for name in node.members):
             side = min(graph.by_id[name].mean_width for name in node.members)
             square = side / 2 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
             hole = Hole(np.zeros(2), layering.bolt, node.id)
-            found += [
+            squares += [
                 FlatPart(f"{node.id}.p{k}", "", (0.0, 0.0), square, (hole,))
-                for k in range(1, layering.packing(node, families) + 1)
+                for k in range(1, layering.packing_layers(node, families) + 1)
             ]
-    return found
+    return squares
 
 
-def _rounded_scale(most: float) -> float:
+def _rounded_scale(limit: float) -> float:
     """Return the largest usual scale number up to `limit`; below 1 `limit` rounded down."""
     usual = [k * 10.0**power for power in range(5) for k in (1.0, 2.0, 2.5, 5.0)]
-    return max((one for one in usual if one <= most), default=float(np.floor(10 * most) / 10))
+    return max((scale for scale in usual if scale <= limit), default=float(np.floor(10 * limit) / 10))
 
 
-THROUGH = ("keep", "rim", "major", "minor")
+THROUGH_ORDER = ("keep", "rim", "major", "minor")
 """Families in the order in which they go through others."""
-ROOT, TIP = 0.8, 0.6
+ROOT_SHARE, TIP_SHARE = 0.8, 0.6
 """Widths of a tab at its root and tip, over that of its panel."""
-NEAR = 0.15
+TAB_GAP_SHARE = 0.15
 """Distance from a tab to the middle of the member above it, over half its width; the opposite tab needs the rest."""
-SHARP = float(np.sin(np.radians(25.0)))
+SHARP_SINE = float(np.sin(np.radians(25.0)))
 """Sine of the least angle at which a member is cut at another; at sharper angles it lies on the other."""
 
 
@@ -139,19 +142,21 @@ class PanelParts:
     @property
     def lines(self) -> list[str]:
         """Sentences on the panels."""
-        found = [
+        sentences = [
             f"{len(self.parts)} panels in one skin with {self.tabs} tabs: edges go through all others, then family A"
         ]
         if self.sharp:
-            where = some_names(self.sharp)
-            found.append(f"members meet at under 25 degrees at {where}: there one is glued on the other")
+            where = names_and_count(self.sharp)
+            sentences.append(f"members meet at under 25 degrees at {where}: there one is glued on the other")
         if self.covered:
-            found.append(f"{self.covered} bays are too short for a panel: what goes through at both ends covers them")
-        return found
+            sentences.append(
+                f"{self.covered} bays are too short for a panel: what goes through at both ends covers them"
+            )
+        return sentences
 
 
 @dataclass(frozen=True, eq=False)
-class _Edge:
+class _CrossingEdge:
     """Crossing member on a course: arc length, direction (2,), half width (m), node, and whether it goes through."""
 
     name: str
@@ -163,7 +168,7 @@ class _Edge:
     def __post_init__(self) -> None:
         lock(self, "way", np.float64, (2,))
 
-    def at(self, side: int, away: float, y: Floats) -> Floats:
+    def stations(self, side: int, away: float, y: Floats) -> Floats:
         """Return arc lengths (q,) of lines y (q,) beside the axis, `away` metres beyond the crossing member."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
@@ -174,7 +179,7 @@ def panel_parts(
     thickness: float,
     letters: float,
     room: list[tuple[float, float]],
-    ground: Ground | None = None,
+    ground: BasePlane | None = None,
 ) -> PanelParts:
     """Return the panels of all strips of a graph at model size.
 
@@ -183,40 +188,44 @@ def panel_parts(
     """
     members = [member for member in graph.members if is_strip(member)]
     widest = max((member.mean_width for member in members), default=0.0)
-    courses = {one.id: member_course(graph, one, 0.0, 6 * widest) for one in members}
-    rank = {one.id: (THROUGH.index(one.family), k) for k, one in enumerate(members)}
-    found = PanelParts()
+    courses = {member.id: member_course(graph, member, 0.0, 6 * widest) for member in members}
+    rank = {member.id: (THROUGH_ORDER.index(member.family), k) for k, member in enumerate(members)}
+    panels = PanelParts()
     for member in members:
         edges = [
-            edge for node in graph.along[member.id] if (edge := _edge(graph, node, member, courses, rank)) is not None
+            edge
+            for node in graph.nodes_along[member.id]
+            if (edge := _crossing_edge(graph, node, member, courses, rank)) is not None
         ]
-        course, feet = ground.on_ground(courses[member.id], 0.0) if ground else (courses[member.id], ())
-        _Panels(member, course, thickness, letters, feet).into(found, edges, room)
-    found.sharp = list(dict.fromkeys(found.sharp))
-    return found
+        course, feet = ground.cut_course(courses[member.id], 0.0) if ground else (courses[member.id], ())
+        _MemberPanels(member, course, thickness, letters, feet).add_panels(panels, edges, room)
+    panels.sharp = list(dict.fromkeys(panels.sharp))
+    return panels
 
 
-def _edge(
+def _crossing_edge(
     graph: MemberGraph,
     node: Node,
     member: Member,
     courses: dict[str, StripCourse],
     rank: dict[str, tuple[int, int]],
-) -> _Edge | None:
+) -> _CrossingEdge | None:
     k = node.members.index(member.id)
-    other = node.members[1 - k]
-    if other not in courses or other == member.id or not np.isfinite(node.at).all():
+    crossing_name = node.members[1 - k]
+    if crossing_name not in courses or crossing_name == member.id or not np.isfinite(node.at).all():
         return None
-    course, across = courses[member.id], courses[other]
-    s, t = course.wrapped(node.at[k]), across.wrapped(node.at[1 - k])
-    (_, T, N), (_, U, _) = (tuple(x[0] for x in one.at(np.array([at]))) for one, at in ((course, s), (across, t)))
-    way = np.array([U @ T, U @ np.cross(N, T)])
+    course, across = courses[member.id], courses[crossing_name]
+    s, t = course.wrapped_station(node.at[k]), across.wrapped_station(node.at[1 - k])
+    (_, T, N), (_, U, _) = (
+        tuple(x[0] for x in curve.frame_at(np.array([station]))) for curve, station in ((course, s), (across, t))
+    )
+    direction = np.array([U @ T, U @ np.cross(N, T)])
     half = float(across.width(np.array([t]))[0]) / 2
-    return _Edge(node.id, s, way / np.linalg.norm(way), half, rank[other] < rank[member.id])
+    return _CrossingEdge(node.id, s, direction / np.linalg.norm(direction), half, rank[crossing_name] < rank[member.id])
 
 
 @dataclass(frozen=True)
-class _End:
+class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
 
     tab  : arc lengths and distances to the left (q,) each; empty without a tab.    foot : a tab into the base plate.
@@ -229,55 +238,57 @@ class _End:
 
 
 @dataclass(frozen=True)
-class _Panels:
+class _MemberPanels:
     member: Member
     course: StripCourse
     thickness: float
     letters: float
     feet: tuple[StripFoot, ...] = ()
 
-    def into(self, found: PanelParts, edges: Sequence[_Edge], room: list[tuple[float, float]]) -> None:
+    def add_panels(self, panels: PanelParts, edges: Sequence[_CrossingEdge], room: list[tuple[float, float]]) -> None:
         layer = Development(self.course, 0.0)
-        found.sharp += [edge.name for edge in edges if edge.over and abs(edge.way[1]) < SHARP]
-        cuts = sorted((e for e in edges if e.over and abs(e.way[1]) >= SHARP), key=lambda edge: edge.s)
-        under = [edge for edge in edges if not edge.over and abs(edge.way[1]) >= SHARP]
+        panels.sharp += [edge.name for edge in edges if edge.over and abs(edge.way[1]) < SHARP_SINE]
+        cuts = sorted((e for e in edges if e.over and abs(e.way[1]) >= SHARP_SINE), key=lambda edge: edge.s)
+        under = [edge for edge in edges if not edge.over and abs(edge.way[1]) >= SHARP_SINE]
         bounds = [None, *cuts, None]
-        pieces = list[tuple[_End, _End]]()
+        pieces = list[tuple[_PanelEnd, _PanelEnd]]()
         for before, after in pairwise(bounds):
-            ends = self._standing(self._end(before, 1), self._end(after, -1))
+            ends = self._ends_with_foot(self._end(before, 1), self._end(after, -1))
             if min(ends[1].right - ends[0].right, ends[1].left - ends[0].left) <= 0:
-                found.covered += before is not None and after is not None
+                panels.covered += before is not None and after is not None
                 continue
-            pieces += self._divided(layer, ends, under, room)
+            pieces += self._pieces(layer, ends, under, room)
         for number, (begin, end) in enumerate(pieces, 1):
             name = self.member.id if len(pieces) == 1 else f"{self.member.id}.{number}"
-            found.tabs += sum(len(one.tab[0]) > 0 and one.foot is None for one in (begin, end))
-            found.feet += [(name, one.foot) for one in (begin, end) if one.foot]
-            found.parts.append(self._part(layer, name, begin, end, under))
+            panels.tabs += sum(len(panel_end.tab[0]) > 0 and panel_end.foot is None for panel_end in (begin, end))
+            panels.feet += [(name, panel_end.foot) for panel_end in (begin, end) if panel_end.foot]
+            panels.parts.append(self._part(layer, name, begin, end, under))
 
     def _sides(self, s: float) -> tuple[float, float]:
         course = self.course
         return float(np.interp(s, course.s, course.right)), float(np.interp(s, course.s, course.left))
 
-    def _end(self, edge: _Edge | None, side: int) -> _End:
+    def _end(self, edge: _CrossingEdge | None, side: int) -> _PanelEnd:
         """Return the beginning (side 1) or end (side -1) of a panel, at a crossing member or at the member's end."""
         if edge is None:
-            if foot := next((foot for foot in self.feet if foot.last == (side == -1)), None):
+            if foot := next((foot for foot in self.feet if foot.at_end == (side == -1)), None):
                 along = np.array([foot.shoulders[1], *foot.tips, foot.shoulders[2]])
                 corners = along, np.repeat(foot.sides[1:3], 2)
-                return _End(float(foot.shoulders[0]), float(foot.shoulders[3]), corners, foot)
+                return _PanelEnd(float(foot.shoulders[0]), float(foot.shoulders[3]), corners, foot)
             s = self.course.begin if side == 1 else self.course.end
             if self.course.closed and side == -1:
-                return self._spliced(s)
-            return _End(s, s)
-        right, left = self._sides(edge.s)
-        shoulders = edge.at(side, edge.half, np.array([-right, left]))
-        y = np.array([-ROOT * right, -TIP * right, TIP * left, ROOT * left])
-        away = edge.half * np.array([1.0, NEAR, NEAR, 1.0])
-        tab = np.array([float(edge.at(side, a, np.array([b]))[0]) for a, b in zip(away, y, strict=True)])
-        return _End(float(shoulders[0]), float(shoulders[1]), (tab, y))
+                return self._splice_end(s)
+            return _PanelEnd(s, s)
+        right_width, left_width = self._sides(edge.s)
+        shoulders = edge.stations(side, edge.half, np.array([-right_width, left_width]))
+        y = np.array(
+            [-ROOT_SHARE * right_width, -TIP_SHARE * right_width, TIP_SHARE * left_width, ROOT_SHARE * left_width]
+        )
+        away = edge.half * np.array([1.0, TAB_GAP_SHARE, TAB_GAP_SHARE, 1.0])
+        tab = np.array([float(edge.stations(side, a, np.array([b]))[0]) for a, b in zip(away, y, strict=True)])
+        return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
-    def _standing(self, begin: _End, end: _End) -> tuple[_End, _End]:
+    def _ends_with_foot(self, begin: _PanelEnd, end: _PanelEnd) -> tuple[_PanelEnd, _PanelEnd]:
         """Return both ends of a panel; a foot beneath a member on the ground stays connected to its other tab."""
         least = 0.1 * self.member.mean_width  # length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
@@ -292,15 +303,21 @@ class _Panels:
                 return replace(begin, right=min(begin.right, high), left=min(begin.left, high), tab=tab), end
         return begin, end
 
-    def _spliced(self, s: float) -> _End:
+    def _splice_end(self, s: float) -> _PanelEnd:
         """Return an end with a tab beneath the next panel of the same member, as long as it is wide."""
-        right, left = self._sides(s)
-        y = np.array([-ROOT * right, -TIP * right, TIP * left, ROOT * left])
-        return _End(s, s, (s + (right + left) * np.array([0.0, 1.0, 1.0, 0.0]), y))
+        right_width, left_width = self._sides(s)
+        y = np.array(
+            [-ROOT_SHARE * right_width, -TIP_SHARE * right_width, TIP_SHARE * left_width, ROOT_SHARE * left_width]
+        )
+        return _PanelEnd(s, s, (s + (right_width + left_width) * np.array([0.0, 1.0, 1.0, 0.0]), y))
 
-    def _divided(
-        self, layer: Development, ends: tuple[_End, _End], under: Sequence[_Edge], room: list[tuple[float, float]]
-    ) -> list[tuple[_End, _End]]:
+    def _pieces(
+        self,
+        layer: Development,
+        ends: tuple[_PanelEnd, _PanelEnd],
+        under: Sequence[_CrossingEdge],
+        room: list[tuple[float, float]],
+    ) -> list[tuple[_PanelEnd, _PanelEnd]]:
         begin, end = min(ends[0].right, ends[0].left), max(ends[1].right, ends[1].left)
         fits, reach = strip_fits(layer, room), 1.2 * self.member.mean_width
 
@@ -308,35 +325,40 @@ class _Panels:
             return fits(a - reach, b + reach)
 
         stations = np.array([edge.s for edge in under if begin < edge.s < end])
-        cuts = splice_cuts((begin, end), stations, 1.5 * self.member.mean_width, fits_with_tabs).at[1:-1]
-        marks = [ends[0], *(self._spliced(cut) for cut in cuts), ends[1]]
-        plain = [ends[0], *(_End(cut, cut) for cut in cuts)]
-        return list(zip(plain, marks[1:], strict=True))
+        cuts = splice_cuts((begin, end), stations, 1.5 * self.member.mean_width, fits_with_tabs).stations[1:-1]
+        spliced_ends = [ends[0], *(self._splice_end(cut) for cut in cuts), ends[1]]
+        begins = [ends[0], *(_PanelEnd(cut, cut) for cut in cuts)]
+        return list(zip(begins, spliced_ends[1:], strict=True))
 
-    def _part(self, layer: Development, name: str, begin: _End, end: _End, under: Sequence[_Edge]) -> FlatPart:
+    def _part(
+        self, layer: Development, name: str, begin: _PanelEnd, end: _PanelEnd, under: Sequence[_CrossingEdge]
+    ) -> FlatPart:
         course = self.course
         s, t = layer.stations(begin.right, end.right), layer.stations(begin.left, end.left)[::-1]
-        right, left = -np.interp(s, course.s, course.right), np.interp(t, course.s, course.left)
-        tabs = [layer.flat(*end.tab)] if len(end.tab[0]) else []
-        last = [layer.flat(begin.tab[0][::-1], begin.tab[1][::-1])] if len(begin.tab[0]) else []
-        outline = np.concatenate([layer.flat(s, right), *tabs, layer.flat(t, left), *last])
+        right_edge, left_edge = -np.interp(s, course.s, course.right), np.interp(t, course.s, course.left)
+        end_tab = [layer.to_plane(*end.tab)] if len(end.tab[0]) else []
+        begin_tab = [layer.to_plane(begin.tab[0][::-1], begin.tab[1][::-1])] if len(begin.tab[0]) else []
+        outline = np.concatenate([layer.to_plane(s, right_edge), *end_tab, layer.to_plane(t, left_edge), *begin_tab])
         span = (begin.right + begin.left) / 2, (end.right + end.left) / 2
-        axis = layer.at(layer.stations(*span))[0]
-        stood = [*span, *(x for one in (begin, end) if begin.foot or end.foot for x in one.tab[0])]
-        at, angle = layer.at(np.array([(min(stood) + max(stood)) / 2]))
+        axis = layer.middle_line_at(layer.stations(*span))[0]
+        stood = [*span, *(x for panel_end in (begin, end) if begin.foot or end.foot for x in panel_end.tab[0])]
+        position, angle = layer.middle_line_at(np.array([(min(stood) + max(stood)) / 2]))
         high = letter_height(self.member.mean_width, self.letters)
-        high *= min(1.0, FILLED * (max(stood) - min(stood)) / text_length(name, high))
-        marks = [*label(name, at[0], float(angle[0]), high), *self._ticks(layer, span, under)]
+        high *= min(1.0, NAME_SHARE * (max(stood) - min(stood)) / text_length(name, high))
+        marks = [*label(name, position[0], float(angle[0]), high), *self._ticks(layer, span, under)]
         strain = bending_strain(course, span, self.thickness)
-        return FlatPart(name, self.member.id, span, outline, (), (), tuple(marks), 0.0, strain, axis).lying()
+        return FlatPart(name, self.member.id, span, outline, (), (), tuple(marks), 0.0, strain, axis).along_x()
 
-    def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_Edge]) -> list[Floats]:
-        found, share = list[Floats](), 0.25  # of the width
+    def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_CrossingEdge]) -> list[Floats]:
+        ticks, share = list[Floats](), 0.25  # of the width
         for edge in under:
-            right, left = self._sides(edge.s)
-            for y in (np.array([-right, -right + 2 * share * right]), np.array([left - 2 * share * left, left])):
+            right_width, left_width = self._sides(edge.s)
+            for y in (
+                np.array([-right_width, -right_width + 2 * share * right_width]),
+                np.array([left_width - 2 * share * left_width, left_width]),
+            ):
                 for side in (1, -1):
-                    s = edge.at(side, edge.half, y)
+                    s = edge.stations(side, edge.half, y)
                     if span[0] < s.min() and s.max() < span[1]:
-                        found.append(layer.flat(s, y))
-        return found
+                        ticks.append(layer.to_plane(s, y))
+        return ticks

@@ -16,11 +16,11 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph, Node
 
-CONSTANT = 0.05
+PARALLEL_SHARE = 0.05
 """Change of width, over the width, below which edges count as parallel."""
-OBLIQUE = 1.5
+OBLIQUE_WIDTHS = 1.5
 """Length at each end of a member where its cells do not show its width, over its width."""
-BEYOND = 16
+EXTENSION_STATIONS = 16
 """Number of stations beyond each end of an axis."""
 
 
@@ -53,7 +53,7 @@ class StripCourse:
         for name in ("P", "T", "N"):
             lock(self, name, np.float64, (len(self.s), 3))
 
-    def at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
+    def frame_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return points, unit tangents and unit normals (q, 3) at arc lengths (q,), by cubic interpolation [Hermite].
 
         Chords would be a quarter of a millimetre off the arcs of a narrow ring.
@@ -62,15 +62,15 @@ class StripCourse:
         h = (self.s[i + 1] - self.s[i])[:, None]
         t = (np.asarray(s) - self.s[i])[:, None] / h
         P, Q, T, U = self.P[i], self.P[i + 1], h * self.T[i], h * self.T[i + 1]
-        way = Q - P
-        place = P + t * (T + t * (3 * way - 2 * T - U + t * (T + U - 2 * way)))
-        T = T + t * (2 * (3 * way - 2 * T - U) + 3 * t * (T + U - 2 * way))
+        chord = Q - P
+        place = P + t * (T + t * (3 * chord - 2 * T - U + t * (T + U - 2 * chord)))
+        T = T + t * (2 * (3 * chord - 2 * T - U) + 3 * t * (T + U - 2 * chord))
         N = self.N[i] + t * (self.N[i + 1] - self.N[i])
         N = N / np.linalg.norm(N, axis=1)[:, None]
         T = T - np.einsum("qi,qi->q", T, N)[:, None] * N
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
-    def rounds(self, s: Floats) -> Floats:
+    def repeated_stations(self, s: Floats) -> Floats:
         """Return arc lengths (3q,) a round before, as they are and a round later; unchanged (q,) on an open course."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
@@ -79,7 +79,7 @@ class StripCourse:
         """Return widths (q,) at arc lengths (q,) (m)."""
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
-    def wrapped(self, s: float) -> float:
+    def wrapped_station(self, s: float) -> float:
         """Return the arc length of the same place between `begin` and `end`."""
         if not self.closed:
             return s
@@ -87,7 +87,7 @@ class StripCourse:
         return self.begin + float(np.mod(s - self.begin, length))
 
 
-def member_course(graph: MemberGraph, member: Member, past: float, more: float) -> StripCourse:
+def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
     """Return the course of a member with an axis.
 
     overhang : length beyond a node that is closer than that to the member's end (m).
@@ -96,23 +96,27 @@ def member_course(graph: MemberGraph, member: Member, past: float, more: float) 
     """
     axis = member.axis
     assert axis is not None
-    left, right = even_edges(axis, member.sides)
-    at = node_stations(member, graph.along[member.id])
+    left_edge, right_edge = smooth_edge_distances(axis, member.sides)
+    node_places = node_stations(member, graph.nodes_along[member.id])
     if axis.closed:
-        return _opened(axis, left, right, at, more)
-    before = past - float(at[0]) if len(at) and at[0] < past else 0.0
-    after = past - (axis.length - float(at[-1])) if len(at) and axis.length - at[-1] < past else 0.0
-    first, last = uncurled(member)
-    parts = [_beyond(axis, 0, -(before + more)), axis, _beyond(axis, -1, after + more)]
+        return _course_of_ring(axis, left_edge, right_edge, node_places, extra_length)
+    before = overhang - float(node_places[0]) if len(node_places) and node_places[0] < overhang else 0.0
+    after = (
+        overhang - (axis.length - float(node_places[-1]))
+        if len(node_places) and axis.length - node_places[-1] < overhang
+        else 0.0
+    )
+    begin, end = uncurled_span(member)
+    parts = [_extension(axis, 0, -(before + extra_length)), axis, _extension(axis, -1, after + extra_length)]
     rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("s", "P", "T", "N")}
     rows |= {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("kg", "kn", "tg")}
-    pad = (BEYOND, BEYOND)
+    pad = (EXTENSION_STATIONS, EXTENSION_STATIONS)
     return StripCourse(
         **rows,
-        left=np.pad(left, pad, mode="edge"),
-        right=np.pad(right, pad, mode="edge"),
-        begin=first or -before,
-        end=last if last < axis.length else axis.length + after,
+        left=np.pad(left_edge, pad, mode="edge"),
+        right=np.pad(right_edge, pad, mode="edge"),
+        begin=begin or -before,
+        end=end if end < axis.length else axis.length + after,
         closed=False,
     )
 
@@ -123,17 +127,17 @@ def turns_within_its_width(member: Member) -> Bools:
     return np.asarray(np.abs(member.axis.kg) * member.width / 2 >= 0.9)
 
 
-def uncurled(member: Member) -> tuple[float, float]:
+def uncurled_span(member: Member) -> tuple[float, float]:
     """Return the arc lengths between which the ends of a member do not curl up, as at a divided sharp turn."""
     axis = member.axis
     assert axis is not None
-    reach = OBLIQUE * float(np.median(member.width))
+    reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
         return 0.0, axis.length
     curl = turns_within_its_width(member)
     head, tail = np.flatnonzero(curl & (axis.s < reach)), np.flatnonzero(curl & (axis.s > axis.length - reach))
-    first = float(axis.s[head[-1] + 1]) if len(head) else 0.0
-    return first, float(axis.s[tail[0] - 1]) if len(tail) else axis.length
+    begin = float(axis.s[head[-1] + 1]) if len(head) else 0.0
+    return begin, float(axis.s[tail[0] - 1]) if len(tail) else axis.length
 
 
 def node_stations(member: Member, nodes: tuple[Node, ...]) -> Floats:
@@ -141,7 +145,7 @@ def node_stations(member: Member, nodes: tuple[Node, ...]) -> Floats:
     return np.array([node.at[node.members.index(member.id)] for node in nodes])
 
 
-def even_edges(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
+def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
 
     Edges that are parallel to the axis but for noise become parallel; others are smoothed.
@@ -154,41 +158,43 @@ def even_edges(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     calm = median_filter(sides, size=(2 * round(reach / 2) + 1, 1), mode=mode)
     calm = gaussian_filter1d(calm, max(reach, 0.5), axis=0, mode=mode)
     low, high = np.percentile(calm.sum(axis=1), [5, 95])
-    if high - low < CONSTANT * high:
-        both = np.median(sides, axis=0)
+    if high - low < PARALLEL_SHARE * high:
+        medians = np.median(sides, axis=0)
         even = np.full(2, np.median(sides.sum(axis=1)) / 2)
-        calm = np.tile(even if np.ptp(both) < CONSTANT * high else both, (len(sides), 1))
+        calm = np.tile(even if np.ptp(medians) < PARALLEL_SHARE * high else medians, (len(sides), 1))
     return calm[:, 0], calm[:, 1]
 
 
 def _square_ends(s: Floats, sides: Floats) -> Floats:
-    """Return sides (k, 2) without the oblique cuts within `OBLIQUE` widths of the ends."""
-    past = min(OBLIQUE * float(np.median(sides.sum(axis=1))), s[-1] / 3)
+    """Return sides (k, 2) without the oblique cuts within `OBLIQUE_WIDTHS` widths of the ends."""
+    past = min(OBLIQUE_WIDTHS * float(np.median(sides.sum(axis=1))), s[-1] / 3)
     inner = np.clip(s, past, s[-1] - past)
     return np.stack([np.interp(inner, s, side) for side in sides.T], axis=1)
 
 
-def _opened(axis: MemberAxis, left: Floats, right: Floats, at: Floats, more: float) -> StripCourse:
+def _course_of_ring(
+    axis: MemberAxis, left_edge: Floats, right_edge: Floats, node_places: Floats, extra_length: float
+) -> StripCourse:
     L = axis.length
     begin = 0.0
-    if len(at):
-        bays = np.diff(at, append=at[0] + L)
-        begin = float(np.mod(at[bays.argmax()] + bays.max() / 2, L))
-    more = min(more, L / 2)
+    if len(node_places):
+        bays = np.diff(node_places, append=node_places[0] + L)
+        begin = float(np.mod(node_places[bays.argmax()] + bays.max() / 2, L))
+    extra_length = min(extra_length, L / 2)
     s = np.concatenate([axis.s[:-1] + turn * L for turn in (-1, 0, 1, 2)])
-    keep = (s > begin - more - L / len(axis.s)) & (s < begin + L + more + L / len(axis.s))
+    keep = (s > begin - extra_length - L / len(axis.s)) & (s < begin + L + extra_length + L / len(axis.s))
     rows = {name: np.tile(getattr(axis, name)[:-1], (4, 1))[keep] for name in ("P", "T", "N")}
     rows |= {name: np.tile(getattr(axis, name)[:-1], 4)[keep] for name in ("kg", "kn", "tg")}
-    rows |= {"left": np.tile(left[:-1], 4)[keep], "right": np.tile(right[:-1], 4)[keep]}
+    rows |= {"left": np.tile(left_edge[:-1], 4)[keep], "right": np.tile(right_edge[:-1], 4)[keep]}
     return StripCourse(s=s[keep], **rows, begin=begin, end=begin + L, closed=True)
 
 
-def _beyond(axis: MemberAxis, end: int, metres: float) -> MemberAxis:
+def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
     """Return ascending stations beyond an end with its curvatures, by a second-order frame [Darboux]."""
-    u = metres * np.arange(1, BEYOND + 1) / BEYOND
-    u = u[::-1] if metres < 0 else u
-    P, T, N, B = axis.P[end], axis.T[end], axis.N[end], axis.B[end]
-    kg, kn, tg = (float(getattr(axis, name)[end]) for name in ("kg", "kn", "tg"))
+    u = distance * np.arange(1, EXTENSION_STATIONS + 1) / EXTENSION_STATIONS
+    u = u[::-1] if distance < 0 else u
+    P, T, N, B = axis.P[end_index], axis.T[end_index], axis.N[end_index], axis.B[end_index]
+    kg, kn, tg = (float(getattr(axis, name)[end_index]) for name in ("kg", "kn", "tg"))
     bend = kg * B + kn * N
     tangents = T + u[:, None] * bend
     normals = N + u[:, None] * (-kn * T - tg * B)
@@ -197,18 +203,18 @@ def _beyond(axis: MemberAxis, end: int, metres: float) -> MemberAxis:
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
     return replace(
         axis,
-        s=axis.s[end] + u,
+        s=axis.s[end_index] + u,
         P=P + u[:, None] * T + (u**2)[:, None] / 2 * bend,
         T=tangents,
         N=normals,
-        kg=np.full(BEYOND, kg),
-        kn=np.full(BEYOND, kn),
-        tg=np.full(BEYOND, tg),
-        traced=np.zeros(BEYOND),
+        kg=np.full(EXTENSION_STATIONS, kg),
+        kn=np.full(EXTENSION_STATIONS, kn),
+        tg=np.full(EXTENSION_STATIONS, tg),
+        traced=np.zeros(EXTENSION_STATIONS),
     )
 
 
-SAGITTA = 2e-5
+CHORD_TOLERANCE = 2e-5
 """Largest distance of an outline's chord from its arc (m)."""
 
 
@@ -220,7 +226,7 @@ class Development:
     height: float
 
     @cached_property
-    def speed(self) -> Floats:
+    def length_ratio(self) -> Floats:
         """(k,) length ratio ds_h / ds."""
         c, h = self.course, self.height
         return np.asarray(np.hypot(1 - h * c.kn, h * c.tg))
@@ -234,7 +240,7 @@ class Development:
     @cached_property
     def length(self) -> Floats:
         """(k,) arc length of the layer's middle line (m)."""
-        steps = (self.speed[1:] + self.speed[:-1]) / 2 * np.diff(self.course.s)
+        steps = (self.length_ratio[1:] + self.length_ratio[:-1]) / 2 * np.diff(self.course.s)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     @cached_property
@@ -249,7 +255,7 @@ class Development:
         """(k, 2) developed middle line, a circular arc between stations."""
         return np.concatenate([np.zeros((1, 2)), np.cumsum(_arcs(np.diff(self.length), self.angle), axis=0)])
 
-    def at(self, s: Floats) -> tuple[Floats, Floats]:
+    def middle_line_at(self, s: Floats) -> tuple[Floats, Floats]:
         """Return places (q, 2) and angles (q,) of the developed middle line at arc lengths s (q,) of the course."""
         s = np.atleast_1d(s)
         i = np.clip(np.searchsorted(self.course.s, s, side="right") - 1, 0, len(self.course.s) - 2)
@@ -257,19 +263,19 @@ class Development:
         angle = np.interp(s, self.course.s, self.angle)
         return self.x[i] + _chords(step, self.angle[i], angle), angle
 
-    def flat(self, s: Floats, y: Floats) -> Floats:
+    def to_plane(self, s: Floats, y: Floats) -> Floats:
         """Return places (q, 2) at y (q,) metres to the left of the middle line at arc lengths s (q,)."""
-        x, angle = self.at(s)
+        x, angle = self.middle_line_at(s)
         return np.asarray(x + np.asarray(y)[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def frame(self, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return points, tangents, left directions and normals (q, 3) of the layer in space at arc lengths s (q,)."""
-        P, T, N = self.course.at(s)
+        P, T, N = self.course.frame_at(s)
         B = cross(N, T)
         turn = np.interp(s, self.course.s, self.turn)[:, None]
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
-    def place(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
+    def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
         """Return where the line through a point (3,) along a unit normal (3,) pierces the layer.
 
         The result is an arc length of the course close to `s`, and the distance to the left (m).
@@ -277,26 +283,26 @@ class Development:
         y = 0.0
         for _ in range(4):  # Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
-            on = point + normal * ((P - point) @ N) / (normal @ N)
-            y = float((on - P) @ B)
-            step = float(np.interp(s, self.course.s, self.speed)) - y * self._bend(s)
-            s += float((on - P) @ T) / step
-            if abs((on - P) @ T) < 1e-9:
+            pierced = point + normal * ((P - point) @ N) / (normal @ N)
+            y = float((pierced - P) @ B)
+            step = float(np.interp(s, self.course.s, self.length_ratio)) - y * self._bend(s)
+            s += float((pierced - P) @ T) / step
+            if abs((pierced - P) @ T) < 1e-9:
                 break
         return s, y
 
     def outline(self, begin: float, end: float) -> Floats:
         """Return the outline (k, 2) between two arc lengths, counter-clockwise from the right edge at the beginning."""
         s = self.stations(begin, end)
-        left, right = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
-        x, angle = self.at(s)  # once for both edges, because many lengths are tried
+        left_edge, right_edge = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
+        x, angle = self.middle_line_at(s)  # once for both edges, because many lengths are tried
         across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
-        return np.concatenate([x - right[:, None] * across, (x + left[:, None] * across)[::-1]])
+        return np.concatenate([x - right_edge[:, None] * across, (x + left_edge[:, None] * across)[::-1]])
 
     def stations(self, begin: float, end: float) -> Floats:
         """Return arc lengths (k,) between two values, close enough for chords in place of arcs."""
-        most = float(np.diff(self.course.s).max())
-        count = int(np.ceil((end - begin) / min(most, np.sqrt(8 * SAGITTA / self._largest_bend)))) + 1
+        longest_step = float(np.diff(self.course.s).max())
+        count = int(np.ceil((end - begin) / min(longest_step, np.sqrt(8 * CHORD_TOLERANCE / self._largest_bend)))) + 1
         return np.linspace(begin, end, max(count, 2))
 
     @cached_property

@@ -15,10 +15,10 @@ from dsfab.export import (
     FlatCircle,
     FlatDrawing,
     FlatLine,
+    atomic_folder,
     check_flat_dxf,
     flat_dxf,
     flat_svg,
-    whole_or_nothing,
     write_chunks,
 )
 from dsfab.workshop.bars import BarPlan
@@ -44,11 +44,11 @@ def file_stem(part: str) -> str:
 
 def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
     """Return the drawing files of each member's parts, by member name."""
-    found: dict[str, list[str]] = {}
-    for group in plan.same:
+    drawings: dict[str, list[str]] = {}
+    for group in plan.equal_parts:
         for k in group:
-            found.setdefault(plan.parts[k].member, []).append(f"{file_stem(plan.parts[group[0]].id)}.dxf")
-    return {member: list(dict.fromkeys(sorted(files))) for member, files in found.items()}
+            drawings.setdefault(plan.parts[k].member, []).append(f"{file_stem(plan.parts[group[0]].id)}.dxf")
+    return {member: list(dict.fromkeys(sorted(files))) for member, files in drawings.items()}
 
 
 def part_lines(part: FlatPart) -> Iterator[FlatLine]:
@@ -77,12 +77,12 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         frame = origin + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size
         lines.append(FlatLine("STOCK", frame, closed=True))
         title = f"SHEET {k + 1}" if len(plan.sheets) > 1 else "SHEET"
-        title += f"   {MM_PER_M * plan.thickness_of(sheet.parts[0].part):g} MM" if plan.bars else ""
+        title += f"   {MM_PER_M * plan.part_thickness(sheet.parts[0].part):g} MM" if plan.bars else ""
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
             _ = nested.part.contours  # computed before the part moves, once for all drawings
-            part = nested.placed.moved(0.0, origin)
+            part = nested.placed_part.moved_by(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)
     return FlatDrawing(name, tuple(lines), tuple(circles))
@@ -91,13 +91,13 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
 def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
     """Return the drawing of a sheet for a laser, with its lower left corner at the origin."""
     frame = FlatLine("STOCK", np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size, closed=True)
-    parts = [nested.placed for nested in sheet.parts]
+    parts = [nested.placed_part for nested in sheet.parts]
     lines = [line for part in parts for line in part_lines(part)]
     return FlatDrawing(title, (frame, *lines), tuple(circle for part in parts for circle in part_circles(part)))
 
 
 Cell = str | int | float
-NEVER = datetime(1980, 1, 1)
+FIXED_DATE = datetime(1980, 1, 1)
 """Date in every workbook, so that equal plans have equal bytes."""
 
 
@@ -118,16 +118,16 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
         *("layer_mm", "strain", "sheets", "file", *(("cost",) if costs else ())),
     )
     rows = []
-    for group in plan.same:
+    for group in plan.equal_parts:
         part, names = plan.parts[group[0]], [plan.parts[k].id for k in group]
         a, b = (MM_PER_M * part.size).round(1).tolist()
-        sheets = sorted({plan.sheet_of[one] for one in names})
+        sheets = sorted({plan.sheet_numbers[name] for name in names})
         rows.append(
             (part.id, len(names), " ".join(x.replace(" ", "_") for x in names[1:]), part.member, a, b)
-            + (round(MM_PER_M * plan.thickness_of(part), 3), round(part.area, 4), len(part.holes))
+            + (round(MM_PER_M * plan.part_thickness(part), 3), round(part.area, 4), len(part.holes))
             + (round(MM_PER_M * part.layer, 3), f"{part.strain:.2e}", " ".join(map(str, sheets)))
             + (f"{file_stem(part.id)}.dxf",)
-            + ((round(sum(costs[one] for one in names), 2),) if costs else ())
+            + ((round(sum(costs[name] for name in names), 2),) if costs else ())
         )
     return PlanTable("parts", head, tuple(rows))
 
@@ -136,12 +136,12 @@ def part_costs(plan: WorkshopPlan) -> dict[str, float]:
     """Return the cost of each part by name: its area share of the sheet's price; empty without prices."""
     if not any(sheet.price for sheet in plan.sheets):
         return {}
-    whole = [sum(one.part.area for one in sheet.parts) for sheet in plan.sheets]
-    shares = [sheet.price / area for sheet, area in zip(plan.sheets, whole, strict=True)]
+    areas = [sum(item.part.area for item in sheet.parts) for sheet in plan.sheets]
+    shares = [sheet.price / area for sheet, area in zip(plan.sheets, areas, strict=True)]
     return {
-        one.part.id: share * one.part.area
+        item.part.id: share * item.part.area
         for sheet, share in zip(plan.sheets, shares, strict=True)
-        for one in sheet.parts
+        for item in sheet.parts
     }
 
 
@@ -149,12 +149,12 @@ def stock_table(plan: WorkshopPlan) -> PlanTable:
     """Return a row for each sheet size and thickness: number of sheets, used share, and price."""
     kinds: dict[tuple[float, ...], list[NestedSheet]] = {}
     for sheet in plan.sheets:
-        thickness = plan.thickness_of(sheet.parts[0].part)
+        thickness = plan.part_thickness(sheet.parts[0].part)
         kinds.setdefault((*sheet.size, thickness, sheet.price), []).append(sheet)
     rows = []
     for (a, b, thickness, price), sheets in sorted(kinds.items()):
         mm = [round(MM_PER_M * x, 3) for x in (a, b, thickness)]
-        used = sum(sheet.used for sheet in sheets) / len(sheets)
+        used = sum(sheet.used_share for sheet in sheets) / len(sheets)
         rows.append((*mm, len(sheets), round(used, 3), *((price, round(price * len(sheets), 2)) if price else ())))
     head = ("length_mm", "width_mm", "thickness_mm", "sheets", "used")
     return PlanTable("stock", (*head, *(("price", "cost") if stock_cost(plan.sheets) else ())), tuple(rows))
@@ -165,10 +165,12 @@ def nest_table(plan: WorkshopPlan) -> PlanTable:
     head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
     rows = []
     for k, sheet in enumerate(plan.sheets, 1):
-        for one in sheet.parts:
-            x, y = (MM_PER_M * one.placed.outline.min(axis=0)).round(1).tolist()
+        for item in sheet.parts:
+            x, y = (MM_PER_M * item.placed_part.outline.min(axis=0)).round(1).tolist()
             a, b = (round(MM_PER_M * size, 1) for size in sheet.size)
-            rows.append((k, a, b, round(sheet.used, 3), one.part.id, x, y, round(float(np.degrees(one.turn)), 1)))
+            rows.append(
+                (k, a, b, round(sheet.used_share, 3), item.part.id, x, y, round(float(np.degrees(item.turn)), 1))
+            )
     return PlanTable("nests", head, tuple(rows))
 
 
@@ -188,7 +190,7 @@ def bar_table(plan: WorkshopPlan) -> PlanTable:
     """Return the table of a plan's bars (see `bar_rows`); empty without bars."""
     if plan.bars is None:
         return PlanTable("bars", BAR_HEAD, ())
-    files = {plan.parts[k].id: file_stem(plan.parts[some[0]].id) for some in plan.same for k in some}
+    files = {plan.parts[k].id: file_stem(plan.parts[group[0]].id) for group in plan.equal_parts for k in group}
     return bar_rows(plan.bars, files)
 
 
@@ -206,13 +208,13 @@ def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
             plate.
     twist : degrees from the first to the second node, right-handed.    bow : distance of the member's axis (mm).
     """
-    nodes, rows = plan.found.lattice.nodes, []
+    nodes, rows = plan.bar_lattice.lattice.nodes, []
     sizes = {part.id: part.size for part in plan.parts}
-    for bar in plan.found.bars:
-        name, (one, two) = bar.bay.id, (nodes[end.node] for end in bar.ends)
-        mm = MM_PER_M * np.array([float(np.linalg.norm(two.point - one.point)), *sizes[name]])
+    for bar in plan.bar_lattice.bars:
+        name, (begin_node, end_node) = bar.bay.id, (nodes[end.node] for end in bar.ends)
+        mm = MM_PER_M * np.array([float(np.linalg.norm(end_node.point - begin_node.point)), *sizes[name]])
         turned = np.degrees([*(x for end in bar.ends for x in (end.azimuth, end.dip)), bar.twist]).round(4) + 0.0
-        row = name, one.id, two.id, *mm.round(1).tolist(), *turned.tolist()
+        row = name, begin_node.id, end_node.id, *mm.round(1).tolist(), *turned.tolist()
         rows.append((*row, round(MM_PER_M * bar.sagitta, 1), f"{files.get(name, file_stem(name))}.dxf"))
     return PlanTable("bars", BAR_HEAD, tuple(rows))
 
@@ -237,7 +239,7 @@ def cut_list_workbook(plan: WorkshopPlan) -> bytes:
 
     file = io.BytesIO()
     with xlsxwriter.Workbook(file, {"in_memory": True}) as book:
-        book.set_properties({"created": NEVER})
+        book.set_properties({"created": FIXED_DATE})
         strong = book.add_format({"bold": True, "bottom": 1})
         for table in (f(plan) for f in (part_table, nest_table, stock_table, node_table, bar_table)):
             if not table.rows:
@@ -245,7 +247,7 @@ def cut_list_workbook(plan: WorkshopPlan) -> bytes:
             sheet = book.add_worksheet(table.name)
             sheet.write_row(0, 0, table.head, strong)
             for k, row in enumerate(table.rows, 1):
-                sheet.write_row(k, 0, [_number(cell) for cell in row])
+                sheet.write_row(k, 0, [_as_number(cell) for cell in row])
             sheet.freeze_panes(1, 1)
             sheet.autofilter(0, 0, len(table.rows), len(table.head) - 1)
             for k, width in enumerate(_widths(table)):
@@ -253,7 +255,7 @@ def cut_list_workbook(plan: WorkshopPlan) -> bytes:
     return file.getvalue()
 
 
-def _number(cell: Cell) -> Cell:
+def _as_number(cell: Cell) -> Cell:
     """Return text such as "1.2e-03" as a number; part names stay text."""
     return float(cell) if isinstance(cell, str) and "e-" in cell and cell[0].isdigit() else cell
 
@@ -276,14 +278,14 @@ def write_workshop(
 
     Raises ExportError if the folder is not writable.
     """
-    with whole_or_nothing(folder, _outdated) as partial:
+    with atomic_folder(folder, _outdated_files) as partial:
         nest = nest_drawing(plan, name)
         write_chunks(partial / f"{NEST}.dxf", [flat_dxf(nest)])
         check_flat_dxf(nest, partial / f"{NEST}.dxf")
         write_chunks(partial / f"{NEST}.svg", [flat_svg(nest)])
         if plan.model:
             _write_sheets(plan, partial, name)
-        for group in plan.same:
+        for group in plan.equal_parts:
             part = plan.parts[group[0]]
             drawing = part_drawing(part)
             write_chunks(partial / f"{file_stem(part.id)}.dxf", [flat_dxf(drawing)])
@@ -306,7 +308,7 @@ def _write_sheets(plan: WorkshopPlan, folder: Path, name: str) -> None:
         write_chunks(path.with_suffix(".svg"), [flat_svg(drawing, 1e-4)])
 
 
-def _outdated(target: Path, partial: Path) -> set[str]:
+def _outdated_files(target: Path, partial: Path) -> set[str]:
     try:
         with open(target / CUTLIST, encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -315,10 +317,10 @@ def _outdated(target: Path, partial: Path) -> set[str]:
     except (OSError, ValueError, KeyError, AttributeError):
         return set()
     names = {name for name in named if name == Path(name).name} if None not in named else set()
-    return (set(_with_svg(names)) | _bar_list(target)) - {path.name for path in partial.iterdir()}
+    return (set(_with_svg(names)) | _old_bar_list(target)) - {path.name for path in partial.iterdir()}
 
 
-def _bar_list(target: Path) -> set[str]:
+def _old_bar_list(target: Path) -> set[str]:
     try:
         with open(target / BARS, encoding="utf-8") as file:
             return {BARS} if file.readline().startswith("bar,from,to,") else set()

@@ -18,7 +18,7 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, label
 
-STEEP = np.sin(np.radians(25.0))
+STEEP_SINE = np.sin(np.radians(25.0))
 """Sine of the least slope of a strip that stands on the plate; a flatter strip is glued on it, without a tab."""
 
 
@@ -36,18 +36,18 @@ class StripFoot:
     sides: Floats
     tips: Floats
     slot: Floats
-    last: bool
+    at_end: bool
 
     def cap(self, layer: Development) -> Floats:
         """Return the developed outline (6, 2) of the end, counter-clockwise around the part."""
         s = np.concatenate([self.shoulders[:2], self.tips, self.shoulders[2:]])
         y = np.concatenate([self.sides[:2], self.sides[1:3], self.sides[2:]])
-        cap = layer.flat(s, y)
-        return cap if self.last else cap[::-1]
+        cap = layer.to_plane(s, y)
+        return cap if self.at_end else cap[::-1]
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class BasePlane:
     """Upper face of the base plate, through a point (3,) in metres, with the unit normal `up` (3,).
 
     supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from these (m).
@@ -67,72 +67,79 @@ class Ground:
         lock(self, "supports", np.float64, (None, 3))
 
     @classmethod
-    def under(cls, surface: Surface, load: LoadCase, up: Floats, thickness: float, clearance: float) -> "Ground | None":
+    def from_supports(
+        cls, surface: Surface, load: LoadCase, up: Floats, thickness: float, clearance: float
+    ) -> "BasePlane | None":
         """Return the plate under the lowest support of a surface; None without supports."""
-        held = surface.V[load.fixed.any(axis=1) | load.spring.any(axis=1)]
-        if not len(held):
+        support_points = surface.V[load.fixed.any(axis=1) | load.spring.any(axis=1)]
+        if not len(support_points):
             return None
-        lowest = held[(held @ up).argmin()]
-        return cls(lowest, up, held, float(surface.mean_edge), thickness, clearance)
+        lowest = support_points[(support_points @ up).argmin()]
+        return cls(lowest, up, support_points, float(surface.mean_edge), thickness, clearance)
 
     def heights(self, points: Floats) -> Floats:
         """Return heights (q,) of points (q, 3) above the plate (m)."""
         return np.asarray((points - self.point) @ self.up)
 
-    def plan(self, points: Floats) -> Floats:
+    def plan_view(self, points: Floats) -> Floats:
         """Return points (q, 3) as seen from above, (q, 2) metres: x to the right where up is z or y."""
         right = np.array([1.0, 0.0, 0.0])
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
-    def supported(self, point: Floats, width: float) -> bool:
+    def is_supported(self, point: Floats, width: float) -> bool:
         """Return whether an end (3,) of a strip is at a support and close to the plate."""
-        near = self.reach + width
-        away = float(np.asarray(cKDTree(self.supports).query(point)[0]))
-        return away < near and abs(float(self.heights(point[None])[0])) < near
+        limit = self.reach + width
+        distance = float(np.asarray(cKDTree(self.supports).query(point)[0]))
+        return distance < limit and abs(float(self.heights(point[None])[0])) < limit
 
-    def height_near(self, point: Floats, width: float) -> float | None:
+    def support_height(self, point: Floats, width: float) -> float | None:
         """Return the height of the support nearest to an end (3,) over the plate (m); None if none is close."""
-        away, k = cKDTree(self.supports).query(point)
-        near = float(away) < self.reach + width
-        return float(self.heights(self.supports[int(k)][None])[0]) if near else None
+        distance, k = cKDTree(self.supports).query(point)
+        is_near = float(distance) < self.reach + width
+        return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
 
-    def on_ground(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
+    def cut_course(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
         """Return a layer's course cut off or trimmed at the plate, and its feet at supports."""
         if course.closed:
-            return self._trimmed(course, height), ()
+            return self._trim_course(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()
-        for last in (False, True):
-            at = course.end if last else course.begin
-            point = course.at(np.array([at]))[0][0]
-            if self.supported(point, float(course.width(np.array([at]))[0])) and (foot := self._foot(layer, at, last)):
+        for at_end in (False, True):
+            station = course.end if at_end else course.begin
+            point = course.frame_at(np.array([station]))[0][0]
+            if self.is_supported(point, float(course.width(np.array([station]))[0])) and (
+                foot := self._foot(layer, station, at_end)
+            ):
                 feet.append(foot)
                 middle = float(foot.shoulders[1:3].mean())
-                course = replace(course, end=middle) if last else replace(course, begin=middle)
-        return (course if feet else self._trimmed(course, height)), tuple(feet)
+                course = replace(course, end=middle) if at_end else replace(course, begin=middle)
+        return (course if feet else self._trim_course(course, height)), tuple(feet)
 
-    def _foot(self, layer: Development, at: float, last: bool) -> StripFoot | None:
+    def _foot(self, layer: Development, station: float, at_end: bool) -> StripFoot | None:
         course = layer.course
-        _, T, B, N = (rows[0] for rows in layer.frame(np.array([at])))
-        down = T if last else -T
-        if -down @ self.up < STEEP:
+        _, T, B, N = (rows[0] for rows in layer.frame(np.array([station])))
+        down = T if at_end else -T
+        if -down @ self.up < STEEP_SINE:
             return None
-        left, right = (float(np.interp(at, course.s, side)) for side in (course.left, course.right))
-        middle, half = (left - right) / 2, 0.6 * (left + right) / 2  # the tab has .6 of the width
-        sides = np.array([-right, middle - half, middle + half, left])
-        shoulders = self.meeting(layer, sides, at, 0.0)
-        tips = self.meeting(layer, sides[1:3], at, -self.thickness)
+        left_width, right_width = (float(np.interp(station, course.s, side)) for side in (course.left, course.right))
+        middle, half = (
+            (left_width - right_width) / 2,
+            0.6 * (left_width + right_width) / 2,
+        )  # the tab has .6 of the width
+        sides = np.array([-right_width, middle - half, middle + half, left_width])
+        shoulders = self.stations_at_height(layer, sides, station, 0.0)
+        tips = self.stations_at_height(layer, sides[1:3], station, -self.thickness)
         if shoulders is None or tips is None:
             return None
-        return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), last)
+        return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
-    def meeting(self, layer: Development, sides: Floats, at: float, height: float) -> Floats | None:
+    def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
         """Return arc lengths (q,) near `station` where lines at sides (q,) have a height over the plate, or None."""
-        s, course = np.full(len(sides), at), layer.course
+        s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # Newton steps: strips are almost straight near the plate
             P, T, B, _ = layer.frame(s)
-            slope = (T @ self.up) * np.interp(s, course.s, layer.speed)
-            off = self.heights(P + sides[:, None] * B) - height
-            s = np.clip(s - off / slope, course.s[0], course.s[-1])
+            slope = (T @ self.up) * np.interp(s, course.s, layer.length_ratio)
+            excess = self.heights(P + sides[:, None] * B) - height
+            s = np.clip(s - excess / slope, course.s[0], course.s[-1])
         P, _, B, _ = layer.frame(s)
         size = float(np.ptp(course.P, axis=0).max())
         level = np.abs(self.heights(P + sides[:, None] * B) - height) < 1e-6 * size
@@ -148,29 +155,29 @@ class Ground:
         corners = np.concatenate(
             [corners - ((self.heights(corners) - z) / (down @ self.up))[:, None] * down for z in (0.0, -self.thickness)]
         )
-        flat, way = self.plan(corners), self.plan(B[None])[0]
-        way = way / np.linalg.norm(way)
-        axes = np.array([way, [-way[1], way[0]]])
+        flat, direction = self.plan_view(corners), self.plan_view(B[None])[0]
+        direction = direction / np.linalg.norm(direction)
+        axes = np.array([direction, [-direction[1], direction[0]]])
         x = flat @ axes.T
         low, high = x.min(axis=0) - self.clearance, x.max(axis=0) + self.clearance
         rectangle = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
         return np.asarray(rectangle @ axes)
 
-    def _trimmed(self, course: StripCourse, height: float) -> StripCourse:
+    def _trim_course(self, course: StripCourse, height: float) -> StripCourse:
         P, _, B, _ = Development(course, height).frame(course.s)
         above, slope = self.heights(P), B @ self.up
         sides = list[Floats]()
-        for side, way in ((course.left, slope), (course.right, -slope)):
-            falls = way < -1e-9
-            most = np.where(falls, above / np.where(falls, -way, 1.0), np.inf)
+        for side, rise in ((course.left, slope), (course.right, -slope)):
+            falls = rise < -1e-9
+            limit = np.where(falls, above / np.where(falls, -rise, 1.0), np.inf)
             least = 0.2 * (course.left + course.right) - side  # a strip keeps a fifth of its width
-            sides.append(np.where(above + way * side < 0, np.clip(most, least, side), side))
+            sides.append(np.where(above + rise * side < 0, np.clip(limit, least, side), side))
         return replace(course, left=sides[0], right=sides[1])
 
 
-def footed_outline(layer: Development, span: tuple[float, float], feet: tuple[StripFoot, ...]) -> Floats:
+def outline_with_feet(layer: Development, span: tuple[float, float], feet: tuple[StripFoot, ...]) -> Floats:
     """Return the outline (k, 2) of a piece over a span, counter-clockwise, with the feet at its ends."""
-    ends: dict[bool, StripFoot] = {foot.last: foot for foot in feet}
+    ends: dict[bool, StripFoot] = {foot.at_end: foot for foot in feet}
     course = layer.course
     begin = ends.get(False) if span[0] == course.begin else None
     end = ends.get(True) if span[1] == course.end else None
@@ -183,12 +190,12 @@ def footed_outline(layer: Development, span: tuple[float, float], feet: tuple[St
         return layer.stations(low, high)
 
     s, t = edge(0), edge(3)[::-1]
-    right, left = -np.interp(s, course.s, course.right), np.interp(t, course.s, course.left)
+    right_edge, left_edge = -np.interp(s, course.s, course.right), np.interp(t, course.s, course.left)
     if begin:
-        right[0], left[-1] = begin.sides[0], begin.sides[3]
+        right_edge[0], left_edge[-1] = begin.sides[0], begin.sides[3]
     if end:
-        right[-1], left[0] = end.sides[0], end.sides[3]
-    loop = [layer.flat(s, right), *_caps(end, layer), layer.flat(t, left), *_caps(begin, layer)]
+        right_edge[-1], left_edge[0] = end.sides[0], end.sides[3]
+    loop = [layer.to_plane(s, right_edge), *_caps(end, layer), layer.to_plane(t, left_edge), *_caps(begin, layer)]
     return np.concatenate(loop)
 
 
@@ -197,13 +204,13 @@ def _caps(foot: StripFoot | None, layer: Development) -> Iterator[Floats]:
         yield foot.cap(layer)[1:-1]
 
 
-NAME = 0.002
+NAME_HEIGHT = 0.002
 """Height of names beside slots (m)."""
-NO_FEET = "no strip ends on the base plate steeply enough for a tab: glue the model on the engraved lines"
+NO_FEET_NOTE = "no strip ends on the base plate steeply enough for a tab: glue the model on the engraved lines"
 
 
 def base_parts(
-    ground: Ground, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
+    ground: BasePlane, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
     """Return the plate in as few equal rectangles as fit into one of `room`, each in its place under the model.
 
@@ -212,23 +219,23 @@ def base_parts(
     """
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
-    every = np.concatenate([ground.plan(ground.supports), *slots])
+    every = np.concatenate([ground.plan_view(ground.supports), *slots])
     border = 0.012  # metres of plate around the supports
     low, size = every.min(axis=0) - border, np.ptp(every, axis=0) + 2 * border
     turned = [*room, *((b, a) for a, b in room)]
     counts = ((int(np.ceil(size[0] / a)), int(np.ceil(size[1] / b))) for a, b in turned)
     nx, ny = min(counts, key=lambda n: n[0] * n[1])
     step = size / [nx, ny]
-    found = []
+    plates = []
     for i, j in product(range(nx), range(ny)):
         box = np.stack([low + step * [i, j], low + step * [i + 1, j + 1]])
         name = "base" if nx * ny == 1 else f"base {i + 1}-{j + 1}"
         outline = np.array([[box[x, 0], box[y, 1]] for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
         inside = [clipped for slot in slots if len(clipped := clipped_polygon(slot, box)) > 2]
-        title = label(name, box.mean(axis=0), 0.0, 3 * NAME)
+        title = label(name, box.mean(axis=0), 0.0, 3 * NAME_HEIGHT)
         marks = [*_lines_inside(engraved, box), *title]
-        found.append(FlatPart(name, "", (0.0, 0.0), outline, slots=tuple(inside), marks=tuple(marks)))
-    return found
+        plates.append(FlatPart(name, "", (0.0, 0.0), outline, slots=tuple(inside), marks=tuple(marks)))
+    return plates
 
 
 def clipped_polygon(P: Floats, box: Floats) -> Floats:
@@ -236,14 +243,14 @@ def clipped_polygon(P: Floats, box: Floats) -> Floats:
     for axis, side in product((0, 1), (0, 1)):
         sign = 1 if side == 0 else -1
         inside = sign * (P[:, axis] - box[side, axis])
-        found = list[Floats]()
+        corners = list[Floats]()
         for k in range(len(P)):
             a, b = inside[k - 1], inside[k]
             if (a < 0) != (b < 0):
-                found.append(P[k - 1] + a / (a - b) * (P[k] - P[k - 1]))
+                corners.append(P[k - 1] + a / (a - b) * (P[k] - P[k - 1]))
             if b >= 0:
-                found.append(P[k])
-        P = np.array(found).reshape(-1, 2)
+                corners.append(P[k])
+        P = np.array(corners).reshape(-1, 2)
     return P
 
 
@@ -251,17 +258,19 @@ def _lines_inside(lines: list[Floats], box: Floats) -> list[Floats]:
     return [line for line in lines if ((line >= box[0]) & (line <= box[1])).all(axis=1).all()]
 
 
-def _support_marks(ground: Ground, surface: Surface) -> list[Floats]:
-    held = {tuple(place) for place in ground.supports.tolist()}
-    on = np.array([tuple(place) in held for place in surface.V.tolist()])
+def _support_marks(ground: BasePlane, surface: Surface) -> list[Floats]:
+    support_places = {tuple(place) for place in ground.supports.tolist()}
+    is_support = np.array([tuple(place) in support_places for place in surface.V.tolist()])
     ends = surface.edges.ends[surface.edges.boundary]
-    ends = ends[on[ends].all(axis=1)]
-    alone = on.copy()
+    ends = ends[is_support[ends].all(axis=1)]
+    alone = is_support.copy()
     alone[np.unique(ends)] = False
-    alone &= np.bincount(surface.edges.ends[on[surface.edges.ends].all(axis=1)].ravel(), minlength=surface.n) == 0
+    alone &= (
+        np.bincount(surface.edges.ends[is_support[surface.edges.ends].all(axis=1)].ravel(), minlength=surface.n) == 0
+    )
     arms = 0.002 * np.array([[[-1, 0], [1, 0]], [[0, -1], [0, 1]]])
-    lines = [ground.plan(surface.V[pair]) for pair in ends]
-    return lines + [place + arm for place in ground.plan(surface.V[alone]) for arm in arms]
+    lines = [ground.plan_view(surface.V[pair]) for pair in ends]
+    return lines + [place + arm for place in ground.plan_view(surface.V[alone]) for arm in arms]
 
 
 def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
@@ -269,24 +278,24 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
         return []
     middles = np.array([foot.slot.mean(axis=0) for _, foot in feet])
     centre = middles.mean(axis=0)
-    found = list[Floats]()
+    lines = list[Floats]()
     for (name, foot), middle in zip(feet, middles, strict=True):
-        way = foot.slot[3] - foot.slot[0]
-        deep = float(np.linalg.norm(way))
-        way = way / deep * (1 if way @ (middle - centre) >= 0 else -1)
+        direction = foot.slot[3] - foot.slot[0]
+        deep = float(np.linalg.norm(direction))
+        direction = direction / deep * (1 if direction @ (middle - centre) >= 0 else -1)
         angle = float(np.arctan2(*(foot.slot[1] - foot.slot[0])[::-1]))
         angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # readable from below
-        found += label(name, middle + (deep / 2 + 0.002 + NAME / 2) * way, angle, NAME)
-    return found
+        lines += label(name, middle + (deep / 2 + 0.002 + NAME_HEIGHT / 2) * direction, angle, NAME_HEIGHT)
+    return lines
 
 
-def base_notes(ground: Ground, feet: list[tuple[str, StripFoot]], plates: list[FlatPart]) -> list[str]:
+def base_notes(ground: BasePlane, feet: list[tuple[str, StripFoot]], plates: list[FlatPart]) -> list[str]:
     """Return notes on the feet, on supports above the plate, and on a plate in pieces."""
     names = {name for name, _ in feet}
-    found = [f"{len(feet)} feet of {len(names)} parts stand in slots of the base plate" if feet else NO_FEET]
+    notes = [f"{len(feet)} feet of {len(names)} parts stand in slots of the base plate" if feet else NO_FEET_NOTE]
     highest = float(ground.heights(ground.supports).max())
     if highest > ground.reach:
-        found.append(f"some supports are up to {length(highest)} above the base plate: prop what ends there")
+        notes.append(f"some supports are up to {length(highest)} above the base plate: prop what ends there")
     if len(plates) > 1:
-        found.append(f"the base plate is in {len(plates)} pieces, butted: glue them on a board")
-    return found
+        notes.append(f"the base plate is in {len(plates)} pieces, butted: glue them on a board")
+    return notes

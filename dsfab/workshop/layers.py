@@ -15,13 +15,13 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Floats
 from dsfab.members import Member, Node
 from dsfab.workshop.development import StripCourse
-from dsfab.workshop.parts import LABEL, WORKSHOP_SMALL
+from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS
 
-OWN = ("rim", "keep")
+FAMILIES_BELOW = ("rim", "keep")
 """Families that cross both families of stripes and have layers of their own, below all others."""
-END = 3.0
+END_DISTANCE = 3.0
 """Distance from a bolt to the end of a part, over the bolt diameter."""
-PITCH = 4.0
+BOLT_PITCH = 4.0
 """Distance between bolts of a splice, over the bolt diameter."""
 
 
@@ -41,124 +41,144 @@ class Layering:
     thickness: float
     count: int
     bolt: float
-    own: tuple[str, ...] = OWN
-    letters: tuple[float, float] = (LABEL, WORKSHOP_SMALL)
+    families_below: tuple[str, ...] = FAMILIES_BELOW
+    letters: tuple[float, float] = (PART_LETTERS, NODE_LETTERS)
 
-    def numbers(self, family: str) -> tuple[int, ...]:
+    def family_layers(self, family: str) -> tuple[int, ...]:
         """Return the layers of a family, counted from the top."""
-        if family in self.own:
-            return (self.count + self.own.index(family),)
+        if family in self.families_below:
+            return (self.count + self.families_below.index(family),)
         return tuple(range(0 if family == "major" else 1, self.count, 2))
 
     @property
-    def sparing(self) -> bool:
+    def skips_crowded_names(self) -> bool:
         """True if node names are omitted where they have no room, as on models."""
-        return self.letters[0] < LABEL
+        return self.letters[0] < PART_LETTERS
 
     @property
-    def plates(self) -> int:
+    def plate_layer(self) -> int:
         """Layer of plates, below all others."""
-        return self.count + len(self.own)
+        return self.count + len(self.families_below)
 
-    def height(self, number: int) -> float:
+    def layer_height(self, number: int) -> float:
         """Return the height of the middle of a layer over the surface (m)."""
         return ((self.count - 1) / 2 - number) * self.thickness
 
-    def cover(self, family: str, number: int) -> float:
+    def cover_height(self, family: str, number: int) -> float:
         """Return the height of a splice's cover plate (m), on the side without crossing members."""
-        return self.height(number - 1 if family == "major" else number + 1)
+        return self.layer_height(number - 1 if family == "major" else number + 1)
 
-    def packing(self, node: Node, families: dict[str, str]) -> int:
+    def packing_layers(self, node: Node, families: dict[str, str]) -> int:
         """Return the number of packing layers between the two members of a node, by the families of all members."""
-        one, two = (self.numbers(families[name]) for name in node.members)
-        upper, lower = (one, two) if one[0] < two[0] else (two, one)
+        layers_a, layers_b = (self.family_layers(families[name]) for name in node.members)
+        upper, lower = (layers_a, layers_b) if layers_a[0] < layers_b[0] else (layers_b, layers_a)
         return max(lower[0] - upper[-1] - 1, 0)
 
     @property
-    def half_cover(self) -> float:
+    def half_cover_length(self) -> float:
         """Distance from a splice to the end of its cover plate (m): two bolts to each side."""
-        return (END + PITCH + END) * self.bolt
+        return (END_DISTANCE + BOLT_PITCH + END_DISTANCE) * self.bolt
 
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
         """Return places (along, left) of a splice's bolts (m), in one row or two."""
         rows = (-width / 4, width / 4) if width / 4 >= 3 * self.bolt else (0.0,)  # two rows need wide parts
-        along = (END * self.bolt, (END + PITCH) * self.bolt)
+        along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
         return tuple((side * x, y) for side in (-1, 1) for x in along for y in rows)
 
 
 @dataclass(frozen=True, eq=False)
-class _End:
+class _StripEnd:
     """First or last end of a strip: places (k, 3) inwards from it, with arc lengths (k,)."""
 
     name: str
-    last: bool
+    at_end: bool
     width: float
     places: Floats
     s: Floats
 
     @classmethod
-    def of(cls, name: str, course: StripCourse, last: bool) -> "_End":
+    def from_course(cls, name: str, course: StripCourse, at_end: bool) -> "_StripEnd":
         width = float(np.median(course.left + course.right))
         count = max(int(6 * (course.end - course.begin) / width), 2)  # six places on each width
         s = np.linspace(course.begin, course.end, count)
-        s = s[::-1] if last else s
-        return cls(name, last, width, course.at(s)[0], s)
+        s = s[::-1] if at_end else s
+        return cls(name, at_end, width, course.frame_at(s)[0], s)
 
-    def clear_of(self, other: "_End") -> float | None:
+    def clear_station(self, rival: "_StripEnd") -> float | None:
         """Return the arc length from which the end is clear of a rival that it overlaps; None without an overlap."""
-        least = 0.98 * (self.width + other.width) / 2
-        away = np.asarray(cKDTree(other.places).query(self.places)[0])
-        far = np.linalg.norm(other.places[0] - self.places[0]) > least
-        if far or away[0] > least or (away <= least).all():
+        least = 0.98 * (self.width + rival.width) / 2
+        away = np.asarray(cKDTree(rival.places).query(self.places)[0])
+        is_far = np.linalg.norm(rival.places[0] - self.places[0]) > least
+        if is_far or away[0] > least or (away <= least).all():
             return None
         return float(self.s[int((away > least).argmax())])
 
 
-def stopped_courses(
-    courses: Mapping[str, StripCourse], nodes: Mapping[str, Sequence[float]], joined: set[frozenset[str]], past: float
+def shortened_courses(
+    courses: Mapping[str, StripCourse],
+    nodes: Mapping[str, Sequence[float]],
+    joined: set[frozenset[str]],
+    overhang: float,
 ) -> dict[str, StripCourse]:
     """Return courses of one layer that stop before they run into others.
 
     A course ends `overhang` metres beyond its last node before the collision; without such a node, at the collision.
     nodes : arc lengths of nodes on each course.    joined : pairs of members that share a node, where they are notched.
     """
-    ends = [_End.of(name, one, last) for name, one in courses.items() if not one.closed for last in (False, True)]
-    near = _near_pairs(ends)
-    kept, stopped = list[_End](), dict[str, StripCourse]()
+    ends = [
+        _StripEnd.from_course(name, one, at_end)
+        for name, one in courses.items()
+        if not one.closed
+        for at_end in (False, True)
+    ]
+    neighbours = _neighbours(ends)
+    accepted, stopped = list[_StripEnd](), dict[str, StripCourse]()
     for k, end in enumerate(ends):
-        rivals = [one for one in kept if (one in near[k]) and frozenset((one.name, end.name)) not in joined]
-        clear = [s for one in rivals if (s := end.clear_of(one)) is not None]
+        rivals = [one for one in accepted if (one in neighbours[k]) and frozenset((one.name, end.name)) not in joined]
+        clear = [s for one in rivals if (s := end.clear_station(one)) is not None]
         if not clear:
-            kept.append(end)
+            accepted.append(end)
             continue
         course = stopped.get(end.name, courses[end.name])
-        stopped[end.name] = _stopped(course, end.last, min(clear) if end.last else max(clear), nodes[end.name], past)
+        stopped[end.name] = _shortened_course(
+            course, end.at_end, min(clear) if end.at_end else max(clear), nodes[end.name], overhang
+        )
     return stopped
 
 
-def curled_courses(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return those courses of members, by name, that stop because the member curls up at an end (see `uncurled`)."""
+def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
+    """Return those courses of members, by name, that stop because the member curls up at an end (see
+    `uncurled_span`)."""
     lengths = {member.id: member.length for member in members}
-    return {name: one for name, one in courses.items() if not one.closed and (one.begin > 0 or one.end < lengths[name])}
+    return {
+        name: course
+        for name, course in courses.items()
+        if not course.closed and (course.begin > 0 or course.end < lengths[name])
+    }
 
 
-def courses_without_rest(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
+def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
     """Return the names of shortened courses that are shorter than wide (m), and so are not built."""
-    return {name for name, one in stopped.items() if one.end - one.begin < widths[name]}
+    return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
 
 
-def _near_pairs(ends: Sequence[_End]) -> list[set[_End]]:
-    found = [set[_End]() for _ in ends]
-    for (i, one), (j, other) in combinations(enumerate(ends), 2):
-        if one.name != other.name and np.linalg.norm(one.places[0] - other.places[0]) < (one.width + other.width) / 2:
-            found[i].add(other)
-            found[j].add(one)
-    return found
+def _neighbours(ends: Sequence[_StripEnd]) -> list[set[_StripEnd]]:
+    neighbours = [set[_StripEnd]() for _ in ends]
+    for (i, end_a), (j, end_b) in combinations(enumerate(ends), 2):
+        if (
+            end_a.name != end_b.name
+            and np.linalg.norm(end_a.places[0] - end_b.places[0]) < (end_a.width + end_b.width) / 2
+        ):
+            neighbours[i].add(end_b)
+            neighbours[j].add(end_a)
+    return neighbours
 
 
-def _stopped(course: StripCourse, last: bool, clear: float, nodes: Sequence[float], past: float) -> StripCourse:
-    if last:
-        before = [s + past for s in nodes if course.begin < s and s + past <= clear]
+def _shortened_course(
+    course: StripCourse, at_end: bool, clear: float, nodes: Sequence[float], overhang: float
+) -> StripCourse:
+    if at_end:
+        before = [s + overhang for s in nodes if course.begin < s and s + overhang <= clear]
         return replace(course, end=max(before, default=clear))
-    after = [s - past for s in nodes if s < course.end and s - past >= clear]
+    after = [s - overhang for s in nodes if s < course.end and s - overhang >= clear]
     return replace(course, begin=min(after, default=clear))

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, lock, locked
+from dsfab.core.arrays import Floats, lock, read_only_copy
 from dsfab.surface import as_circle, as_polyline, simplified_line
 
 if TYPE_CHECKING:
     import compas.geometry
 
 
-HIGH, WIDE, SPACE = 6, 4, 2
-LETTERS_SMALL = 0.7
+GLYPH_HEIGHT, GLYPH_WIDTH, GLYPH_GAP = 6, 4, 2
+SMALL_LETTER_SHARE = 0.7
 """Height of small letters over that of capitals."""
 GLYPHS = {
     "A": "00 26 40|12 32", "B": "00 06 36 45 34 03|33 42 41 30 00", "C": "45 36 16 05 01 10 30 41",
@@ -38,29 +38,29 @@ GLYPHS = {
 
 def strokes(text: str, height: float) -> list[Floats]:
     """Return (k, 2) polylines of a line of text from its lower left corner; unknown characters become dashes."""
-    found, x = list[Floats](), 0.0
+    lines, x = list[Floats](), 0.0
     for letter in text:
-        scale = height / HIGH * (LETTERS_SMALL if letter.islower() else 1.0)
+        scale = height / GLYPH_HEIGHT * (SMALL_LETTER_SHARE if letter.islower() else 1.0)
         for line in filter(None, GLYPHS.get(letter.upper(), GLYPHS["-"]).split("|")):
             points = np.array([[int(xy[0]), int(xy[1])] for xy in line.split()], dtype=np.float64)
-            found.append(points * scale + [x, 0.0])
-        x += (WIDE + SPACE) * scale
-    return found
+            lines.append(points * scale + [x, 0.0])
+        x += (GLYPH_WIDTH + GLYPH_GAP) * scale
+    return lines
 
 
 def text_length(text: str, height: float) -> float:
     """Return the length of a line of text, in the unit of its height."""
-    wide = sum((WIDE + SPACE) * (LETTERS_SMALL if letter.islower() else 1.0) for letter in text)
-    return (wide - SPACE) * height / HIGH
+    width = sum((GLYPH_WIDTH + GLYPH_GAP) * (SMALL_LETTER_SHARE if letter.islower() else 1.0) for letter in text)
+    return (width - GLYPH_GAP) * height / GLYPH_HEIGHT
 
 
-FILLED = 0.9
+NAME_SHARE = 0.9
 """Share of the available length that a name fills, at most."""
-SAME = 2e-4
+SAME_DISTANCE = 2e-4
 """Distance (m) within which corners and holes of equal parts agree."""
-TOLERANCE = 2e-5
+OUTLINE_TOLERANCE = 2e-5
 """Largest distance of a written outline from that of the part (m)."""
-LABEL, WORKSHOP_SMALL = 0.02, 0.008
+PART_LETTERS, NODE_LETTERS = 0.02, 0.008
 """Heights of part names and of node names (m), at most."""
 
 
@@ -117,7 +117,7 @@ class FlatPart:
         lock(self, "outline", np.float64, (None, 2))
         lock(self, "axis", np.float64, (None, 2))
         for name in ("slots", "marks"):
-            object.__setattr__(self, name, tuple(locked(x, np.float64, (None, 2)) for x in getattr(self, name)))
+            object.__setattr__(self, name, tuple(read_only_copy(x, np.float64, (None, 2)) for x in getattr(self, name)))
 
     @cached_property
     def area(self) -> float:
@@ -132,7 +132,10 @@ class FlatPart:
     @cached_property
     def contours(self) -> tuple[Floats, ...]:
         """(k, 2) outline, then slots, without corners on straight lines (m)."""
-        return tuple(locked(_closed(loop), np.float64, (None, 2)) for loop in (self.outline, *self.slots))
+        return tuple(
+            read_only_copy(_without_straight_corners(loop), np.float64, (None, 2))
+            for loop in (self.outline, *self.slots)
+        )
 
     @cached_property
     def radii(self) -> Floats:
@@ -158,10 +161,10 @@ class FlatPart:
             "folded": [as_polyline(fold.line) for fold in self.folds],
         }
 
-    def moved(self, turn: float, shift: Floats) -> "FlatPart":
+    def moved_by(self, turn: float, shift: Floats) -> "FlatPart":
         """Return the part turned by an angle (radians), then shifted by (2,) metres."""
-        R = turning(turn)
-        made = replace(
+        R = rotation_matrix(turn)
+        part = replace(
             self,
             outline=self.outline @ R + shift,
             holes=tuple(Hole(hole.at @ R + shift, hole.diameter, hole.bolt) for hole in self.holes),
@@ -171,26 +174,26 @@ class FlatPart:
             folds=tuple(Fold(fold.line @ R + shift, fold.angle) for fold in self.folds),
         )
         if "contours" in self.__dict__:  # moving them is cheaper than computing them again
-            made.__dict__["contours"] = tuple(x @ R + shift for x in self.contours)
-        return made
+            part.__dict__["contours"] = tuple(x @ R + shift for x in self.contours)
+        return part
 
-    def lying(self) -> "FlatPart":
+    def along_x(self) -> "FlatPart":
         """Return the part with its longer direction along x and its middle at the origin, as on drawings and stock."""
         line = self.axis if len(self.axis) > 1 else longest_direction(self.outline)
-        way = line[-1] - line[0]
-        return self.moved(-float(np.arctan2(way[1], way[0])), np.zeros(2)).centred()
+        direction = line[-1] - line[0]
+        return self.moved_by(-float(np.arctan2(direction[1], direction[0])), np.zeros(2)).at_origin()
 
-    def centred(self) -> "FlatPart":
+    def at_origin(self) -> "FlatPart":
         """Return the part with the middle of its bounding box at the origin."""
-        return self.moved(0.0, -(self.outline.min(axis=0) + self.outline.max(axis=0)) / 2)
+        return self.moved_by(0.0, -(self.outline.min(axis=0) + self.outline.max(axis=0)) / 2)
 
 
-def _closed(P: Floats) -> Floats:
+def _without_straight_corners(P: Floats) -> Floats:
     closed = np.concatenate((P, P[:1]))
-    return np.asarray(simplified_line(np.pad(closed, ((0, 0), (0, 1))), TOLERANCE)[:-1, :2])
+    return np.asarray(simplified_line(np.pad(closed, ((0, 0), (0, 1))), OUTLINE_TOLERANCE)[:-1, :2])
 
 
-def turning(angle: float) -> Floats:
+def rotation_matrix(angle: float) -> Floats:
     """Return the matrix (2, 2) that turns rows of points (k, 2) by an angle (radians)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])
@@ -205,9 +208,9 @@ def polygon_area(P: Floats) -> float:
 def longest_direction(P: Floats) -> Floats:
     """Return two points (2, 2) on a line along the direction in which points (k, 2) reach farthest."""
     middle = P.mean(axis=0)
-    way = np.linalg.svd(P - middle, full_matrices=False)[2][0]
-    way = way if way[np.abs(way).argmax()] > 0 else -way
-    return np.stack([middle, middle + way])
+    direction = np.linalg.svd(P - middle, full_matrices=False)[2][0]
+    direction = direction if direction[np.abs(direction).argmax()] > 0 else -direction
+    return np.stack([middle, middle + direction])
 
 
 def shape_key(part: FlatPart) -> tuple[int, int]:
@@ -215,28 +218,32 @@ def shape_key(part: FlatPart) -> tuple[int, int]:
     return len(part.outline), len(part.holes)
 
 
-def congruent(one: FlatPart, two: FlatPart) -> bool:
+def congruent(part_a: FlatPart, part_b: FlatPart) -> bool:
     """Return whether two parts along x have the same shape, engraving aside, in one of two half turns."""
-    if shape_key(one) != shape_key(two) or len(one.slots) != len(two.slots) or one.thickness != two.thickness:
+    if (
+        shape_key(part_a) != shape_key(part_b)
+        or len(part_a.slots) != len(part_b.slots)
+        or part_a.thickness != part_b.thickness
+    ):
         return False
-    if (np.abs(one.size - two.size) > 2 * SAME).any():
+    if (np.abs(part_a.size - part_b.size) > 2 * SAME_DISTANCE).any():
         return False
-    if (np.abs(one.radii - two.radii) > SAME).any():
+    if (np.abs(part_a.radii - part_b.radii) > SAME_DISTANCE).any():
         return False
-    pairs = list(zip(one.features, two.features, strict=True))
-    return any(all(_near(P, turn * Q) for P, Q in pairs) for turn in (1, -1))
+    pairs = list(zip(part_a.features, part_b.features, strict=True))
+    return any(all(_same_points(P, turn * Q) for P, Q in pairs) for turn in (1, -1))
 
 
-def _near(one: Floats, two: Floats) -> bool:
-    if len(one) != len(two):
+def _same_points(points_a: Floats, points_b: Floats) -> bool:
+    if len(points_a) != len(points_b):
         return False
-    pairs = ((one, two), (two, one)) if len(one) else ()
-    return all(bool((np.asarray(cKDTree(P).query(Q)[0]) < SAME).all()) for P, Q in pairs)
+    pairs = ((points_a, points_b), (points_b, points_a)) if len(points_a) else ()
+    return all(bool((np.asarray(cKDTree(P).query(Q)[0]) < SAME_DISTANCE).all()) for P, Q in pairs)
 
 
-def label(text: str, at: Floats, angle: float, height: float) -> tuple[Floats, ...]:
+def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:
     """Return strokes (k, 2) of a text about a middle (2,) in metres, along an angle (radians)."""
     c, s = np.cos(angle), np.sin(angle)
-    drawn = strokes(text, height)
-    wide = max(float(line[:, 0].max()) for line in drawn)
-    return tuple((line - [wide / 2, height / 2]) @ np.array([[c, s], [-s, c]]) + at for line in drawn)
+    lines = strokes(text, height)
+    width = max(float(line[:, 0].max()) for line in lines)
+    return tuple((line - [width / 2, height / 2]) @ np.array([[c, s], [-s, c]]) + middle for line in lines)

@@ -10,36 +10,36 @@ import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import PatternError
-from dsfab.core.messages import length, some_names, stopping
+from dsfab.core.messages import length, names_and_count, stopping_clause
 from dsfab.design import Design
 from dsfab.members import MemberGraph, spherical_normals
 from dsfab.preset.sections import Workshop
 from dsfab.workshop.bars import BarPlan, BarStock, bar_plan
 from dsfab.workshop.bars.joints import Footing, leg_lines, leg_plates
 from dsfab.workshop.card_models import (
-    CARD,
-    LETTERS,
+    CREASE_STRAIN,
+    MODEL_LETTERS,
     model_notes,
     packing_parts,
     panel_parts,
     scaled_graph,
     scaled_surface,
 )
-from dsfab.workshop.ground import Ground, base_notes, base_parts
-from dsfab.workshop.layers import OWN, Layering
-from dsfab.workshop.nesting import NestedSheet, emptied, nested, require_spyrrow
-from dsfab.workshop.parts import LABEL, WORKSHOP_SMALL, FlatPart, congruent, shape_key
+from dsfab.workshop.ground import BasePlane, base_notes, base_parts
+from dsfab.workshop.layers import FAMILIES_BELOW, Layering
+from dsfab.workshop.nesting import NestedSheet, nest_parts, require_spyrrow, with_fewer_sheets
+from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS, FlatPart, congruent, shape_key
 from dsfab.workshop.planks import PlankPlan, PlankStock, plank_plan, standing_order
 from dsfab.workshop.plates import SheetJoint, is_plate, plate_parts, sheet_parts
-from dsfab.workshop.splices import SCARF, scarf_line
+from dsfab.workshop.splices import SCARF_SLOPE, scarf_line
 from dsfab.workshop.stock import price_notes, sheet_hints, stock_choices, stock_cost
-from dsfab.workshop.strips import NOTHING, StripLimits, StripParts, is_strip, strip_limits, strip_parts
+from dsfab.workshop.strips import LEAST_STRAIN, StripLimits, StripParts, is_strip, strip_limits, strip_parts
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Route:
+class ConstructionRoute:
     """Route by which a design is built; `reason` is empty if the preset names the route."""
 
     name: str
@@ -48,55 +48,57 @@ class Route:
     planks: PlankPlan | None = None
 
 
-def chosen_route(design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP) -> Route:
+def construction_route(
+    design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP
+) -> ConstructionRoute:
     """Return the route of a design by [workshop] of its preset.
 
     graph, layering : members and layers at built size; None for a flat sheet.    up : (3,) unit vector.
 
     Raises PatternError if the design cannot be built by the requested route.
     """
-    ask = design.preset.workshop
-    if ask.route == "sheet" or graph is None or layering is None:
-        return Route("sheet", "" if ask.route == "sheet" else "the design is flat")
-    if ask.route in ("bars", "planks"):
-        if ask.model:
+    options = design.preset.workshop
+    if options.route == "sheet" or graph is None or layering is None:
+        return ConstructionRoute("sheet", "" if options.route == "sheet" else "the design is flat")
+    if options.route in ("bars", "planks"):
+        if options.model:
             raise PatternError("a model is built of strips: leave out --model, or take workshop.route = 'strips'")
-        if ask.route == "planks":
-            return Route("planks", planks=planned_planks(design, graph, up))
-        return Route("bars", bars=planned_bars(design, graph, up))
-    if ask.route == "panels" and not ask.model:
+        if options.route == "planks":
+            return ConstructionRoute("planks", planks=design_planks(design, graph, up))
+        return ConstructionRoute("bars", bars=design_bars(design, graph, up))
+    if options.route == "panels" and not options.model:
         raise PatternError("panels with tabs are for models in card: give --model 1:50, or another route")
-    if ask.route in ("strips", "panels"):
-        return Route(ask.route)
-    if ask.model:
-        return Route("strips", "models are built of strips")
+    if options.route in ("strips", "panels"):
+        return ConstructionRoute(options.route)
+    if options.model:
+        return ConstructionRoute("strips", "models are built of strips")
     statics = design.preset.statics
-    limits = strip_limits(graph, design.surface, layering.thickness, statics.strength / statics.young, ask.bolt)
-    return _by_limits(design, graph, limits, up)
+    limits = strip_limits(graph, design.surface, layering.thickness, statics.strength / statics.young, options.bolt)
+    return _route_by_limits(design, graph, limits, up)
 
 
-def footing_of(design: Design, up: Floats) -> Footing | None:
+def design_footing(design: Design, up: Floats) -> Footing | None:
     """Return the anchored supports of a design; None without anchors and for models."""
-    ask = design.preset.workshop
-    if ask.model or not ask.anchor:
+    options = design.preset.workshop
+    if options.model or not options.anchor:
         return None
-    return Footing.of(design.surface, design.load, up, ask.anchor)
+    return Footing.from_supports(design.surface, design.load, up, options.anchor)
 
 
-def planned_bars(design: Design, graph: MemberGraph, up: Floats = UP) -> BarPlan:
+def design_bars(design: Design, graph: MemberGraph, up: Floats = UP) -> BarPlan:
     """Return the bars of a design. Raises PatternError if nodes are too close to each other."""
-    ask = design.preset.workshop
-    stock = BarStock(ask.thickness or design.preset.statics.thickness, ask.plate, ask.bolt, LABEL)
-    return bar_plan(graph, node_normals(design, graph), stock, footing_of(design, up))
+    options = design.preset.workshop
+    stock = BarStock(options.thickness or design.preset.statics.thickness, options.plate, options.bolt, PART_LETTERS)
+    return bar_plan(graph, node_normals(design, graph), stock, design_footing(design, up))
 
 
-def planned_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankPlan:
+def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankPlan:
     """Return the planks of a design. Raises PatternError if no piece fits on the stock, or no member can be a plank."""
-    ask, statics = design.preset.workshop, design.preset.statics
-    wide = [member.mean_width for member in graph.members if is_strip(member)]
-    if not wide:
+    options, statics = design.preset.workshop, design.preset.statics
+    widths = [member.mean_width for member in graph.members if is_strip(member)]
+    if not widths:
         raise PatternError("no member of this design is long enough for a plank; build it as one piece")
-    thickness, depth = ask.thickness or statics.thickness, ask.depth or float(np.median(wide))
+    thickness, depth = options.thickness or statics.thickness, options.depth or float(np.median(widths))
     slenderness = 1.5  # least depth of an upright plank over its thickness
     if depth < slenderness * thickness:
         raise PatternError(
@@ -104,73 +106,80 @@ def planned_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> Plank
             f"workshop.thickness to {depth / slenderness:.2g} or less, or workshop.depth to "
             f"{slenderness * thickness:.2g} or more"
         )
-    stock = PlankStock(thickness, depth, ask.bolt, ask.splice, (LABEL, WORKSHOP_SMALL))
-    ground = Ground.under(design.surface, design.load, up, thickness, 0.0) if design.has("statics") else None
+    stock = PlankStock(thickness, depth, options.bolt, options.splice, (PART_LETTERS, NODE_LETTERS))
+    ground = BasePlane.from_supports(design.surface, design.load, up, thickness, 0.0) if design.has("statics") else None
     strain = statics.strength / statics.young
     order = standing_order(graph, up)
-    return plank_plan(graph, node_normals(design, graph), stock, stock_room(ask), strain, ground, order)
+    return plank_plan(graph, node_normals(design, graph), stock, usable_sizes(options), strain, ground, order)
 
 
-def stock_room(ask: Workshop) -> list[tuple[float, float]]:
+def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
     """Return the largest part sizes (m) for each stock sheet. Raises PatternError if gaps leave no room."""
     slack = 5e-4  # metres: parts may turn a little on the drawing
-    room = [(a - 2 * ask.gap - slack, b - 2 * ask.gap - slack) for a, b in ask.stock]
+    room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
     return room
 
 
-def _by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> Route:
+def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
     """Choose strips if they bend or the limit is unknown; else bars close to the surface; else planks; else bars."""
-    worst, how = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
+    worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
-        return Route("strips", f"{how} would be bent to {worst:.2%}, and the limit of the material is not known")
+        return ConstructionRoute(
+            "strips", f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
+        )
     if worst <= limits.limit:
-        return Route("strips", f"{how} can be bent: to {worst:.2%}, of {limits.limit:.2%} allowed")
-    why = (
-        f"{how} would be bent or stretched to {worst:.2%}, {worst / limits.limit:.1f} times what the material takes; "
+        return ConstructionRoute("strips", f"{layers_text} can be bent: to {worst:.2%}, of {limits.limit:.2%} allowed")
+    problem = (
+        f"{layers_text} would be bent or stretched to {worst:.2%}, {worst / limits.limit:.1f} times what the "
+        "material takes; "
         f"the thickest strips that could be bent are {length(limits.thickest)}"
     )
-    bars, no_bars = _possible_bars(design, graph, up)
+    bars, no_bars = _bars_or_reason(design, graph, up)
     if bars and not no_bars:
-        return Route("bars", f"{why}; bars leave the surface by up to {length(bars.strayed)}", bars)
-    planks, no_planks = _possible_planks(design, graph, up)
+        return ConstructionRoute(
+            "bars", f"{problem}; bars leave the surface by up to {length(bars.largest_sagitta)}", bars
+        )
+    planks, no_planks = _planks_or_reason(design, graph, up)
     if planks:
-        return Route("planks", f"{why}; {no_bars}; {planks.merit}", planks=planks)
+        return ConstructionRoute("planks", f"{problem}; {no_bars}; {planks.summary}", planks=planks)
     if bars:
-        return Route("bars", f"{why}; {no_bars}, but {no_planks}", bars)
-    return Route("strips", f"{why}, but {no_bars}, and {no_planks}")
+        return ConstructionRoute("bars", f"{problem}; {no_bars}, but {no_planks}", bars)
+    return ConstructionRoute("strips", f"{problem}, but {no_bars}, and {no_planks}")
 
 
-def _possible_bars(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarPlan | None, str]:
+def _bars_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarPlan | None, str]:
     """Return the bars, None if impossible, and the objection to them, empty for none."""
     try:
-        bars = planned_bars(design, graph, up)
+        bars = design_bars(design, graph, up)
     except PatternError as error:
-        why = str(error).partition("; ")[0]  # the rest proposes other routes
-        return None, f"bars are impossible too: {why}"
-    if bars.loose:
-        return None, f"{len(bars.loose)} bar{'s' * (len(bars.loose) > 1)} would be too short for bolts"
-    long = longest_unfit(bars.parts, design.preset.workshop)
-    if long:
-        return None, f"bars are longer than the stock ({long.id} is {length(long.size[0])})"
-    wide = float(np.median([member.mean_width for member in graph.members if is_strip(member)]))
-    far = f"bars would leave the surface by up to {length(bars.strayed)}, and members are {length(wide)} wide"
-    return bars, far if bars.strayed > 0.5 * wide else ""
+        reason = str(error).partition("; ")[0]  # the rest proposes other routes
+        return None, f"bars are impossible too: {reason}"
+    if bars.too_short:
+        return None, f"{len(bars.too_short)} bar{'s' * (len(bars.too_short) > 1)} would be too short for bolts"
+    oversize = longest_oversize_part(bars.parts, design.preset.workshop)
+    if oversize:
+        return None, f"bars are longer than the stock ({oversize.id} is {length(oversize.size[0])})"
+    width = float(np.median([member.mean_width for member in graph.members if is_strip(member)]))
+    deviation = (
+        f"bars would leave the surface by up to {length(bars.largest_sagitta)}, and members are {length(width)} wide"
+    )
+    return bars, deviation if bars.largest_sagitta > 0.5 * width else ""
 
 
-def _possible_planks(design: Design, graph: MemberGraph, up: Floats) -> tuple[PlankPlan | None, str]:
+def _planks_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[PlankPlan | None, str]:
     try:
-        planks = planned_planks(design, graph, up)
+        planks = design_planks(design, graph, up)
     except PatternError as error:
         return None, f"upright planks are impossible: {error}"
-    return (None, f"upright planks {planks.hindrance}") if planks.hindrance else (planks, "")
+    return (None, f"upright planks {planks.obstacle}") if planks.obstacle else (planks, "")
 
 
-def longest_unfit(parts: Sequence[FlatPart], ask: Workshop) -> FlatPart | None:
+def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatPart | None:
     """Return the longest part that fits on no stock sheet, without grain also across; None if all parts fit."""
-    room = [(a - 2 * ask.gap, b - 2 * ask.gap) for a, b in ask.stock]
-    if not ask.grain:
+    room = [(a - 2 * options.gap, b - 2 * options.gap) for a, b in options.stock]
+    if not options.grain:
         room += [(b, a) for a, b in room]
     unfit = [part for part in parts if not any(part.size[0] <= a and part.size[1] <= b for a, b in room)]
     return max(unfit, key=lambda part: float(part.size[0]), default=None)
@@ -181,16 +190,16 @@ def node_normals(design: Design, graph: MemberGraph) -> Floats:
     return graph.sheet.carry(spherical_normals(design.surface))
 
 
-JOINED = {
+JOINT_SENTENCES = {
     "butt": "cut straight and butted: no joint is drawn; set workshop.splice to 'fingers' or 'scarf' for one",
     "fingers": "with fingers {} long that close without a gap; a round cutter leaves its radius in their corners",
     "scarf": "which reach over each other by {} and are glued there on a bevel: to the right and above on the engraved "
     "face, from the engraved line to the edge, to the left and below on the other one",
 }
 """Sentence on the pieces of a flat sheet, by their joint."""
-CLEARANCE = 1e-4
+TAB_CLEARANCE = 1e-4
 """Clearance between a tab and its slot in the base plate of a model, to each side (m)."""
-TABS = 4.0
+TABS_LENGTH = 4.0
 """Length that both tabs add to a strip, at most, over its thickness."""
 
 
@@ -213,7 +222,7 @@ class WorkshopPlan:
     thickness: float
     parts: tuple[FlatPart, ...]
     sheets: tuple[NestedSheet, ...]
-    same: tuple[tuple[int, ...], ...]
+    equal_parts: tuple[tuple[int, ...], ...]
     notes: tuple[str, ...]
     graph: MemberGraph | None = None
     layering: Layering | None = None
@@ -221,17 +230,17 @@ class WorkshopPlan:
     bars: BarPlan | None = None
     planks: PlankPlan | None = None
 
-    def thickness_of(self, part: FlatPart) -> float:
+    def part_thickness(self, part: FlatPart) -> float:
         """Return the thickness of a part (m)."""
         return part.thickness or self.thickness
 
     @cached_property
-    def sheet_of(self) -> dict[str, int]:
+    def sheet_numbers(self) -> dict[str, int]:
         """Sheet number of each part, from 1, by part name."""
-        return {one.part.id: k for k, sheet in enumerate(self.sheets, 1) for one in sheet.parts}
+        return {item.part.id: k for k, sheet in enumerate(self.sheets, 1) for item in sheet.parts}
 
     @property
-    def used(self) -> float:
+    def used_share(self) -> float:
         """Share of the sheets' area that becomes parts."""
         return sum(part.area for part in self.parts) / sum(a * b for a, b in (sheet.size for sheet in self.sheets))
 
@@ -247,124 +256,130 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """
     if design.preset.workshop.nesting == "spyrrow":
         require_spyrrow()
-    first, *others = stock_choices(design.preset.workshop)
-    plan = _plan(design, up)
-    plans = [(first, plan)]
-    for ask in others:
-        shorter = Design.of(design.preset.model_copy(update={"workshop": ask}), design)
+    all_sizes, *fewer_sizes = stock_choices(design.preset.workshop)
+    plan = _plan_for_stock(design, up)
+    plans = [(all_sizes, plan)]
+    for choice in fewer_sizes:
+        shorter = Design.from_preset(design.preset.model_copy(update={"workshop": choice}), design)
         with suppress(PatternError):
-            plans.append((ask, _plan(shorter, up)))
-    plans = [(ask, one) for ask, one in plans if one.route == plan.route]
-    best = min(plans, key=lambda one: stock_cost(one[1].sheets))[1]
-    left = [(ask, stock_cost(one.sheets)) for ask, one in plans if one is not best]
-    return replace(best, notes=(*best.notes, *price_notes(best.sheets, left)))
+            plans.append((choice, _plan_for_stock(shorter, up)))
+    plans = [(choice, candidate) for choice, candidate in plans if candidate.route == plan.route]
+    cheapest = min(plans, key=lambda candidate: stock_cost(candidate[1].sheets))[1]
+    rejected = [(choice, stock_cost(candidate.sheets)) for choice, candidate in plans if candidate is not cheapest]
+    return replace(cheapest, notes=(*cheapest.notes, *price_notes(cheapest.sheets, rejected)))
 
 
-def _plan(design: Design, up: Floats) -> WorkshopPlan:
-    ask, surface = design.preset.workshop, design.sheet.surface
-    if ask.route == "sheet" and not surface.is_flat:
+def _plan_for_stock(design: Design, up: Floats) -> WorkshopPlan:
+    options, surface = design.preset.workshop, design.sheet.surface
+    if options.route == "sheet" and not surface.is_flat:
         raise PatternError(
             "workshop.route = 'sheet' is for flat designs, and this one is curved; use 'strips' or 'bars'"
         )
-    flat = ask.route == "sheet" or (ask.route == "auto" and surface.is_flat)
-    if ask.splice == "fingers" and not flat:
+    flat = options.route == "sheet" or (options.route == "auto" and surface.is_flat)
+    if options.splice == "fingers" and not flat:
         raise PatternError(
             "workshop.splice = 'fingers' is for flat sheets, and this design has members; use 'cover' or 'scarf'"
         )
-    room = stock_room(ask)
-    graph, layering = (None, None) if flat else _built_graph(design)
-    route = chosen_route(design, graph, layering, up)
-    thickness = ask.thickness or design.preset.statics.thickness / _scale(design)
+    room = usable_sizes(options)
+    graph, layering = (None, None) if flat else _graph_as_built(design)
+    route = construction_route(design, graph, layering, up)
+    thickness = options.thickness or design.preset.statics.thickness / _model_scale(design)
     if built := route.bars or route.planks:
         parts, notes, layering = list(built.parts), list(built.lines), None
     elif graph and layering and route.name == "panels":
-        parts, notes = _panels(design, graph, layering, room, up)
+        parts, notes = _panel_design_parts(design, graph, layering, room, up)
         thickness, layering = layering.thickness, None
     elif graph and layering:
-        parts, notes = _curved(design, graph, layering, room, up)
+        parts, notes = _curved_design_parts(design, graph, layering, room, up)
         thickness = layering.thickness
     else:
-        parts, notes = _flat(design, room)
-    sheets, saved = nested_by_thickness(parts, ask)
+        parts, notes = _flat_design_parts(design, room)
+    sheets, saved = nested_by_thickness(parts, options)
     notes = [*notes, *saved]
     if layering:
-        notes = [*notes, *sheet_hints(parts, sheets, ask.stock, ask.gap, ask.grain)]
+        notes = [*notes, *sheet_hints(parts, sheets, options.stock, options.gap, options.grain)]
     if route.reason:
         notes = [f"route {route.name}: {route.reason}", *notes]
     return WorkshopPlan(
-        *(route.name, thickness, tuple(parts), tuple(sheets), same_parts(parts), tuple(notes)),
-        *(graph, layering, ask.model, route.bars, route.planks),
+        *(route.name, thickness, tuple(parts), tuple(sheets), equal_part_groups(parts), tuple(notes)),
+        *(graph, layering, options.model, route.bars, route.planks),
     )
 
 
-def nested_by_thickness(parts: list[FlatPart], ask: Workshop) -> tuple[list[NestedSheet], list[str]]:
+def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[NestedSheet], list[str]]:
     """Nest the parts of each thickness on sheets of their own; return the sheets and notes."""
     groups: dict[float, list[FlatPart]] = {}
     for part in parts:
         groups.setdefault(part.thickness, []).append(part)
-    piled = [nested(some, ask.stock, ask.gap, ask.grain, ask.prices) for some in groups.values()]
-    found = [emptied(some, ask.gap, ask.grain) for some in piled] if ask.nesting == "spyrrow" else piled
-    before, after = (sum(map(len, some)) for some in (piled, found))
-    said = [f"spyrrow saved {_count(before - after, 'sheet')} of {before}"] if ask.nesting == "spyrrow" else []
-    return [sheet for sheets in found for sheet in sheets], said
+    stacks = [nest_parts(group, options.stock, options.gap, options.grain, options.prices) for group in groups.values()]
+    nests = (
+        [with_fewer_sheets(group, options.gap, options.grain) for group in stacks]
+        if options.nesting == "spyrrow"
+        else stacks
+    )
+    before, after = (sum(map(len, group)) for group in (stacks, nests))
+    notes = [f"spyrrow saved {_quantity(before - after, 'sheet')} of {before}"] if options.nesting == "spyrrow" else []
+    return [sheet for sheets in nests for sheet in sheets], notes
 
 
-def _scale(design: Design) -> float:
+def _model_scale(design: Design) -> float:
     """Return the size of the design over the built size: 50 for a model at 1:50."""
     return design.preset.workshop.model or 1.0
 
 
-def _built_graph(design: Design) -> tuple[MemberGraph, Layering]:
-    ask, graph = design.preset.workshop, design.members
-    thickness = ask.thickness or design.preset.statics.thickness / ask.layers / _scale(design)
-    if not ask.model:
-        return graph, Layering(thickness, ask.layers, ask.bolt)
-    there = {member.family for member in graph.members if is_strip(member)}
-    own = tuple(family for family in OWN if family in there)
-    return scaled_graph(graph, ask.model), Layering(thickness, ask.layers, ask.bolt, own, LETTERS)
+def _graph_as_built(design: Design) -> tuple[MemberGraph, Layering]:
+    options, graph = design.preset.workshop, design.members
+    thickness = options.thickness or design.preset.statics.thickness / options.layers / _model_scale(design)
+    if not options.model:
+        return graph, Layering(thickness, options.layers, options.bolt)
+    present = {member.family for member in graph.members if is_strip(member)}
+    families = tuple(family for family in FAMILIES_BELOW if family in present)
+    return scaled_graph(graph, options.model), Layering(
+        thickness, options.layers, options.bolt, families, MODEL_LETTERS
+    )
 
 
-def _flat(design: Design, room: list[tuple[float, float]]) -> tuple[list[FlatPart], list[str]]:
-    ask, surface, scale = design.preset.workshop, design.sheet.surface, _scale(design)
-    thickness = ask.thickness or design.preset.statics.thickness / scale
-    joint = SheetJoint(ask.splice if ask.splice in ("fingers", "scarf") else "butt", thickness)
-    found = sheet_parts(scaled_surface(surface, scale) if ask.model else surface, room, joint)
-    along, across = found.counts
+def _flat_design_parts(design: Design, room: list[tuple[float, float]]) -> tuple[list[FlatPart], list[str]]:
+    options, surface, scale = design.preset.workshop, design.sheet.surface, _model_scale(design)
+    thickness = options.thickness or design.preset.statics.thickness / scale
+    joint = SheetJoint(options.splice if options.splice in ("fingers", "scarf") else "butt", thickness)
+    division = sheet_parts(scaled_surface(surface, scale) if options.model else surface, room, joint)
+    along, across = division.counts
     if along * across == 1:
-        return list(found.pieces), []
-    loose = len(found.pieces) - along * across
-    notes = [f"the sheet is in {along} x {across} pieces, {JOINED[joint.kind].format(length(joint.reach))}"]
-    if loose > 0:
-        notes.append(f"{_count(loose, 'part')} more, as not all of a piece hangs together")
-    return list(found.pieces), notes
+        return list(division.pieces), []
+    extra_parts = len(division.pieces) - along * across
+    notes = [f"the sheet is in {along} x {across} pieces, {JOINT_SENTENCES[joint.kind].format(length(joint.reach))}"]
+    if extra_parts > 0:
+        notes.append(f"{_quantity(extra_parts, 'part')} more, as not all of a piece hangs together")
+    return list(division.pieces), notes
 
 
-def _curved(
+def _curved_design_parts(
     design: Design, graph: MemberGraph, layering: Layering, room: list[tuple[float, float]], up: Floats
 ) -> tuple[list[FlatPart], list[str]]:
-    ask, statics = design.preset.workshop, design.preset.statics
+    options, statics = design.preset.workshop, design.preset.statics
     surface, ground = design.surface, None
-    limit = CARD if ask.model else statics.strength / statics.young
-    if ask.model:
-        surface = scaled_surface(surface, ask.model)
-        ground = Ground.under(surface, design.load, up, layering.thickness, CLEARANCE)
-        room = [(a - TABS * layering.thickness, b - TABS * layering.thickness) for a, b in room]
-    limits = strip_limits(graph, surface, layering.thickness, limit, ask.bolt)
-    strips = strip_parts(graph, layering, room, ask.splice, ground)
+    limit = CREASE_STRAIN if options.model else statics.strength / statics.young
+    if options.model:
+        surface = scaled_surface(surface, options.model)
+        ground = BasePlane.from_supports(surface, design.load, up, layering.thickness, TAB_CLEARANCE)
+        room = [(a - TABS_LENGTH * layering.thickness, b - TABS_LENGTH * layering.thickness) for a, b in room]
+    limits = strip_limits(graph, surface, layering.thickness, limit, options.bolt)
+    strips = strip_parts(graph, layering, room, options.splice, ground)
     discs = [member for member in graph.members if is_plate(member)]
-    below, left = layering.height(layering.plates), {node for node, _ in strips.left}
-    plates = plate_parts(graph, discs, node_normals(design, graph), below, layering.bolt, left)
+    below, missed_nodes = layering.layer_height(layering.plate_layer), {node for node, _ in strips.missed_nodes}
+    plates = plate_parts(graph, discs, node_normals(design, graph), below, layering.bolt, missed_nodes)
     if not strips.pieces and not plates:
         raise PatternError("nothing of this design is a strip or a plate; build it as one piece, see `dsfab build`")
-    lines = model_notes(limits, graph, ask.model, ask.bolt) if ask.model else limits.lines
+    lines = model_notes(limits, graph, options.model, options.bolt) if options.model else limits.lines
     notes = [*lines, *_plate_notes(plates), *_strip_notes(strips, graph, layering)]
-    if ask.splice == "scarf" and strips.splices:
-        notes.append(scarf_line(strips.splices, SCARF * layering.thickness))
+    if options.splice == "scarf" and strips.splice_count:
+        notes.append(scarf_line(strips.splice_count, SCARF_SLOPE * layering.thickness))
     parts = [*strips.pieces, *strips.covers, *plates]
-    if ask.model:
+    if options.model:
         parts += packing_parts(graph, layering)
-    if footing := footing_of(design, up):
-        feet, flat = leg_plates(graph, layering, footing, ask.plate)
+    if footing := design_footing(design, up):
+        feet, flat = leg_plates(graph, layering, footing, options.plate)
         parts, notes = [*parts, *feet], [*notes, *leg_lines([foot.folds[0].angle for foot in feet], flat)]
     if ground:
         base = base_parts(ground, surface, strips.feet, room)
@@ -372,22 +387,22 @@ def _curved(
     return parts, notes
 
 
-def _panels(
+def _panel_design_parts(
     design: Design, graph: MemberGraph, layering: Layering, room: list[tuple[float, float]], up: Floats
 ) -> tuple[list[FlatPart], list[str]]:
-    ask, thickness = design.preset.workshop, layering.thickness
-    surface = scaled_surface(design.surface, ask.model)
-    ground = Ground.under(surface, design.load, up, thickness, CLEARANCE)
-    room = [(a - TABS * thickness, b - TABS * thickness) for a, b in room]
-    limits = strip_limits(graph, surface, thickness, CARD, ask.bolt)
-    found = panel_parts(graph, thickness, layering.letters[0], room, ground)
+    options, thickness = design.preset.workshop, layering.thickness
+    surface = scaled_surface(design.surface, options.model)
+    ground = BasePlane.from_supports(surface, design.load, up, thickness, TAB_CLEARANCE)
+    room = [(a - TABS_LENGTH * thickness, b - TABS_LENGTH * thickness) for a, b in room]
+    limits = strip_limits(graph, surface, thickness, CREASE_STRAIN, options.bolt)
+    panels = panel_parts(graph, thickness, layering.letters[0], room, ground)
     discs = [member for member in graph.members if is_plate(member)]
     plates = plate_parts(graph, discs, node_normals(design, graph), 0.0, layering.bolt)
-    notes = [*model_notes(limits, graph, ask.model, 0.0), *found.lines, *_plate_notes(plates)]
-    parts = [*found.parts, *(replace(plate, holes=()) for plate in plates)]
+    notes = [*model_notes(limits, graph, options.model, 0.0), *panels.lines, *_plate_notes(plates)]
+    parts = [*panels.parts, *(replace(plate, holes=()) for plate in plates)]
     if ground:
-        base = base_parts(ground, surface, found.feet, room)
-        parts, notes = [*parts, *base], [*notes, *base_notes(ground, found.feet, base)]
+        base = base_parts(ground, surface, panels.feet, room)
+        parts, notes = [*parts, *base], [*notes, *base_notes(ground, panels.feet, base)]
     return parts, notes
 
 
@@ -395,52 +410,56 @@ def _plate_notes(plates: list[FlatPart]) -> list[str]:
     if not plates:
         return []
     worst = max(plates, key=lambda plate: plate.strain)
-    stretched = f", stretched by up to {worst.strain:.2%} ({worst.id})" if worst.strain >= 10 * NOTHING else ""
-    return [f"{_count(len(plates), 'plate')}{stretched}"]
+    stretched = f", stretched by up to {worst.strain:.2%} ({worst.id})" if worst.strain >= 10 * LEAST_STRAIN else ""
+    return [f"{_quantity(len(plates), 'plate')}{stretched}"]
 
 
 def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> list[str]:
-    found = []
-    if strips.stopped:
-        found.append(
-            f"{_count(len(strips.stopped), 'strip')} {stopping(len(strips.stopped))} others of their layer or curl up: "
-            f"{some_names(strips.stopped)}; {_count(len(strips.left), 'node')} without them"
+    notes = []
+    if strips.shortened:
+        notes.append(
+            f"{_quantity(len(strips.shortened), 'strip')} {stopping_clause(len(strips.shortened))} others of "
+            "their layer or curl up: "
+            f"{names_and_count(strips.shortened)}; {_quantity(len(strips.missed_nodes), 'node')} without them"
         )
-    if strips.gone:
-        found.append(f"NOT BUILT, as others of their layer lie where they would be: {some_names(strips.gone)}")
-    if strips.near:
-        found.append(f"{strips.near} of {strips.splices} splices are nearer to a node than a cover plate is long")
-    if strips.missing:
-        holes = _count(len(strips.missing), "hole")
-        places = list(dict.fromkeys(strips.missing))  # the bolts of a splice share a name
-        found.append(f"{holes} not drilled, too near to an edge: {some_names(places)}")
+    if strips.vanished:
+        notes.append(f"NOT BUILT, as others of their layer lie where they would be: {names_and_count(strips.vanished)}")
+    if strips.splices_near_nodes:
+        notes.append(
+            f"{strips.splices_near_nodes} of {strips.splice_count} splices are nearer to a node than a cover "
+            "plate is long"
+        )
+    if strips.missing_holes:
+        holes = _quantity(len(strips.missing_holes), "hole")
+        places = list(dict.fromkeys(strips.missing_holes))  # the bolts of a splice share a name
+        notes.append(f"{holes} not drilled, too near to an edge: {names_and_count(places)}")
     families = {member.id: member.family for member in graph.members}
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
-    packed = Counter(layering.packing(node, families) for node in nodes)
-    found += [
-        f"{_count(count, 'node')} with packing of {length(layers * layering.thickness)} between two members"
+    packed = Counter(layering.packing_layers(node, families) for node in nodes)
+    notes += [
+        f"{_quantity(count, 'node')} with packing of {length(layers * layering.thickness)} between two members"
         for layers, count in sorted(packed.items())
         if layers
     ]
     level = sum(families[node.members[0]] == families[node.members[1]] for node in nodes)
     if level:
-        found.append(f"{_count(level, 'node')} between members of one layer: notch or butt them there")
+        notes.append(f"{_quantity(level, 'node')} between members of one layer: notch or butt them there")
     fills = sum(member.kind == "fill" for member in graph.members)
-    return [*found, f"{_count(fills, 'filled corner')} left open"] if fills else found
+    return [*notes, f"{_quantity(fills, 'filled corner')} left open"] if fills else notes
 
 
-def _count(number: int, what: str) -> str:
+def _quantity(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def same_parts(parts: list[FlatPart]) -> tuple[tuple[int, ...], ...]:
+def equal_part_groups(parts: list[FlatPart]) -> tuple[tuple[int, ...], ...]:
     """Return groups of part numbers with one shape (see `congruent`)."""
     groups: dict[tuple[int, int], list[list[int]]] = {}
     for k, part in enumerate(parts):
-        known = groups.setdefault(shape_key(part), [])
-        alike = next((group for group in known if congruent(parts[group[0]], part)), None)
-        if alike is None:
-            known.append([k])
+        candidates = groups.setdefault(shape_key(part), [])
+        match = next((group for group in candidates if congruent(parts[group[0]], part)), None)
+        if match is None:
+            candidates.append([k])
         else:
-            alike.append(k)
-    return tuple(sorted(tuple(group) for some in groups.values() for group in some))
+            match.append(k)
+    return tuple(sorted(tuple(group) for lists in groups.values() for group in lists))

@@ -17,11 +17,11 @@ from dsfab.core.errors import PatternError
 from dsfab.core.messages import length
 from dsfab.members import Member, MemberGraph
 from dsfab.slicing import cut
-from dsfab.surface import Surface, connected, nearest, weights_at
+from dsfab.surface import Surface, link_components, nearest_places, weights_at
 from dsfab.workshop.layers import Layering
-from dsfab.workshop.parts import LABEL, FlatPart, Hole, label, polygon_area
-from dsfab.workshop.splices import SCARF
-from dsfab.workshop.strips import EDGE, is_strip
+from dsfab.workshop.parts import PART_LETTERS, FlatPart, Hole, label, polygon_area
+from dsfab.workshop.splices import SCARF_SLOPE
+from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, is_strip
 
 
 def is_plate(member: Member) -> bool:
@@ -33,7 +33,7 @@ def layer_numbers(layering: Layering, member: Member) -> tuple[int, ...]:
     """Return the layers of a member, counted from the top; empty for a member that is not built."""
     if member.kind == "fill":
         return ()
-    return layering.numbers(member.family) if is_strip(member) else (layering.plates,)
+    return layering.family_layers(member.family) if is_strip(member) else (layering.plate_layer,)
 
 
 def plate_parts(
@@ -42,7 +42,7 @@ def plate_parts(
     normals: Floats,
     height: float,
     bolt: float,
-    left: Container[str] = (),
+    missed_nodes: Container[str] = (),
 ) -> list[FlatPart]:
     """Return members of a graph as plates at a height over the surface, with holes at their nodes (m).
 
@@ -50,35 +50,35 @@ def plate_parts(
     missed_nodes : names of nodes without a hole.
     """
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
-    return [_plate(graph, member, normals, (height, bolt), left) for member in members]
+    return [_flat_plate(graph, member, normals, (height, bolt), missed_nodes) for member in members]
 
 
-def _plate(
-    graph: MemberGraph, member: Member, normals: Floats, size: tuple[float, float], left: Container[str]
+def _flat_plate(
+    graph: MemberGraph, member: Member, normals: Floats, size: tuple[float, float], missed_nodes: Container[str]
 ) -> FlatPart:
     height, bolt = size
     surface = graph.sheet.surface
     used, F = np.unique(surface.F[member.cells], return_inverse=True)
-    flat = FlattenedMesh.of(surface.V[used] + height * normals[used], F.reshape(-1, 3))
+    flat = FlattenedMesh.from_mesh(surface.V[used] + height * normals[used], F.reshape(-1, 3))
     outline, *slots = flat.loops()
     holes = []
-    for node in graph.along[member.id]:
-        at = flat.at(node.point + height * node.normal)
-        if node.id not in left and _inside(outline, at, EDGE * bolt):
-            holes.append(Hole(at, bolt, node.id))
+    for node in graph.nodes_along[member.id]:
+        hole_place = flat.flat_point(node.point + height * node.normal)
+        if node.id not in missed_nodes and _is_inside(outline, hole_place, HOLE_EDGE_DISTANCE * bolt):
+            holes.append(Hole(hole_place, bolt, node.id))
     middle = outline.mean(axis=0)
-    marks = label(member.id, middle, 0.0, min(LABEL, 0.1 * float(np.ptp(outline, axis=0).min())))
+    marks = label(member.id, middle, 0.0, min(PART_LETTERS, 0.1 * float(np.ptp(outline, axis=0).min())))
     part = FlatPart(member.id, member.id, (0.0, 0.0), outline, tuple(holes), tuple(slots), marks, height, flat.strain)
-    return part.lying()
+    return part.along_x()
 
 
-def _inside(outline: Floats, at: Floats, least: float) -> bool:
+def _is_inside(outline: Floats, place: Floats, least: float) -> bool:
     a, b = outline, np.roll(outline, -1, axis=0)
-    t = np.clip(((at - a) * (b - a)).sum(axis=1) / np.maximum(((b - a) ** 2).sum(axis=1), 1e-30), 0, 1)
-    away = np.linalg.norm(at - a - t[:, None] * (b - a), axis=1).min()
-    crosses = (a[:, 1] > at[1]) != (b[:, 1] > at[1])
-    x = a[:, 0] + (at[1] - a[:, 1]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-    return bool(np.sum(crosses & (x > at[0])) % 2) and bool(away >= least)
+    t = np.clip(((place - a) * (b - a)).sum(axis=1) / np.maximum(((b - a) ** 2).sum(axis=1), 1e-30), 0, 1)
+    away = np.linalg.norm(place - a - t[:, None] * (b - a), axis=1).min()
+    crosses = (a[:, 1] > place[1]) != (b[:, 1] > place[1])
+    x = a[:, 0] + (place[1] - a[:, 1]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+    return bool(np.sum(crosses & (x > place[0])) % 2) and bool(away >= least)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class FlattenedMesh:
     U: Floats
 
     @classmethod
-    def of(cls, V: Floats, F: Ints) -> "FlattenedMesh":
+    def from_mesh(cls, V: Floats, F: Ints) -> "FlattenedMesh":
         """Flatten as rigidly as possible from the projection along the mean normal; pure bending keeps all lengths."""
         n = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
         n /= np.linalg.norm(n)
@@ -116,21 +116,21 @@ class FlattenedMesh:
 
     def loops(self) -> list[Floats]:
         """Return the outline, then the openings, (k, 2) each."""
-        found = [self.U[loop] for loop in Surface(self.V, self.F).loops]
-        return sorted(found, key=lambda loop: -abs(polygon_area(loop)))
+        loops = [self.U[loop] for loop in Surface(self.V, self.F).loops]
+        return sorted(loops, key=lambda loop: -abs(polygon_area(loop)))
 
-    def at(self, point: Floats) -> Floats:
+    def flat_point(self, point: Floats) -> Floats:
         """Return the plane position (2,) of the place on the mesh nearest to a point (3,)."""
-        there = nearest(point[None], self.V, self.F)
-        face = self.F[there.simplex]
-        return np.asarray((weights_at(there.place, self.V, face) @ self.U[face[0]])[0])
+        projection = nearest_places(point[None], self.V, self.F)
+        face = self.F[projection.simplex]
+        return np.asarray((weights_at(projection.place, self.V, face) @ self.U[face[0]])[0])
 
 
-FINGER, PITCH = 4.0, 2.0
+FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0
 """Length of a finger, and about its width, over the thickness."""
-ROUNDS, WHOLE = 4, 4.0
+REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
 """Rounds in which loose bits of fingers go to a neighbouring piece, and their largest area, in fingers."""
-ON = 1e-9
+LINE_TOLERANCE = 1e-9
 """Distance of a mesh edge from the dividing line that it lies on, over the sheet's size."""
 
 
@@ -144,7 +144,7 @@ class SheetJoint:
     @property
     def reach(self) -> float:
         """Length along which both pieces overlap or alternate (m)."""
-        return {"fingers": FINGER, "scarf": SCARF}.get(self.kind, 0.0) * self.thickness
+        return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
         """Return the number of pieces of a length for a room (m). Raises PatternError if joints are most of a piece."""
@@ -175,43 +175,43 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
 
     Raises PatternError if joints, or pieces with their joints, are too long for the stock.
     """
-    x = in_plane(surface)
+    x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
-    less = 0.0
+    reduction = 0.0
     for _ in range(4):  # smaller rectangles, because bits of neighbours can make a piece too large
-        found = _divided(level, [(a - less, b - less) for a, b in room], joint)
-        part, beyond = max(((part, _beyond(part, room)) for part in found.pieces), key=itemgetter(1))
-        if beyond <= ON * float(np.ptp(x)):
-            return found
-        less += beyond
+        division = _rectangles(level, [(a - reduction, b - reduction) for a, b in room], joint)
+        part, excess = max(((part, _oversize(part, room)) for part in division.pieces), key=itemgetter(1))
+        if excess <= LINE_TOLERANCE * float(np.ptp(x)):
+            return division
+        reduction += excess
     raise PatternError(
         f"piece {part.id} of the flat sheet is {length(part.size[0])} x {length(part.size[1])} with what hangs on it, "
         "and fits on no sheet: give larger sheets in workshop.stock, or workshop.splice = 'none'"
     )
 
 
-def _beyond(part: FlatPart, room: list[tuple[float, float]]) -> float:
+def _oversize(part: FlatPart, room: list[tuple[float, float]]) -> float:
     x, y = part.size
     return float(min(max(x - a, y - b) for a, b in [*room, *((b, a) for a, b in room)]))
 
 
-def _divided(level: Surface, room: list[tuple[float, float]], joint: SheetJoint) -> SheetParts:
+def _rectangles(level: Surface, room: list[tuple[float, float]], joint: SheetJoint) -> SheetParts:
     size = np.ptp(level.V[:, :2], axis=0)
     turned = [*room, *((b, a) for a, b in room)]
     counts = min(((joint.count(size[0], a), joint.count(size[1], b)) for a, b in turned), key=lambda n: n[0] * n[1])
-    divided, grid = level, _Grid(size, counts, joint)
+    divided, grid = level, _SheetGrid(size, counts, joint)
     for axis in (0, 1):
         if len(lines := grid.lines(axis)):
             divided = cut(divided, [divided.V[:, axis].copy()], [lines], snap=0.0).surface
-    found = list[FlatPart]()
-    for (i, j), cells in _cells(divided, grid):
+    parts = list[FlatPart]()
+    for (i, j), cells in _rectangle_cells(divided, grid):
         if len(cells):
-            found += _parts(divided, cells, f"S{i + 1}-{j + 1}", grid.bevels((i, j)))
-    return SheetParts(tuple(found), counts)
+            parts += _connected_parts(divided, cells, f"S{i + 1}-{j + 1}", grid.bevels((i, j)))
+    return SheetParts(tuple(parts), counts)
 
 
 @dataclass(frozen=True, eq=False)
-class _Grid:
+class _SheetGrid:
     """Equal rectangles of a sheet of a size (2,) in metres, with their joints."""
 
     size: Floats
@@ -223,92 +223,94 @@ class _Grid:
 
     def fingers(self, axis: int) -> int:
         """Return the number of fingers along the whole sheet: odd, so that both ends are alike."""
-        return 2 * round(float(self.size[axis]) / (2 * PITCH * self.joint.thickness)) + 1
+        return 2 * round(float(self.size[axis]) / (2 * FINGER_WIDTH * self.joint.thickness)) + 1
 
     def lines(self, axis: int) -> Floats:
         half = self.joint.reach / 2
-        found = self.joints(axis) if half == 0 else np.concatenate([self.joints(axis) - half, self.joints(axis) + half])
+        lines = self.joints(axis) if half == 0 else np.concatenate([self.joints(axis) - half, self.joints(axis) + half])
         if self.joint.kind == "fingers" and self.counts[1 - axis] > 1:
             count = self.fingers(axis)
-            found = np.concatenate([found, self.size[axis] * np.arange(1, count) / count])
-        return np.unique(found)
+            lines = np.concatenate([lines, self.size[axis] * np.arange(1, count) / count])
+        return np.unique(lines)
 
     def pieces(self, places: Floats) -> Ints:
         """Return the piece number (m,) of places (m, 3); along joints fingers alternate."""
-        at = list[Ints]()
+        numbers = list[Ints]()
         for axis in (0, 1):
             odd = (places[:, 1 - axis] * self.fingers(1 - axis) / self.size[1 - axis]).astype(int) % 2
             moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers reach half over
-            at.append(np.clip((moved * self.counts[axis] / self.size[axis]).astype(int), 0, self.counts[axis] - 1))
-        return np.asarray(at[0] * self.counts[1] + at[1])
+            numbers.append(np.clip((moved * self.counts[axis] / self.size[axis]).astype(int), 0, self.counts[axis] - 1))
+        return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 
-    def inside(self, places: Floats, which: tuple[int, int], more: float) -> Bools:
+    def inside(self, places: Floats, which: tuple[int, int], margin: float) -> Bools:
         """Return (m,) whether places (m, 3) are in a rectangle, or at most `margin` metres beyond its joints."""
-        found = np.ones(len(places), dtype=bool)
+        is_inside = np.ones(len(places), dtype=bool)
         for axis in (0, 1):
             ends = np.concatenate([[-np.inf], self.joints(axis), [np.inf]])[which[axis] : which[axis] + 2]
-            found &= (places[:, axis] > ends[0] - more) & (places[:, axis] < ends[1] + more)
-        return found
+            is_inside &= (places[:, axis] > ends[0] - margin) & (places[:, axis] < ends[1] + margin)
+        return is_inside
 
     def bevels(self, which: tuple[int, int]) -> list[tuple[int, float]]:
         """Return the axis and the position (m) of each line at which the bevel of a scarf joint begins."""
         if self.joint.kind != "scarf":
             return []
         half = self.joint.reach / 2
-        found = []
+        bevels = []
         for axis in (0, 1):
             ends = np.concatenate([[0.0], self.joints(axis), [0.0]])[which[axis] : which[axis] + 2]
-            found += [(axis, float(end + side * half)) for end, side in zip(ends, (1, -1), strict=True) if end > 0]
-        return found
+            bevels += [(axis, float(end + side * half)) for end, side in zip(ends, (1, -1), strict=True) if end > 0]
+        return bevels
 
 
-def _cells(divided: Surface, grid: _Grid) -> Iterator[tuple[tuple[int, int], Ints]]:
+def _rectangle_cells(divided: Surface, grid: _SheetGrid) -> Iterator[tuple[tuple[int, int], Ints]]:
     along, across = (range(n) for n in grid.counts)
     every, half = list(product(along, across)), grid.joint.reach / 2
     if grid.joint.kind == "fingers":
-        least = WHOLE * FINGER * PITCH * grid.joint.thickness**2
-        pieces = _hanging(divided, grid.pieces(divided.centroids), least)
+        least = LEAST_FINGERS * FINGER_LENGTH * FINGER_WIDTH * grid.joint.thickness**2
+        pieces = _with_bits_reassigned(divided, grid.pieces(divided.centroids), least)
         yield from ((which, np.flatnonzero(pieces == k)) for k, which in enumerate(every))
         return
     wide = [grid.inside(divided.centroids, which, half) for which in every]
-    kept = [
-        here & _rooted(divided, here, grid.inside(divided.centroids, which, -half)) if half else here
-        for which, here in zip(every, wide, strict=True)
+    accepted = [
+        candidates & _connected_to(divided, candidates, grid.inside(divided.centroids, which, -half))
+        if half
+        else candidates
+        for which, candidates in zip(every, wide, strict=True)
     ]
-    lost = ~np.any(kept, axis=0)
-    for which, here, own in zip(every, wide, kept, strict=True):
-        more = here & lost & grid.inside(divided.centroids, which, 0.0)
-        yield which, np.flatnonzero(own | (here & _rooted(divided, here, more)))
+    lost = ~np.any(accepted, axis=0)
+    for which, candidates, piece_cells in zip(every, wide, accepted, strict=True):
+        roots = candidates & lost & grid.inside(divided.centroids, which, 0.0)
+        yield which, np.flatnonzero(piece_cells | (candidates & _connected_to(divided, candidates, roots)))
 
 
-def _rooted(divided: Surface, here: Bools, roots: Bools) -> Bools:
+def _connected_to(divided: Surface, selected: Bools, roots: Bools) -> Bools:
     """Return (m,) whether faces are connected to roots (m,) through selected faces (m,)."""
-    one, other = (divided.edges.pairs // 3).T
-    joined = here[one] & here[other]
-    part = connected(divided.m, one[joined], other[joined])[1]
-    return np.asarray(np.isin(part, part[here & roots]))
+    face_a, face_b = (divided.edges.pairs // 3).T
+    joined = selected[face_a] & selected[face_b]
+    part = link_components(divided.m, face_a[joined], face_b[joined])[1]
+    return np.asarray(np.isin(part, part[selected & roots]))
 
 
-def _hanging(divided: Surface, pieces: Ints, least: float) -> Ints:
+def _with_bits_reassigned(divided: Surface, pieces: Ints, least: float) -> Ints:
     """Return pieces (m,) in which bits under `least` (m2) join the neighbour with the longest shared edges."""
-    one, other = (divided.edges.pairs // 3).T
+    face_a, face_b = (divided.edges.pairs // 3).T
     ends = divided.V[divided.edges.ends[divided.edges.count == 2]]
-    long, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()
-    for _ in range(ROUNDS):
-        same = pieces[one] == pieces[other]
-        count, part = connected(divided.m, one[same], other[same])
+    edge_lengths, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()
+    for _ in range(REASSIGN_ROUNDS):
+        same_piece = pieces[face_a] == pieces[face_b]
+        count, part = link_components(divided.m, face_a[same_piece], face_b[same_piece])
         small = np.bincount(part, divided.areas, count) < least
         if not small.any():
             break
         shared = np.zeros((count, pieces.max() + 1))
-        for f, g in ((one[~same], other[~same]), (other[~same], one[~same])):
-            np.add.at(shared, (part[f], pieces[g]), long[~same])
+        for f, g in ((face_a[~same_piece], face_b[~same_piece]), (face_b[~same_piece], face_a[~same_piece])):
+            np.add.at(shared, (part[f], pieces[g]), edge_lengths[~same_piece])
         moves = small & (shared.max(axis=1) > 0)
         pieces = np.where(moves[part], shared.argmax(axis=1)[part], pieces)
     return pieces
 
 
-def in_plane(surface: Surface) -> Floats:
+def plane_coordinates(surface: Surface) -> Floats:
     """Return the vertices (n, 2) of a flat surface in its plane; x and y stay on a level surface."""
     normal = surface.normals[0]
     if abs(normal[2]) > 1 - 1e-9:
@@ -318,28 +320,28 @@ def in_plane(surface: Surface) -> Floats:
     return np.asarray(surface.V @ np.stack([x, np.cross(normal, x)], axis=1))
 
 
-def _parts(divided: Surface, cells: Ints, name: str, bevels: list[tuple[int, float]]) -> list[FlatPart]:
+def _connected_parts(divided: Surface, cells: Ints, name: str, bevels: list[tuple[int, float]]) -> list[FlatPart]:
     used, F = np.unique(divided.F[cells], return_inverse=True)
     piece = Surface(divided.V[used], F.reshape(-1, 3))
-    count, of = piece.pieces
-    found = []
+    count, component = piece.pieces
+    parts = []
     for k in range(count):
-        mine, G = np.unique(piece.F[of == k], return_inverse=True)
-        one = Surface(piece.V[mine], G.reshape(-1, 3))
-        loops = [one.V[loop, :2] for loop in one.loops]
+        vertices, G = np.unique(piece.F[component == k], return_inverse=True)
+        part_mesh = Surface(piece.V[vertices], G.reshape(-1, 3))
+        loops = [part_mesh.V[loop, :2] for loop in part_mesh.loops]
         outline, *slots = sorted(loops, key=lambda loop: -abs(polygon_area(loop)))
         title = name if count == 1 else f"{name}.{k + 1}"
-        at, room = _widest_place(one)
-        marks = [*label(title, at, 0.0, min(LABEL, room / 2))] if room > 0 else []
-        marks += [line for axis, place in bevels for line in _along(one, axis, place)]
-        found.append(FlatPart(title, "", (0.0, 0.0), outline, slots=tuple(slots), marks=tuple(marks)))
-    return found
+        label_place, room = _widest_place(part_mesh)
+        marks = [*label(title, label_place, 0.0, min(PART_LETTERS, room / 2))] if room > 0 else []
+        marks += [line for axis, place in bevels for line in _edges_on_line(part_mesh, axis, place)]
+        parts.append(FlatPart(title, "", (0.0, 0.0), outline, slots=tuple(slots), marks=tuple(marks)))
+    return parts
 
 
-def _along(surface: Surface, axis: int, place: float) -> list[Floats]:
+def _edges_on_line(surface: Surface, axis: int, place: float) -> list[Floats]:
     ends = surface.V[surface.edges.ends][..., :2]
-    on = (np.abs(ends[..., axis] - place) < ON * float(np.ptp(surface.V))).all(axis=1)
-    return list(ends[on])
+    on_line = (np.abs(ends[..., axis] - place) < LINE_TOLERANCE * float(np.ptp(surface.V))).all(axis=1)
+    return list(ends[on_line])
 
 
 def _widest_place(surface: Surface) -> tuple[Floats, float]:

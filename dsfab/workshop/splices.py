@@ -11,9 +11,9 @@ from dsfab.core.messages import length
 from dsfab.workshop.development import Development
 from dsfab.workshop.parts import label, polygon_area
 
-SCARF = 8.0
+SCARF_SLOPE = 8.0
 """Overlap of a scarf joint over the thickness: bevelled 1 to 8, as is usual for plywood and boards."""
-BEVEL = ("BEVEL", "BEVEL BACK")
+BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")
 """Engraved texts: bevel on the engraved face, and on the back."""
 
 
@@ -21,14 +21,14 @@ BEVEL = ("BEVEL", "BEVEL BACK")
 class Cuts:
     """Arc lengths at which a strip begins, is divided and ends; `near_nodes` counts cuts too close to a node."""
 
-    at: tuple[float, ...]
-    near: int
+    stations: tuple[float, ...]
+    near_nodes: int
 
 
-def box(outline: Floats, along: Floats) -> tuple[float, float]:
+def oriented_box(outline: Floats, along: Floats) -> tuple[float, float]:
     """Return length and width of the box around points (k, 2) along a direction (2,)."""
-    way = along / np.linalg.norm(along)
-    return float(np.ptp(outline @ way)), float(np.ptp(outline @ [-way[1], way[0]]))
+    direction = along / np.linalg.norm(along)
+    return float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
 
 
 def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
@@ -43,7 +43,7 @@ def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float
     turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
     if np.ptp(turns) > np.pi or polygon_area(outline) <= 0:
         return False
-    a, b = box(outline, along)
+    a, b = oriented_box(outline, along)
     return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)
 
 
@@ -62,21 +62,21 @@ def splice_cuts(
     Raises PatternError if the longest piece that fits is shorter than `clear`.
     """
     begin, end = course
-    cuts, near = [begin], 0
+    cuts, near_nodes = [begin], 0
     while not fits(cuts[-1], end):
-        last = cuts[-1]
-        far = _farthest(last, end, fits)
-        if far - last < clear:
+        start = cuts[-1]
+        farthest = _farthest(start, end, fits)
+        if farthest - start < clear:
             raise PatternError(
                 f"no piece of {name} that is as long as its splice needs fits on the stock: give larger sheets in "
                 "workshop.stock, or narrower members"
             )
-        far = min(far, max(end - 2 * clear, (last + end) / 2))
-        least = last + 0.3 * (far - last)  # no short pieces if it can be avoided
-        free = _free(nodes, clear, least, far)
-        near += free is None
-        cuts.append(_middle_of_bay(nodes, least, far) if free is None else free)
-    return Cuts((*cuts, end), near)
+        farthest = min(farthest, max(end - 2 * clear, (start + end) / 2))
+        least = start + 0.3 * (farthest - start)  # no short pieces if it can be avoided
+        free = _farthest_clear(nodes, clear, least, farthest)
+        near_nodes += free is None
+        cuts.append(_middle_of_bay(nodes, least, farthest) if free is None else free)
+    return Cuts((*cuts, end), near_nodes)
 
 
 def _farthest(begin: float, end: float, fits: Callable[[float, float], bool]) -> float:
@@ -87,51 +87,53 @@ def _farthest(begin: float, end: float, fits: Callable[[float, float], bool]) ->
     return low
 
 
-def _free(nodes: Floats, clear: float, least: float, most: float) -> float | None:
-    candidates = np.concatenate([[most], nodes - clear * (1 + 1e-9)])
-    candidates = candidates[(candidates >= least) & (candidates <= most)]
+def _farthest_clear(nodes: Floats, clear: float, least: float, limit: float) -> float | None:
+    candidates = np.concatenate([[limit], nodes - clear * (1 + 1e-9)])
+    candidates = candidates[(candidates >= least) & (candidates <= limit)]
     away = np.abs(candidates[:, None] - nodes[None]).min(axis=1, initial=np.inf)
-    good = candidates[away >= clear]
-    return float(good.max()) if len(good) else None
+    allowed = candidates[away >= clear]
+    return float(allowed.max()) if len(allowed) else None
 
 
-def _middle_of_bay(nodes: Floats, least: float, most: float) -> float:
-    inner = nodes[(nodes > least) & (nodes < most)]
-    ends = np.concatenate([[least], inner, [most]])
-    candidates = np.concatenate([(ends[1:] + ends[:-1]) / 2, [least, most]])
+def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
+    inner = nodes[(nodes > least) & (nodes < limit)]
+    ends = np.concatenate([[least], inner, [limit]])
+    candidates = np.concatenate([(ends[1:] + ends[:-1]) / 2, [least, limit]])
     away = np.abs(candidates[:, None] - nodes[None]).min(axis=1, initial=np.inf)
     return float(candidates[away.argmax()])
 
 
-def lapped(span: tuple[float, float], whole: tuple[float, float], lap: float, closed: bool) -> tuple[float, float]:
+def lapped_span(
+    span: tuple[float, float], strip_span: tuple[float, float], lap: float, closed: bool
+) -> tuple[float, float]:
     """Return the span of a piece, longer by `lap` metres at ends other than those of the strip."""
-    begin = span[0] - lap if closed or span[0] > whole[0] else span[0]
-    return begin, span[1] + lap if closed or span[1] < whole[1] else span[1]
+    begin = span[0] - lap if closed or span[0] > strip_span[0] else span[0]
+    return begin, span[1] + lap if closed or span[1] < strip_span[1] else span[1]
 
 
 def scarf_line(splices: int, lap: float) -> str:
     """Return a sentence on a number of scarf joints with an overlap of `lap` metres."""
     return (
-        f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF:g}, on the "
+        f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF_SLOPE:g}, on the "
         "engraved face at BEVEL and on the other one at BEVEL BACK"
     )
 
 
 def lap_marks(
-    layer: Development, span: tuple[float, float], long: tuple[float, float], lap: float, height: float
+    layer: Development, span: tuple[float, float], full_span: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
     """Return lines and texts of the bevels of a piece; lap : half the overlap (m), which `full_span` includes."""
-    found = list[Floats]()
-    for k, (s, end) in enumerate(zip(span, long, strict=True)):
+    lines = list[Floats]()
+    for k, (s, end) in enumerate(zip(span, full_span, strict=True)):
         if s != end:
             line = np.full(2, s + lap if k == 0 else s - lap)
             sides = np.array([-np.interp(line[0], layer.course.s, layer.course.right), 0.0])
             sides[1] = np.interp(line[1], layer.course.s, layer.course.left)
-            found.append(layer.flat(line, sides))
+            lines.append(layer.to_plane(line, sides))
             high = min(height, 0.25 * float(np.ptp(sides)), lap / 5)
-            at, angle = layer.at(np.array([s]))
-            found += label(BEVEL[1 - k], at[0], float(angle[0]), high)
-    return tuple(found)
+            place, angle = layer.middle_line_at(np.array([s]))
+            lines += label(BEVEL_TEXTS[1 - k], place[0], float(angle[0]), high)
+    return tuple(lines)
 
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
@@ -139,7 +141,7 @@ def strip_fits(development: Development, room: Sequence[tuple[float, float]]) ->
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:
-        (x, y), _ = development.at(np.array([begin, end]))  # most trials are far too long
+        (x, y), _ = development.middle_line_at(np.array([begin, end]))  # most trials are far too long
         return float(np.linalg.norm(y - x)) <= longest and fits_stock(development.outline(begin, end), y - x, room)
 
     return fits

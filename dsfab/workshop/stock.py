@@ -11,19 +11,22 @@ from dsfab.core.arrays import Floats
 from dsfab.core.messages import length
 from dsfab.core.units import MM_PER_M
 from dsfab.preset.sections import Workshop
-from dsfab.workshop.nesting import NestedSheet, stacked
+from dsfab.workshop.nesting import NestedSheet, stack_parts
 from dsfab.workshop.parts import FlatPart
 
 
-def stock_choices(ask: Workshop) -> list[Workshop]:
+def stock_choices(options: Workshop) -> list[Workshop]:
     """Return the section, and with prices also without its longest sizes: parts for long sheets fit no short ones."""
-    lengths = sorted({size[0] for size in ask.stock}, reverse=True) if ask.prices else []
-    found = [ask]
+    lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
+    choices = [options]
     for longest in lengths[1:]:
-        kept = [k for k, size in enumerate(ask.stock) if size[0] <= longest]
-        some = {"stock": tuple(ask.stock[k] for k in kept), "prices": tuple(ask.prices[k] for k in kept)}
-        found.append(ask.model_copy(update=some))
-    return found
+        numbers = [k for k, size in enumerate(options.stock) if size[0] <= longest]
+        selection = {
+            "stock": tuple(options.stock[k] for k in numbers),
+            "prices": tuple(options.prices[k] for k in numbers),
+        }
+        choices.append(options.model_copy(update=selection))
+    return choices
 
 
 def stock_cost(sheets: Sequence[NestedSheet]) -> float:
@@ -40,15 +43,15 @@ def stock_words(sheets: Sequence[NestedSheet]) -> str:
     )
 
 
-def price_notes(sheets: Sequence[NestedSheet], left: Sequence[tuple[Workshop, float]]) -> list[str]:
+def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Workshop, float]]) -> list[str]:
     """Return notes on the cost of sheets, and of alternative stock; none without prices."""
     cost = stock_cost(sheets)
     if not cost:
         return []
     notes = [f"sheets cost {money(cost)} together: {stock_words(sheets)}"]
-    for ask, other in left:
-        longest = max(ask.stock)
-        notes.append(f"parts cut for sheets up to {size_words(longest)} would need sheets for {money(other)}")
+    for options, other_cost in alternatives:
+        longest = max(options.stock)
+        notes.append(f"parts cut for sheets up to {size_words(longest)} would need sheets for {money(other_cost)}")
     return notes
 
 
@@ -64,33 +67,33 @@ def money(amount: float) -> str:
     return f"{amount:,.2f}".removesuffix(".00")
 
 
-NARROWER = (0.95, 0.9)
+NARROWING_SHARES = (0.95, 0.9)
 """Shares of the strips' width to try, the widest first."""
-WORTH = 0.04
+LEAST_SAVING = 0.04
 """Least share of the sheets, or of their area, that a hint saves."""
-Stock = Sequence[tuple[float, float]]
+StockSizes = Sequence[tuple[float, float]]
 
 
-class _Asked(NamedTuple):
+class _NestOptions(NamedTuple):
     gap: float
     grain: bool
 
 
 def sheet_hints(
-    parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, gap: float, grain: bool = False
+    parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
     """Return sentences on narrower strips or larger stock that would need fewer sheets.
 
-    stock : lengths and widths (m).    gap : metres.    grain : as for `nested`.
+    stock : lengths and widths (m).    gap : metres.    grain : as for `nest_parts`.
     Each number comes from a trial nest. Large plans have no hints, because nesting takes too long.
     """
     if len(parts) * len(sheets) > 20_000:  # nesting again would take too long
         return []
-    ask = _Asked(gap, grain)
-    return [*_narrower(parts, sheets, stock, ask), *_larger(parts, sheets, stock, ask)]
+    options = _NestOptions(gap, grain)
+    return [*_narrower_hint(parts, sheets, stock, options), *_larger_hint(parts, sheets, stock, options)]
 
 
-def narrowed(part: FlatPart, share: float) -> FlatPart:
+def narrow_strip(part: FlatPart, share: float) -> FlatPart:
     """Return a strip with a share of its width about its axis; holes and other parts stay as they are."""
     if not _is_strip(part):
         return part
@@ -109,52 +112,61 @@ def _widths(parts: Sequence[FlatPart]) -> Floats:
     return np.array([float(np.median(row)) for row in rows])
 
 
-def _narrower(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, ask: _Asked) -> Iterator[str]:
+def _narrower_hint(
+    parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, options: _NestOptions
+) -> Iterator[str]:
     widths = _widths(parts)
     if not len(widths):
         return
-    wide = float(np.median(widths))
+    width = float(np.median(widths))
     bolt = max((hole.diameter for part in parts for hole in part.holes), default=0.0)
-    alike = np.ptp(np.quantile(widths, [0.05, 0.95])) < 0.05 * wide
-    step = 10.0 ** np.floor(np.log10(wide)) / 20 if alike else 0.0
-    for share in NARROWER:
-        new = step * round(share * wide / step) if step else share * wide
-        if new < 3 * bolt or new >= wide:
+    alike = np.ptp(np.quantile(widths, [0.05, 0.95])) < 0.05 * width
+    step = 10.0 ** np.floor(np.log10(width)) / 20 if alike else 0.0
+    for share in NARROWING_SHARES:
+        new_width = step * round(share * width / step) if step else share * width
+        if new_width < 3 * bolt or new_width >= width:
             return
-        most = int((1 - WORTH) * len(sheets) + 1e-9)
-        tried = _tried([narrowed(part, new / wide) for part in parts], stock, ask, most)
-        if tried is not None:
-            how = f"{length(new)} wide instead of {length(wide)}" if alike else f"{1 - share:.0%} narrower"
-            yield f"strips {how} would need {_fewer(tried, sheets)}; see [pattern.width], and judge the design again"
+        limit = int((1 - LEAST_SAVING) * len(sheets) + 1e-9)
+        trial = _trial_nest([narrow_strip(part, new_width / width) for part in parts], stock, options, limit)
+        if trial is not None:
+            how = f"{length(new_width)} wide instead of {length(width)}" if alike else f"{1 - share:.0%} narrower"
+            yield (
+                f"strips {how} would need {_saving_text(trial, sheets)}; see [pattern.width], and judge the "
+                "design again"
+            )
             return
 
 
-def _larger(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, ask: _Asked) -> Iterator[str]:
+def _larger_hint(
+    parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, options: _NestOptions
+) -> Iterator[str]:
     """Yield a hint on longer, or else wider, stock that has less area in total; for a single stock size only."""
     if len(stock) != 1:
         return
     ((long, wide),), larger = stock, 1.1
     for size in ((larger * long, wide), (long, larger * wide)):
-        most = int((1 - WORTH) * len(sheets) / larger + 1e-9)
-        tried = _tried(parts, [size], ask, most)
-        if tried is not None:
+        limit = int((1 - LEAST_SAVING) * len(sheets) / larger + 1e-9)
+        trial = _trial_nest(parts, [size], options, limit)
+        if trial is not None:
             yield (
-                f"stock of {size[0]:.4g} x {size[1]:.4g} m would need {_fewer(tried, sheets)}, "
-                f"{1 - _area(tried) / _area(sheets):.0%} less of it"
+                f"stock of {size[0]:.4g} x {size[1]:.4g} m would need {_saving_text(trial, sheets)}, "
+                f"{1 - _sheets_area(trial) / _sheets_area(sheets):.0%} less of it"
             )
             return
 
 
-def _tried(parts: Sequence[FlatPart], stock: Stock, ask: _Asked, most: int) -> list[NestedSheet] | None:
-    room = 0.95 * most * max(a * b for a, b in stock)
+def _trial_nest(
+    parts: Sequence[FlatPart], stock: StockSizes, options: _NestOptions, limit: int
+) -> list[NestedSheet] | None:
+    room = 0.95 * limit * max(a * b for a, b in stock)
     if sum(part.area for part in parts) > room:
         return None
-    return stacked(parts, stock, ask.gap, most, ask.grain)
+    return stack_parts(parts, stock, options.gap, limit, options.grain)
 
 
-def _fewer(tried: Sequence[NestedSheet], sheets: Sequence[NestedSheet]) -> str:
+def _saving_text(tried: Sequence[NestedSheet], sheets: Sequence[NestedSheet]) -> str:
     return f"{len(tried)} sheet{'' if len(tried) == 1 else 's'} instead of {len(sheets)}"
 
 
-def _area(sheets: Sequence[NestedSheet]) -> float:
+def _sheets_area(sheets: Sequence[NestedSheet]) -> float:
     return sum(sheet.size[0] * sheet.size[1] for sheet in sheets)

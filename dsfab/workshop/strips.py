@@ -10,17 +10,17 @@ from dsfab.core.arrays import Floats, Ints, area_vectors
 from dsfab.core.messages import length
 from dsfab.members import Member, MemberGraph, Node, spherical_normals
 from dsfab.surface import Surface
-from dsfab.workshop.development import Development, StripCourse, member_course, turns_within_its_width, uncurled
-from dsfab.workshop.ground import Ground, StripFoot, footed_outline
-from dsfab.workshop.layers import END, Layering, courses_without_rest, curled_courses, stopped_courses
-from dsfab.workshop.parts import FILLED, FlatPart, Hole, label, text_length
-from dsfab.workshop.splices import SCARF, Cuts, lap_marks, lapped, splice_cuts, strip_fits
+from dsfab.workshop.development import Development, StripCourse, member_course, turns_within_its_width, uncurled_span
+from dsfab.workshop.ground import BasePlane, StripFoot, outline_with_feet
+from dsfab.workshop.layers import END_DISTANCE, Layering, courses_without_curls, shortened_courses, vanished_courses
+from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
+from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, splice_cuts, strip_fits
 
-STRIPS = ("strip", "stub", "rim", "band", "ring")
+STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")
 """Kinds of members that are built as strips."""
-EDGE = 1.0
+HOLE_EDGE_DISTANCE = 1.0
 """Least distance from the middle of a hole to the edges of its part, over the bolt diameter."""
-LEGIBLE, TALL = 0.002, 0.6
+LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6
 """Letters below the first height (m) may take up the second share of the width."""
 
 
@@ -48,22 +48,22 @@ class StripParts:
 
     pieces: list[FlatPart] = field(default_factory=list)
     covers: list[FlatPart] = field(default_factory=list)
-    missing: list[str] = field(default_factory=list)
-    near: int = 0
-    splices: int = 0
-    stopped: list[str] = field(default_factory=list)
-    gone: list[str] = field(default_factory=list)
-    left: set[tuple[str, str]] = field(default_factory=set)
+    missing_holes: list[str] = field(default_factory=list)
+    splices_near_nodes: int = 0
+    splice_count: int = 0
+    shortened: list[str] = field(default_factory=list)
+    vanished: list[str] = field(default_factory=list)
+    missed_nodes: set[tuple[str, str]] = field(default_factory=set)
     feet: list[tuple[str, StripFoot]] = field(default_factory=list)
 
 
 def is_strip(member: Member) -> bool:
     """Return whether a member is a strip: it has an axis, and turns within its own width at its ends only."""
-    if member.axis is None or member.kind not in STRIPS:
+    if member.axis is None or member.kind not in STRIP_KINDS:
         return False
-    first, last = uncurled(member)
+    begin, end = uncurled_span(member)
     s = member.axis.s
-    return not turns_within_its_width(member)[(s >= first) & (s <= last)].any()
+    return not turns_within_its_width(member)[(s >= begin) & (s <= end)].any()
 
 
 def strip_parts(
@@ -71,7 +71,7 @@ def strip_parts(
     layering: Layering,
     room: list[tuple[float, float]],
     splice: str,
-    ground: Ground | None = None,
+    ground: BasePlane | None = None,
 ) -> StripParts:
     """Return the parts of all members that are strips.
 
@@ -79,53 +79,63 @@ def strip_parts(
     splice  : "cover" plates, a "scarf", or "none".
     ground  : base plate for feet with tabs; None leaves the ends as they are.
     """
-    found = StripParts()
+    parts = StripParts()
     members = [member for member in graph.members if is_strip(member)]
-    courses = {one.id: member_course(graph, one, END * layering.bolt, 2 * layering.half_cover) for one in members}
-    courses |= _stopped(graph, members, courses, layering, found)
+    courses = {
+        member.id: member_course(graph, member, END_DISTANCE * layering.bolt, 2 * layering.half_cover_length)
+        for member in members
+    }
+    courses |= _shortened_courses(graph, members, courses, layering, parts)
     for member in members:
-        if member.id in found.gone:
+        if member.id in parts.vanished:
             continue
         course = courses[member.id]
         bolts = node_bolts(graph, member, course)
-        for number in layering.numbers(member.family):
-            own, feet = ground.on_ground(course, layering.height(number)) if ground else (course, ())
-            _Strip(graph, member, own, number, layering, splice, feet).into(found, bolts, room)
-    return found
+        for number in layering.family_layers(member.family):
+            grounded, feet = ground.cut_course(course, layering.layer_height(number)) if ground else (course, ())
+            _StripLayer(graph, member, grounded, number, layering, splice, feet).add_parts(parts, bolts, room)
+    return parts
 
 
-def _stopped(
-    graph: MemberGraph, members: list[Member], courses: dict[str, StripCourse], layering: Layering, found: StripParts
+def _shortened_courses(
+    graph: MemberGraph, members: list[Member], courses: dict[str, StripCourse], layering: Layering, parts: StripParts
 ) -> dict[str, StripCourse]:
     """Return courses that stop before others of their family or before a curl, and record them in `parts`."""
     joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
-    new = curled_courses(courses, members)
+    shortened = courses_without_curls(courses, members)
     for family in dict.fromkeys(member.family for member in members):
-        mine = {one.id: courses[one.id] for one in members if one.family == family}
-        nodes = {name: [bolt.s for bolt in node_bolts(graph, graph.by_id[name], mine[name])] for name in mine}
-        new |= stopped_courses(mine, nodes, joined, END * layering.bolt)
-    gone = courses_without_rest(new, {member.id: member.mean_width for member in members})
-    for name, course in new.items():
+        family_courses = {member.id: courses[member.id] for member in members if member.family == family}
+        nodes = {
+            name: [bolt.s for bolt in node_bolts(graph, graph.by_id[name], family_courses[name])]
+            for name in family_courses
+        }
+        shortened |= shortened_courses(family_courses, nodes, joined, END_DISTANCE * layering.bolt)
+    vanished = vanished_courses(shortened, {member.id: member.mean_width for member in members})
+    for name, course in shortened.items():
         bolts = node_bolts(graph, graph.by_id[name], course)
-        found.left |= {(bolt.name, name) for bolt in bolts if name in gone or not course.begin <= bolt.s <= course.end}
-    found.stopped += sorted(set(new) - gone)
-    found.gone += sorted(gone)
-    return new
+        parts.missed_nodes |= {
+            (bolt.name, name) for bolt in bolts if name in vanished or not course.begin <= bolt.s <= course.end
+        }
+    parts.shortened += sorted(set(shortened) - vanished)
+    parts.vanished += sorted(vanished)
+    return shortened
 
 
 def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[StripBolt]:
     """Return the bolts of the nodes on a member, in the order of its course."""
-    nodes = graph.along[member.id]
-    bolts = [StripBolt(node.id, node.point, node.normal, course.wrapped(_on(node, member))) for node in nodes]
+    nodes = graph.nodes_along[member.id]
+    bolts = [
+        StripBolt(node.id, node.point, node.normal, course.wrapped_station(_station_on(node, member))) for node in nodes
+    ]
     return sorted(bolts, key=lambda bolt: bolt.s)
 
 
-def _on(node: Node, member: Member) -> float:
+def _station_on(node: Node, member: Member) -> float:
     return node.at[node.members.index(member.id)]
 
 
 @dataclass(frozen=True)
-class _Strip:
+class _StripLayer:
     """Member in one of its layers."""
 
     graph: MemberGraph
@@ -139,78 +149,81 @@ class _Strip:
     @property
     def name(self) -> str:
         """ "A07", or "A07-2" for the third layer of a member in several layers."""
-        several = len(self.layering.numbers(self.member.family)) > 1
+        several = len(self.layering.family_layers(self.member.family)) > 1
         return f"{self.member.id}-{self.number}" if several else self.member.id
 
     @property
     def lap(self) -> float:
-        return SCARF * self.layering.thickness if self.splice == "scarf" else 0.0
+        return SCARF_SLOPE * self.layering.thickness if self.splice == "scarf" else 0.0
 
-    def lapped(self, span: tuple[float, float]) -> tuple[float, float]:
-        return lapped(span, (self.course.begin, self.course.end), self.lap / 2, self.course.closed)
+    def lapped_span(self, span: tuple[float, float]) -> tuple[float, float]:
+        return lapped_span(span, (self.course.begin, self.course.end), self.lap / 2, self.course.closed)
 
     def _fits(self, layer: Development, room: list[tuple[float, float]]) -> Callable[[float, float], bool]:
         fits = strip_fits(layer, room)
-        return lambda begin, end: fits(*self.lapped((begin, end)))
+        return lambda begin, end: fits(*self.lapped_span((begin, end)))
 
-    def into(self, found: StripParts, bolts: list[StripBolt], room: list[tuple[float, float]]) -> None:
+    def add_parts(self, parts: StripParts, bolts: list[StripBolt], room: list[tuple[float, float]]) -> None:
         course, layering = self.course, self.layering
-        layer = Development(course, layering.height(self.number))
-        clear = (self.lap / 2 if self.lap else layering.half_cover) + self.member.mean_width / 2
-        stations = course.rounds(np.array([bolt.s for bolt in bolts]))
+        layer = Development(course, layering.layer_height(self.number))
+        clear = (self.lap / 2 if self.lap else layering.half_cover_length) + self.member.mean_width / 2
+        stations = course.repeated_stations(np.array([bolt.s for bolt in bolts]))
         cuts = splice_cuts((course.begin, course.end), stations, clear, self._fits(layer, room), self.name)
-        joints = list(cuts.at[:-1] if course.closed else cuts.at[1:-1])
-        found.near, found.splices = found.near + cuts.near, found.splices + len(joints)
+        joints = list(cuts.stations[:-1] if course.closed else cuts.stations[1:-1])
+        parts.splices_near_nodes, parts.splice_count = (
+            parts.splices_near_nodes + cuts.near_nodes,
+            parts.splice_count + len(joints),
+        )
         spliced = [list(self._splice_bolts(joint, k)) for k, joint in enumerate(joints, 1)]
         spliced = spliced if self.splice == "cover" else []
-        every = [bolt for some in spliced for bolt in some]
+        every = [bolt for joint_bolts in spliced for bolt in joint_bolts]
         if course.closed:
             every += [StripBolt(b.name, b.point, b.normal, b.s + course.end - course.begin) for b in every]
-        pieces = self._pieces(layer, cuts, bolts + every, found.missing)
-        found.pieces += pieces
-        found.feet += [(pieces[-1 if foot.last else 0].id, foot) for foot in self.feet]
-        cover = Development(course, layering.cover(self.member.family, self.number))
-        for k, (joint, some) in enumerate(zip(joints, spliced, strict=False), 1):
-            span = joint - layering.half_cover, joint + layering.half_cover
-            found.covers.append(self._part(cover, f"{self.name}.c{k}", span, some, found.missing))
+        pieces = self._pieces(layer, cuts, bolts + every, parts.missing_holes)
+        parts.pieces += pieces
+        parts.feet += [(pieces[-1 if foot.at_end else 0].id, foot) for foot in self.feet]
+        cover = Development(course, layering.cover_height(self.member.family, self.number))
+        for k, (joint, joint_bolts) in enumerate(zip(joints, spliced, strict=False), 1):
+            span = joint - layering.half_cover_length, joint + layering.half_cover_length
+            parts.covers.append(self._part(cover, f"{self.name}.c{k}", span, joint_bolts, parts.missing_holes))
 
     def _splice_bolts(self, joint: float, number: int) -> Iterator[StripBolt]:
         width = float(self.course.width(np.array([joint]))[0])
         for x, y in self.layering.splice_bolts(width):
-            P, T, N = (row[0] for row in self.course.at(np.array([joint + x])))
+            P, T, N = (row[0] for row in self.course.frame_at(np.array([joint + x])))
             yield StripBolt(f"{self.name}.c{number}", P + y * np.cross(N, T), N, joint + x)
 
     def _pieces(self, layer: Development, cuts: Cuts, bolts: list[StripBolt], missing: list[str]) -> list[FlatPart]:
-        spans = list(zip(cuts.at, cuts.at[1:], strict=False))
+        spans = list(zip(cuts.stations, cuts.stations[1:], strict=False))
         names = [self.name] if len(spans) == 1 else [f"{self.name}.{k}" for k in range(1, len(spans) + 1)]
-        found = []
+        pieces = []
         for name, (begin, end) in zip(names, spans, strict=True):
             inside = [bolt for bolt in bolts if begin <= bolt.s < end or (end == spans[-1][1] and bolt.s == end)]
-            found.append(self._part(layer, name, (begin, end), inside, missing))
-        return found
+            pieces.append(self._part(layer, name, (begin, end), inside, missing))
+        return pieces
 
     def _part(
         self, layer: Development, name: str, span: tuple[float, float], bolts: list[StripBolt], missing: list[str]
     ) -> FlatPart:
         """Return the part over a span, with those of the bolts that are far enough from its edges."""
-        course, least = self.course, EDGE * self.layering.bolt
+        course, margin = self.course, HOLE_EDGE_DISTANCE * self.layering.bolt
         holes, stations = list[Hole](), list[float]()
-        long = self.lapped(span)
+        full_span = self.lapped_span(span)
         for bolt in bolts:
-            s, y = layer.place(bolt.point, bolt.normal, bolt.s)
-            left, right = (float(np.interp(s, course.s, side)) for side in (course.left, course.right))
-            if span[0] + least <= s <= span[1] - least and least - right <= y <= left - least:
-                holes.append(Hole(layer.flat(np.array([s]), np.array([y]))[0], self.layering.bolt, bolt.name))
+            s, y = layer.piercing_point(bolt.point, bolt.normal, bolt.s)
+            left_width, right_width = (float(np.interp(s, course.s, side)) for side in (course.left, course.right))
+            if span[0] + margin <= s <= span[1] - margin and margin - right_width <= y <= left_width - margin:
+                holes.append(Hole(layer.to_plane(np.array([s]), np.array([y]))[0], self.layering.bolt, bolt.name))
                 stations.append(s)
             else:
                 missing.append(f"{bolt.name} in {name}")
-        axis = layer.at(layer.stations(*long))[0]
+        axis = layer.middle_line_at(layer.stations(*full_span))[0]
         marks = self._marks(layer, name, span, list(zip(stations, holes, strict=True)))
-        marks += lap_marks(layer, span, long, self.lap / 2, self.layering.letters[1])
+        marks += lap_marks(layer, span, full_span, self.lap / 2, self.layering.letters[1])
         strain = bending_strain(course, span, self.layering.thickness)
-        outline = footed_outline(layer, long, self.feet)
-        part = FlatPart(name, self.member.id, long, outline, tuple(holes), (), marks, layer.height, strain, axis)
-        return part.lying()
+        outline = outline_with_feet(layer, full_span, self.feet)
+        part = FlatPart(name, self.member.id, full_span, outline, tuple(holes), (), marks, layer.height, strain, axis)
+        return part.along_x()
 
     def _marks(
         self, layer: Development, name: str, span: tuple[float, float], holes: list[tuple[float, Hole]]
@@ -219,11 +232,11 @@ class _Strip:
         stops = np.array([span[0], *sorted({s for s, _ in holes}), span[1]])
         longest = int(np.diff(stops).argmax())
         middle = (stops[longest] + stops[longest + 1]) / 2
-        at, angle = layer.at(np.array([middle]))
-        high, height = (letter_height(width, most) for most in self.layering.letters)
-        room = float(np.diff(stops).max()) if self.layering.sparing else span[1] - span[0]
-        high *= min(1.0, room / text_length(name, high) * FILLED)
-        found = list(label(name, at[0], float(angle[0]), high))
+        position, angle = layer.middle_line_at(np.array([middle]))
+        high, height = (letter_height(width, limit) for limit in self.layering.letters)
+        room = float(np.diff(stops).max()) if self.layering.skips_crowded_names else span[1] - span[0]
+        high *= min(1.0, room / text_length(name, high) * NAME_SHARE)
+        marks = list(label(name, position[0], float(angle[0]), high))
         taken = [(middle, text_length(name, high))]
         for s, hole in holes:
             if "." not in hole.bolt:  # bolts of splices need no name
@@ -231,22 +244,22 @@ class _Strip:
                 long = text_length(hole.bolt, height)
                 places = [s + side * (bolt / 2 + 3.5 * height) for side in (ahead, -ahead)]
                 clear = [place for place in places if _is_clear(place, long, taken, stops, bolt)]
-                if clear or not self.layering.sparing:
-                    place = clear[0] if self.layering.sparing else places[0]
-                    at, angle = layer.at(np.array([place]))
-                    found += label(hole.bolt, at[0], float(angle[0]), height)
+                if clear or not self.layering.skips_crowded_names:
+                    place = clear[0] if self.layering.skips_crowded_names else places[0]
+                    position, angle = layer.middle_line_at(np.array([place]))
+                    marks += label(hole.bolt, position[0], float(angle[0]), height)
                     taken.append((place, long))
-        return tuple(found)
+        return tuple(marks)
 
 
-def letter_height(width: float, most: float) -> float:
+def letter_height(width: float, limit: float) -> float:
     """Return the height of letters (m) on a part of a width (m), at most `limit`."""
-    return min(most, max(0.3 * width, min(LEGIBLE, TALL * width)))
+    return min(limit, max(0.3 * width, min(LEGIBLE_HEIGHT, TALL_LETTER_SHARE * width)))
 
 
-def _is_clear(place: float, long: float, taken: list[tuple[float, float]], stops: Floats, bolt: float) -> bool:
-    apart = all(abs(place - other) > (long + wide) / 2 + bolt for other, wide in taken)
-    return apart and stops[0] < place < stops[-1] and bool((np.abs(stops - place) > long / 2 + bolt / 2).all())
+def _is_clear(place: float, text_size: float, taken: list[tuple[float, float]], stops: Floats, bolt: float) -> bool:
+    apart = all(abs(place - other_place) > (text_size + other_size) / 2 + bolt for other_place, other_size in taken)
+    return apart and stops[0] < place < stops[-1] and bool((np.abs(stops - place) > text_size / 2 + bolt / 2).all())
 
 
 def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:
@@ -256,14 +269,14 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
     return float(thickness * bend / 2)
 
 
-CALM = 1.5
+UNCERTAIN_WIDTHS = 1.5
 """Length at each end of a member where its fitted curvature is uncertain, over its width."""
-DRILL = 1 / 40
+MESH_TOLERANCE = 1 / 40
 """Largest distance of the mesh from the smooth surface, over the bolt diameter: bays are right to about twice that.
 
 Measured on surfaces in closed form: at 0.2 mm distance bays are right to 0.7 mm, at 1.4 mm to 14 mm.
 """
-NOTHING = 5e-6
+LEAST_STRAIN = 5e-6
 """Least strain that a sentence reports; a smaller one would read 0.000 %."""
 
 
@@ -282,7 +295,7 @@ class StripLimits:
     shape: float
     limit: float
     edge: float
-    wanted: float
+    wanted_edge: float
 
     @property
     def thickest(self) -> float:
@@ -292,26 +305,31 @@ class StripLimits:
     @property
     def lines(self) -> tuple[str, ...]:
         """Sentences on what can be built and what cannot."""
-        found = []
-        how = f"layers of {length(self.thickness)} are bent to a strain of {self.bending:.2%} ({self.member} most)"
+        sentences = []
+        bending_text = (
+            f"layers of {length(self.thickness)} are bent to a strain of {self.bending:.2%} ({self.member} most)"
+        )
         if not self.limit:
-            found.append(f"{how}; name a material or set statics.strength to have that judged")
+            sentences.append(f"{bending_text}; name a material or set statics.strength to have that judged")
         elif self.bending > self.limit:
-            found.append(
-                f"NOT POSSIBLE: {how}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at which the "
+            sentences.append(
+                f"NOT POSSIBLE: {bending_text}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at "
+                "which the "
                 f"strength is reached; the thickest layer that can be bent is {length(self.thickest)}: set "
                 f"workshop.thickness to {np.floor(1e4 * self.thickest) / 1e4:g} or less"
             )
         else:
-            found.append(f"{how}, of {self.limit:.2%} allowed; up to {length(self.thickest)} could be bent")
-        if self.shape >= NOTHING:
-            found.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
-        if self.edge > self.wanted * 1.05:
-            found.append(
-                f"NOT TO DRILL FROM: edges of {length(self.edge)} are too coarse a mesh, holes may be centimetres off; "
-                f"set surface.edge to {self.wanted:.2g} or less"
+            sentences.append(
+                f"{bending_text}, of {self.limit:.2%} allowed; up to {length(self.thickest)} could be bent"
             )
-        return tuple(found)
+        if self.shape >= LEAST_STRAIN:
+            sentences.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
+        if self.edge > self.wanted_edge * 1.05:
+            sentences.append(
+                f"NOT TO DRILL FROM: edges of {length(self.edge)} are too coarse a mesh, holes may be centimetres off; "
+                f"set surface.edge to {self.wanted_edge:.2g} or less"
+            )
+        return tuple(sentences)
 
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, bolt: float) -> StripLimits:
@@ -328,14 +346,16 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         kn = np.abs(member.axis.kn[calm])
         usual.append(kn)
         bends.append(float(kn.max(initial=0.0)))
-        near = np.asarray(tree.query(member.axis.P[calm])[1])
-        shapes.append(float(np.median(np.abs(K[near]))) * member.mean_width**2 / 12 if len(near) else 0.0)
+        nearest_faces = np.asarray(tree.query(member.axis.P[calm])[1])
+        shapes.append(
+            float(np.median(np.abs(K[nearest_faces]))) * member.mean_width**2 / 12 if len(nearest_faces) else 0.0
+        )
     worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # the first of members that mirror each other
     bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # rare peaks do not judge a mesh
-    wanted = float(np.sqrt(8 * DRILL * bolt / bend)) if bend > 0 else np.inf
+    wanted_edge = float(np.sqrt(8 * MESH_TOLERANCE * bolt / bend)) if bend > 0 else np.inf
     name = strips[worst - 1].id if worst else "none"
     return StripLimits(
-        thickness, thickness * max(bends) / 2, name, max(shapes), limit, float(surface.mean_edge), wanted
+        thickness, thickness * max(bends) / 2, name, max(shapes), limit, float(surface.mean_edge), wanted_edge
     )
 
 
@@ -343,7 +363,7 @@ def calm_stations(member: Member) -> Ints:
     """Return the numbers (q,) of the stations of a member's axis where its curvature is reliable."""
     axis = member.axis
     assert axis is not None
-    past = 0.0 if axis.closed else min(CALM * member.mean_width, axis.length / 3)
+    past = 0.0 if axis.closed else min(UNCERTAIN_WIDTHS * member.mean_width, axis.length / 3)
     return np.flatnonzero((axis.s >= past) & (axis.s <= axis.length - past))
 
 

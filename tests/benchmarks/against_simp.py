@@ -30,7 +30,7 @@ import dsfab
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import table
 from dsfab.design import Design
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.statics import varying_thickness
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
 from dsfab.study.judges import quick
@@ -121,8 +121,8 @@ def simp(task: ComparisonTask) -> Structure:
 def ribbed(task: ComparisonTask) -> tuple[ComparisonTask, Structure]:
     """The same of half a sphere, begun at ribs, and its own task, on smaller triangles."""
     own = preset("half-sphere", task.share, method="stripes", major={}, minor={})
-    finer = dsfab.design.draft(overridden(own, {"surface.edge": EDGE}))
-    task = ComparisonTask.of(finer, task.share * finer.surface.area)
+    finer = dsfab.design.draft(with_overrides(own, {"surface.edge": EDGE}))
+    task = ComparisonTask.from_design(finer, task.share * finer.surface.area)
     return task, projected_simp(task)
 
 
@@ -133,7 +133,10 @@ def structure(made: Design) -> Structure:
 
 def least(task: ComparisonTask) -> float:
     """Of the sheet of varying thickness, over the uncut one."""
-    sheet, weights = task.preset.statics.sheet().on(task.surface), np.array(list(task.preset.followed.values()))
+    sheet, weights = (
+        task.preset.statics.sheet().model_for(task.surface),
+        np.array(list(task.preset.followed_weights.values())),
+    )
     loads = list(task.loads.values())
     thin, whole = (varying_thickness(sheet, loads, weights, share).compliance for share in (task.share, 1 - 1e-9))
     return thin / whole
@@ -150,7 +153,7 @@ def row(name: str, share: float, pictures: Path | None) -> Iterator[str]:
     made = dsfab.design.draft(preset(name, share))
     own = structure(made)
     spent = time.process_time() - start
-    task = ComparisonTask.of(made, own.sheet.surface.area)
+    task = ComparisonTask.from_design(made, own.sheet.surface.area)
     design, bound, reason = over_uncut(task, own), least(task), ""
     drawn = {"design": own}
     try:

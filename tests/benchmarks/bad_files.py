@@ -67,7 +67,7 @@ def first_of_suffix() -> set[str]:
 
 
 def answer(path: Path, file: BadFile, area: float) -> str:
-    """Which of `ANSWERS` a file got."""
+    """Which of `STATICS_RESULTS` a file got."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:

@@ -11,7 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from dsfab.app.editor.workspace import Opened
+from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.preset.file import load_preset
 from tests.browser import opened
 from tests.test_app_editor import serving
@@ -68,7 +68,7 @@ def main() -> None:
     print(" ".join(f"{word:>16}" for word in ("triangles", *NAMES, "stripes / plain", "all / all")))
     for count in sizes:
         edge = (4 * AREA / 3**0.5 / count) ** 0.5
-        with serving(Opened(load_preset("dome", {"surface.edge": edge}), ("dome",))) as server:
+        with serving(OpenedPreset(load_preset("dome", {"surface.edge": edge}), ("dome",))) as server:
             job = server.session.ask_solve({})
             while server.session.jobs.job(job).state != "done":
                 time.sleep(0.1)

@@ -12,7 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from dsfab.app.editor.workspace import Opened
+from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.preset.file import load_preset
 from tests.browser import opened
 from tests.presets import DOME_MODES
@@ -51,7 +51,7 @@ def main() -> None:
     }
     print(f"{'pattern':18} {'slider':16} {'vertices':>9} {'computed, ms':>16} {'drawn, ms':>16}")
     for (name, preset), (changes, sliders) in patterns.items():
-        with serving(Opened(load_preset(preset, {"surface.edge": edge, **changes}))) as server:
+        with serving(OpenedPreset(load_preset(preset, {"surface.edge": edge, **changes}))) as server:
             server.session.ask_solve({})
             with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder, opened(Path(folder), SIZE) as tab:
                 tab.open(server.address, READY)

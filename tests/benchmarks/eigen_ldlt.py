@@ -17,7 +17,7 @@ import numpy as np
 
 from dsfab.core import sparse
 from dsfab.statics import SheetModel, equilibrium, sheet_stiffness, stress
-from dsfab.statics.factorisation import factored
+from dsfab.statics.factorisation import stiffness_factor
 from dsfab.surface import LoadCase
 from tests.benchmarks.common import compiled, sizes, sphere, write_lower
 
@@ -63,7 +63,7 @@ def main() -> None:
             surface = preset.surface.build()
             load = LoadCase.build(surface, preset.surface.support, preset.surface.load, 0.0)
             K = stage(preset, surface, load)[2]
-            factor = factored(surface, K, load.fixed.ravel())
+            factor = stiffness_factor(surface, K, load.fixed.ravel())
             write_lower(folder / "matrix", factor.inner, factor.scale * load.force.ravel()[factor.free])
             del factor
             runs: dict[str, list[float]] = {solver: [] for solver in ("Eigen", *solvers)}

@@ -32,7 +32,7 @@ from dsfab.design import run
 from dsfab.design.design import Design
 from dsfab.design.output.files import deliverable
 from dsfab.export import Written, write
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 
 DESIGNS = ("sphere", "dome", "cantilever", "tower", "bob")
 FORMATS = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".3dm", ".ifc", ".step", ".smooth.step", ".stpz", ".brep",
@@ -124,7 +124,7 @@ def written(design: Design, suffix: str, folder: Path) -> Row:
     """The file, or why it is not there."""
     path, told, done, begin = folder / f"a{suffix}", list[str](), list[Written](), time.perf_counter()
     if suffix == ".smooth.step":
-        design = replace(design, preset=overridden(design.preset, {"export.step": "smooth"}))
+        design = replace(design, preset=with_overrides(design.preset, {"export.step": "smooth"}))
     try:
         thing, how = deliverable(design, path.suffix if suffix == ".smooth.step" else suffix)
         write(thing, path, name=design.preset.name, note=told.append, report=done.append, **how)

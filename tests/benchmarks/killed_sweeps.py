@@ -69,7 +69,7 @@ def workers(scheduler: int) -> list[int]:
 def done(folder: Path) -> int:
     """How many runs are done so far."""
     try:
-        return sum(row.state == "done" for row in SweepFolder.at(folder).rows())
+        return sum(row.state == "done" for row in SweepFolder.from_folder(folder).rows())
     except DsfabError:  # it has not begun
         return 0
 
@@ -109,7 +109,7 @@ def disturbed(words: tuple[str, ...], kills: int, longest: float, dice: random.R
 
 def content(folder: Path) -> dict[str, object]:
     """What a sweep has found, run by run, and the hashes of the files that were kept of it; not the seconds."""
-    rows = SweepFolder.at(folder).rows()
+    rows = SweepFolder.from_folder(folder).rows()
     found: dict[str, object] = {
         f"run {row.number}": (row.state, dict(row.changes), dict(row.metrics), row.error, row.files) for row in rows
     }
@@ -133,7 +133,7 @@ def main() -> int:
         if start(str(plan), "-o", f"{home}/calm").wait():
             raise SystemExit("the undisturbed sweep failed")
         calm = content(Path(home) / "calm")
-        longest = sum(row.seconds or 0.0 for row in SweepFolder.at(Path(home) / "calm").rows()) / RUNS
+        longest = sum(row.seconds or 0.0 for row in SweepFolder.from_folder(Path(home) / "calm").rows()) / RUNS
         for seed in range(asked.seed, asked.seed + asked.rounds):
             folder = Path(home) / f"seed-{seed}"
             begun = time.monotonic()
@@ -141,7 +141,7 @@ def main() -> int:
             found = content(folder)
             off = [key for key in calm.keys() | found.keys() if calm.get(key) != found.get(key)]
             different += bool(off)
-            again = sum(row.tries - 1 for row in SweepFolder.at(folder).rows())
+            again = sum(row.tries - 1 for row in SweepFolder.from_folder(folder).rows())
             print(
                 f"seed {seed}: {hit} workers and {ended} schedulers killed, started {starts} times, {again} runs made "
                 f"again, {time.monotonic() - begun:.0f} s; {'equal' if not off else f'DIFFERENT: {sorted(off)}'}",

@@ -17,7 +17,7 @@ from typing import Any
 
 from dsfab.core.messages import table
 from dsfab.render.lettering import PAPER
-from dsfab.report.contact_sheet import Tile, contact_sheet
+from dsfab.report.contact_sheet import ContactTile, contact_sheet
 from tests.own_meshes import OWN
 
 ACROSS, WIDE, ASPECT = 5, 640, 4 / 3
@@ -90,7 +90,7 @@ def main(folder: Path, names: list[str]) -> None:
     for k, one in enumerate(attempts):
         picture = one.folder / "preview.png"
         png = picture.read_bytes() if not one.error and picture.is_file() else None
-        tiles.append(Tile(k + 1, (("", one.name), *one.measures), "", png, one.error))
+        tiles.append(ContactTile(k + 1, (("", one.name), *one.measures), "", png, one.error))
     line = "dsfab build MESH, without a preset"
     sheet = contact_sheet(tiles, "Surfaces of one's own", line, ACROSS, WIDE, ASPECT, PAPER)
     sheet.save(folder / "sheet.png", optimize=True)

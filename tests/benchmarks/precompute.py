@@ -25,7 +25,7 @@ from dsfab.design.surface_and_statics import statics_step
 from dsfab.diffusion import diffusion_operator
 from dsfab.diffusion.modes import SPARE
 from dsfab.statics import SheetModel, sheet_stiffness
-from dsfab.statics.factorisation import factored
+from dsfab.statics.factorisation import stiffness_factor
 from dsfab.surface.fields import voronoi_mass
 from tests.benchmarks.common import compiled, sizes, sphere, write_lower
 from tests.benchmarks.spectra_modes import theirs
@@ -45,10 +45,10 @@ def ours(preset) -> tuple[float, float, float, float]:
 
 def cplusplus(preset, folder: Path) -> tuple[float, float]:
     """CPU seconds of Eigen's statics, and of Spectra's modes of both families."""
-    design, sheet, ask = Design.of(preset).until("diffusion"), preset.statics, preset.diffusion
+    design, sheet, ask = Design.from_preset(preset).until("diffusion"), preset.statics, preset.diffusion
     surface, load = design.surface, design.statics.load
     model = SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law)
-    factor = factored(surface, sheet_stiffness(model, sheet.elements), load.fixed.ravel())
+    factor = stiffness_factor(surface, sheet_stiffness(model, sheet.elements), load.fixed.ravel())
     write_lower(folder / "K", factor.inner, factor.scale * load.force.ravel()[factor.free])
     inverse = diags_array(1 / np.sqrt(voronoi_mass(surface)))
     families = [folder / name for name in ("major", "minor")]

@@ -20,7 +20,7 @@ from dsfab.core.arrays import Floats
 from dsfab.pattern import vertex_means
 from dsfab.statics import FaceStiffness, optimality_step
 from dsfab.study.baselines import ComparisonTask, Structure
-from dsfab.study.baselines.topology_optimisation import face_filter, level_line
+from dsfab.study.baselines.topology_optimisation import face_filter, level_set_structure
 from dsfab.surface import Surface
 
 EDGE, RADIUS = 0.15, 0.3
@@ -95,7 +95,7 @@ def projected_simp(task: ComparisonTask) -> Structure:
     """What is cut of the filtered field, with the area of a task, whose preset follows one load."""
     task = replace(task, preset=task.preset.with_pattern(keep=RADIUS, rim=0.0))
     surface, (load,) = task.surface, task.loads.values()
-    K = FaceStiffness.of(task.preset.statics.sheet().on(surface), [load])
+    K = FaceStiffness.from_sheet(task.preset.statics.sheet().model_for(surface), [load])
     H, carried, solid = face_filter(surface, RADIUS), Carrying.over(surface), task.kept_faces
     moving = ~load.fixed.ravel()
     x = np.where(solid, 1.0, ribs(surface, task.area))
@@ -109,4 +109,4 @@ def projected_simp(task: ComparisonTask) -> Structure:
             energy = K.energies(factor(force))[:, 0]
             gain = np.where(solid, 0.0, (1 - VOID) * POWER * density ** (POWER - 1) * energy * slope)
             x = optimality_step(x, (H.T @ gain) / surface.areas, surface.areas, task.area, solid, MOVE)
-    return level_line(task, H @ x)
+    return level_set_structure(task, H @ x)

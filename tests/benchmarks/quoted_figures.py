@@ -66,7 +66,7 @@ def agrees(digits: str, found: float, within: float = 0.0) -> bool:
 @cache
 def design(name: str) -> Design:
     """As far as it is asked for."""
-    return Design.of(dsfab.load_preset(name))
+    return Design.from_preset(dsfab.load_preset(name))
 
 
 @cache

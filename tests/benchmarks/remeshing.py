@@ -1,4 +1,5 @@
-"""Remeshing by mesh and by edge: angles, distances, curves, plan and seconds, as `dsfab.surface.remeshed` promises.
+"""Remeshing by mesh and by edge: angles, distances, curves, plan and seconds, as `dsfab.surface.remeshed_surface`
+promises.
 
     python tests/benchmarks/remeshing.py                   every mesh of DSFAB_MESHES, and odd ones made here
     python tests/benchmarks/remeshing.py spot gyroid       some of them
@@ -22,8 +23,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from dsfab.surface import SHAPES, Surface, read_surface, remeshed
-from dsfab.surface.mesh import nearest
+from dsfab.surface import SHAPES, Surface, read_surface, remeshed_surface
+from dsfab.surface.mesh import nearest_places
 from dsfab.surface.remesh.features import design_features
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.canopy import canopy
@@ -105,7 +106,7 @@ def samples(surface: Surface, edges: np.ndarray) -> np.ndarray:
 
 def farthest(points: np.ndarray, surface: Surface, simplices: np.ndarray) -> float:
     """The largest distance of points from faces or edges, metres; 0 of no points."""
-    return float(nearest(points, surface.V, simplices).distance.max()) if len(points) and len(simplices) else 0.0
+    return float(nearest_places(points, surface.V, simplices).distance.max()) if len(points) and len(simplices) else 0.0
 
 
 def inside(surface: Surface, count: int = 60_000) -> np.ndarray:
@@ -163,13 +164,13 @@ def wedges(surface: Surface, marks: np.ndarray, below: float = 25.0) -> np.ndarr
 def row(name: str, old: Surface, edge: float, **how: object) -> dict[str, object]:
     """All measures of one remeshing."""
     begun = time.perf_counter()
-    new = remeshed(old, edge, **how)
+    new = remeshed_surface(old, edge, **how)
     seconds = time.perf_counter() - begun
     crease, border, all_edges = sharp(old, 30) & design_features(old, edge), old.edges.boundary, new.edges.ends
     least, marks = angles(new).min(axis=1), design_features(old, edge)
     bad, corners = new.centroids[least < 20], wedges(old, marks)
     triangles = np.arange(len(corners)).reshape(-1, 3)
-    between = nearest(bad, corners, triangles).distance if len(corners) else np.full(len(bad), np.inf)
+    between = nearest_places(bad, corners, triangles).distance if len(corners) else np.full(len(bad), np.inf)
     same = (
         euler_characteristic(new.F, new.edges) == euler_characteristic(old.F, old.edges)
         and len(new.loops) == len(old.loops)

@@ -23,7 +23,7 @@ from dsfab.design.slicing_and_thickening import slicing_step
 from dsfab.preset.file import load_preset
 from dsfab.statics import Elements, FaceStiffness, SheetModel, solve_statics
 from dsfab.study.baselines import ComparisonTask
-from dsfab.study.baselines.topology_optimisation import Simp, level_line, optimised_densities
+from dsfab.study.baselines.topology_optimisation import Simp, level_set_structure, optimised_densities
 from tests.benchmarks.common import sizes
 
 AUTO = {f"pattern.{family}.mode": "auto" for family in ("major", "minor")}
@@ -66,15 +66,17 @@ def race(vertices: int) -> None:
     edge = 0.02 * (5988 / vertices) ** 0.5
     preset, auto = (load_preset("cantilever", {"surface.edge": edge, **more}) for more in ({}, AUTO))
     made = draft(preset)
-    task = ComparisonTask.of(made, preset.pattern.width.solid_fraction * made.surface.area)
+    task = ComparisonTask.from_design(made, preset.pattern.width.solid_fraction * made.surface.area)
     rows = [("pattern, modes given", *timed(lambda: cut(preset))), ("pattern, modes auto", *timed(lambda: cut(auto)))]
     usual, FaceStiffness.factor = FaceStiffness.factor, anew
     seconds, found = timed(lambda: optimised_densities(task, Simp(radius=0.04)), 1)
     FaceStiffness.factor = usual
-    rows.append((f"SIMP, {len(found.history)} steps, SuperLU anew", seconds, level_line(task, found.density).sheet))
+    rows.append(
+        (f"SIMP, {len(found.history)} steps, SuperLU anew", seconds, level_set_structure(task, found.density).sheet)
+    )
     for most in (60, 1000):
         seconds, found = timed(lambda most=most: optimised_densities(task, Simp(radius=0.04, iterations=most)), 1)
-        rows.append((f"SIMP, {len(found.history)} steps", seconds, level_line(task, found.density).sheet))
+        rows.append((f"SIMP, {len(found.history)} steps", seconds, level_set_structure(task, found.density).sheet))
     print(f"\n{made.surface.n} vertices{'':18s} CPU s  clock s  x uncut")
     for name, (cpu, clock), sheet in rows:
         print(f"{name:32s} {cpu:8.2f} {clock:8.2f} {worth(made, sheet):8.3f}", flush=True)

@@ -83,7 +83,7 @@ def patterned(name: str, number: int) -> tuple[Part, int, float]:
     fields = [a * U[:, k] + 0.013 for a, k in zip(scale, which, strict=True)]
     steps = [np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2) for z in fields]
     levels = [np.sort(np.concatenate([x - width, x + width])) for x in steps]
-    sheet = resolve_pinches(cut(surface, fields, levels), thickness / 2).sheet.kept()
+    sheet = resolve_pinches(cut(surface, fields, levels), thickness / 2).sheet.subset()
     D = sheet.carry_corners(offsets(surface, thickness).at_corners(surface.F), surface.F)
     solid = thicken(sheet.surface, D)
     smooth = replace(part_of(solid, "part", 10**6), step="smooth")
@@ -112,7 +112,7 @@ def measured(name: str, number: int) -> dict[str, Any]:
         "triangles": triangles,
         "ratio": PER_TRIANGLE * triangles / len(file.text),
         "distance": max(file.there, file.back) / t,
-        "chord": file.limits.usual / t,
+        "chord": file.limits.usual_chord / t,
         "gap": file.gap / t,
         "volume": file.volume / part.volume - 1,
         "cpu": cpu() - start,

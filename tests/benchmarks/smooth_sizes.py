@@ -52,7 +52,7 @@ def row(name: str, folder: Path) -> str:
     return (
         f"{name:8} {len(design.solid.F):>9,} {file.smooth:>2}/{file.pieces:<2} {file.faces:6} {large / 1e6:8.1f} "
         f"{len(file.text) / 1e6:7.2f}  1/{large / len(file.text):<5.1f} {seconds:6.1f} {spent:6.1f}  "
-        f"{file.there:5.2f} {file.back:5.2f}  {file.limits.distance:.2f} + {file.limits.usual:.2f}  "
+        f"{file.there:5.2f} {file.back:5.2f}  {file.limits.distance:.2f} + {file.limits.usual_chord:.2f}  "
         f"{file.gap:5.2f}  {file.volume / (1e9 * design.solid.volume) - 1:+.1e} ({file.limits.rounder.mean():.1e})"
     )
 

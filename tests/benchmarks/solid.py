@@ -19,7 +19,7 @@ import numpy as np
 
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
-from dsfab.thickening import OffsetLayer, apart, offsets, thicken
+from dsfab.thickening import OffsetLayer, offsets, proven_cells, thicken
 from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.benchmarks.common import sizes, sphere
 
@@ -61,10 +61,10 @@ def one(triangles: int) -> None:
     offset = timed("offsets", lambda: offsets(surface, t))
     cells = timed("slicing", lambda: cut(surface, waves, levels))
     whole = timed("pinches", lambda: resolve_pinches(cells, t / 2)).sheet
-    sheet = whole.kept()
+    sheet = whole.subset()
     D = timed("carrying", lambda: sheet.carry_corners(offset.at_corners(surface.F), surface.F))
     layer = OffsetLayer(surface, offset.D, whole.surface, whole.carry(offset.D), whole.parent)
-    proven = timed("proof", lambda: apart(layer))[whole.material]
+    proven = timed("proof", lambda: proven_cells(layer))[whole.material]
     solid = timed("thickening", lambda: thicken(sheet.surface, D, proven=proven))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     timed("test unproven", lambda: intersecting_pairs(solid.V, solid.F))

@@ -26,7 +26,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.slicing import Sheet
 from dsfab.study.verdict import LoadedSurface, check
 from dsfab.study.verdict.levels import RibSoftening, SmoothSurface, meshes, shares, theory_share
-from dsfab.study.verdict.verdict import attached_material, members
+from dsfab.study.verdict.verdict import attached_material, mean_member_width
 from tests.benchmarks.solid_designs import DRAWN, FITTED, LATER, NAMED, drawn_design, named_design
 from tests.benchmarks.solid_wedges import solid_compliance
 
@@ -84,7 +84,8 @@ SHRINK = 3.0
 
 
 def limit(values: Sequence[float]) -> float:
-    """Carried on from the last two at the rate of the last three, which is kept within 1.7 and 4; or at `SHRINK`."""
+    """Carried on from the last two at the rate of the last three, which is kept within 1.7 and 4; or at
+    `EDGE_CORRECTION`."""
     step, rate = values[-1] - values[-2], SHRINK
     if len(values) > 2 and step:
         rate = float(np.clip((values[-2] - values[-3]) / step, 1.7, 4.0))
@@ -94,10 +95,10 @@ def limit(values: Sequence[float]) -> float:
 def given_design(kind: str, seed: int) -> tuple[LoadedSurface, Sheet, float]:
     """A design's surface under its loads, at the thickness that it is to have, its material, and that share of all."""
     design, wanted = (named_design(kind), None) if kind in NAMED else drawn_design(kind, seed)
-    setting, material = LoadedSurface.of(design), design.slicing.cells.kept()
+    setting, material = LoadedSurface.from_design(design), design.slicing.cells.subset()
     sheet, _, _ = attached_material(setting, material)
     if wanted:
-        setting = LoadedSurface.of(design, members(sheet) / wanted / setting.made.thickness)
+        setting = LoadedSurface.from_design(design, mean_member_width(sheet) / wanted / setting.made.thickness)
     return setting, material, sheet.surface.area / design.surface.area
 
 
@@ -111,7 +112,7 @@ def measured_row(kind: str, seed: int, unknowns: float = UNKNOWNS) -> SolidRow:
     if not len(verdict.levels) > 1:
         raise DsfabError(verdict.reason)
     forces, count = shares(sheet, loads), 0
-    solid, second, chain = [], 1.0, meshes(sheet, SmoothSurface.through(setting.surface))
+    solid, second, chain = [], 1.0, meshes(sheet, SmoothSurface.from_surface(setting.surface))
     mesh = next(chain)
     while 9 * mesh.surface.n + 6 * len(mesh.surface.edges.ends) < unknowns:
         fine = next(chain)
@@ -121,7 +122,7 @@ def measured_row(kind: str, seed: int, unknowns: float = UNKNOWNS) -> SolidRow:
         mesh, count = fine, count + 1
     soft = verdict.levels[0].softer.get(name, RibSoftening(0.0, 0.0, 0.0))
     shell = tuple(one.compliance[name] for one in verdict.levels)
-    size = share, sheet.surface.m, members(sheet) / setting.made.thickness
+    size = share, sheet.surface.m, mean_member_width(sheet) / setting.made.thickness
     return SolidRow(kind, seed, *size, verdict.value, verdict.bound, *soft, shell, tuple(solid), second)
 
 

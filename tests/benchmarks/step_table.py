@@ -26,7 +26,7 @@ import numpy as np
 import dsfab
 from dsfab.core.errors import DsfabError
 from dsfab.export.cad.step.worker import use_check
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.study.file_check import check_file
 from tests.benchmarks.step_sheets import OWN
 
@@ -48,7 +48,7 @@ def design(name: str, step: str, folder: Path) -> "dsfab.Design":
         path.write_text("\n".join(lines) + "\n")
     is_mesh = path is not None and path.suffix != ".toml"
     preset = dsfab.preset_for(path) if is_mesh else dsfab.load_preset(name)
-    return dsfab.run(overridden(preset, {"export.step": step}))
+    return dsfab.run(with_overrides(preset, {"export.step": step}))
 
 
 def row(name: str, step: str, seconds: float) -> str:

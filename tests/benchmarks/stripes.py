@@ -31,11 +31,11 @@ import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.messages import table
-from dsfab.core.sparse import give_back, peak_memory
+from dsfab.core.sparse import peak_memory, release_freed_memory
 from dsfab.design import Design, Log
 from dsfab.design.directions import diffusion_step
 from dsfab.design.even_stripes import even_stripes
-from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal import preset_for
 from dsfab.results import DiffusionResult
@@ -56,12 +56,12 @@ def preset_of(name: str, vertices: int) -> Preset:
     preset = load_preset(ROOT / "presets" / "dome.toml") if name == "dome" else preset_for(MESHES / name)
     area = preset.surface.build().area
     edge = (2 * area / (3**0.5 * vertices)) ** 0.5  # of a net of equal triangles
-    return overridden(preset, {"surface.edge": edge, **PLAIN})
+    return with_overrides(preset, {"surface.edge": edge, **PLAIN})
 
 
 def measured(make: Callable[[], Any], repeat: int) -> tuple[Any, float, float]:
     """What is made, the least processor's seconds of some runs, and the memory in MiB that the first took."""
-    give_back(float("inf"))  # all that was freed
+    release_freed_memory(float("inf"))  # all that was freed
     before = _resident()
     _forget_peak()
     seconds = []
@@ -99,11 +99,11 @@ def _status(key: str) -> int | None:
 def one_row(name: str, vertices: int, repeat: int) -> dict[str, Any]:
     """Seconds and MiB by column, numbers of vertices and of cells."""
     preset = preset_of(name, vertices)
-    design = Design.of(preset).until("statics")
+    design = Design.from_preset(preset).until("statics")
     surface, statics = design.surface, design.statics
-    five = overridden(preset, {"diffusion.modes": 5})
-    free = overridden(preset, {"pattern.halve": False})
-    alone = overridden(free, {"pattern.symmetry": "none"})
+    five = with_overrides(preset, {"diffusion.modes": 5})
+    free = with_overrides(preset, {"pattern.halve": False})
+    alone = with_overrides(free, {"pattern.symmetry": "none"})
     found = {
         "fields": measured(lambda: even_stripes(alone, surface, statics), repeat),
         "modes": measured(lambda: diffusion_step(five, surface, statics, Log(None)), repeat),

@@ -22,11 +22,11 @@ import numpy as np
 
 from dsfab.core.messages import table
 from dsfab.design import Design, sheet_loads
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.preset.proposal import preset_for
 from dsfab.statics import solve_for
 from dsfab.study.comparison import comparison
-from dsfab.surface import Surface, refined
+from dsfab.surface import Surface, refined_surface
 
 ROOT = Path(__file__).parents[2]
 MESHES = Path(os.environ.get("DSFAB_MESHES", ROOT / "../shared/meshes")).resolve()
@@ -39,7 +39,7 @@ def lengths(surface: Surface) -> Iterator[float]:
     """Lengths of edges, m, at which all triangles are divided in four as often as `DIVIDED` says."""
     for times in range(1, max(DIVIDED) + 1):
         longest = float(surface.edge_lengths.max())
-        surface = refined(surface, 0.999 * longest, smooth=True)
+        surface = refined_surface(surface, 0.999 * longest, smooth=True)
         if times in DIVIDED:
             yield 1.01 * float(surface.edge_lengths.max())
 
@@ -49,16 +49,16 @@ def row(name: str, file: Path, edge: float) -> tuple[tuple[str, ...], float, flo
     start = time.process_time()
     preset = preset_for(file)
     finer = {"surface.edge": 0.0, "surface.refine": edge, "surface.smooth": True}
-    design = Design.of(overridden(preset, finer)).until("slicing")
+    design = Design.from_preset(with_overrides(preset, finer)).until("slicing")
     cut = time.process_time() - start
     both = comparison(design, against=())
     better, whole = both.design.compliance, both.full.compliance
     cells, sheet = design.slicing.cells, design.sheet
-    given = design.statics.loads(design.preset.followed)
+    given = design.statics.loads(design.preset.followed_weights)
     loads = sheet_loads(design.surface, cells, sheet, given)
-    model = design.preset.statics.sheet(design.preset.statics.thickness).on(sheet.surface)
+    model = design.preset.statics.sheet(design.preset.statics.thickness).model_for(sheet.surface)
     answers = solve_for(model, loads, "ranking")
-    quick = sum(weight * answers[key].compliance for key, weight in design.preset.followed.items())
+    quick = sum(weight * answers[key].compliance for key, weight in design.preset.followed_weights.items())
     even = " ".join(f"{one.spacing[2] / one.spacing[0]:.2f}" for _, one in design.quality().families)
     seconds = f"{cut:.0f} {time.process_time() - start:.0f}"
     numbers = f"{better:.4g}", f"{better / whole:.3f}", f"{quick:.4g}"
@@ -74,7 +74,7 @@ def main() -> None:
         file = MESHES / f"{name}.obj"
         preset = preset_for(file)
         found = []
-        for edge in lengths(overridden(preset, {"surface.edge": 0.0}).surface.given()):
+        for edge in lengths(with_overrides(preset, {"surface.edge": 0.0}).surface.base_surface()):
             texts, *judged = row(name, file, edge)
             print(*texts, sep=" | ", flush=True)
             rows.append(texts)

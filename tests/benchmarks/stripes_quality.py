@@ -69,7 +69,7 @@ def row(name: str, preset: Preset) -> tuple[str, ...]:
     """The texts of one design."""
     start = time.process_time()
     try:
-        design = Design.of(preset).until("slicing")
+        design = Design.from_preset(preset).until("slicing")
         found = design.quality()
     except DsfabError as error:
         return (name, *[""] * (len(HEAD) - 2), f"refused: {error}"[:60])

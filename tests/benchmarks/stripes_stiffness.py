@@ -24,8 +24,8 @@ from dsfab.design import Design, draft
 from dsfab.design.even_stripes import even_stripes
 from dsfab.design.log import Log
 from dsfab.design.mode_search import stressed_step
-from dsfab.design.stripe_pattern import striped_families
-from dsfab.preset.file import load_preset, overridden
+from dsfab.design.stripe_pattern import drawable_families
+from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.baselines.structures import striped_structure, widened_structure
@@ -79,8 +79,10 @@ class Case:
 def weighing_as_uncut(preset: Preset) -> Preset:
     """The preset with a covering, which cut sheets carry whole, in place of the sheet's own weight."""
     loads = preset.model_dump(mode="json", include={"surface"}, exclude_none=True)["surface"]["load"]
-    whole = {"kind": "cladding", "pressure": preset.statics.weight}
-    return overridden(preset, {"surface.load": [one | whole if one["kind"] == "self_weight" else one for one in loads]})
+    whole = {"kind": "cladding", "pressure": preset.statics.area_weight}
+    return with_overrides(
+        preset, {"surface.load": [one | whole if one["kind"] == "self_weight" else one for one in loads]}
+    )
 
 
 CLOSER = {"pattern.major.frequency": 10.0, "pattern.minor.frequency": 10.0}
@@ -134,8 +136,8 @@ def rows(name: str, case: Case) -> list[tuple[str, ...]]:
     for share, asked in case.asked.items():
         even = min((judged(case, made, share, width) for width in case.widths), key=lambda one: one.compliance)
         if case.over == "uncut":
-            task = task_of(made, made.settled, share, None)
-            other = case.judge(task, Structure.uncut(made.surface, made.settled.statics.thickness))
+            task = task_of(made, made.resolved_preset, share, None)
+            other = case.judge(task, Structure.uncut(made.surface, made.resolved_preset.statics.thickness))
         else:
             rules = BOTH if case.modes else case.widths[:1]  # `auto` judges both
             other = min((judged(case, made, share, width, False) for width in rules), key=lambda one: one.compliance)
@@ -157,8 +159,8 @@ def task_of(made: Design, preset: Preset, share: float, even: Any) -> Comparison
 
 def judged(case: Case, made: Design, share: float, width: tuple[str, float], evenly: bool = True) -> Judgement:
     """Stripes, evenly spaced or on modes, that take this share of the surface, their widths by a rule with its q."""
-    own = overridden(made.settled, {"pattern.width.rule": width[0], "pattern.width.q": width[1]})
-    own = overridden(own, {"pattern.width.solid_fraction": share})
+    own = with_overrides(made.resolved_preset, {"pattern.width.rule": width[0], "pattern.width.q": width[1]})
+    own = with_overrides(own, {"pattern.width.solid_fraction": share})
     even = None
     if evenly:
         own = striped_alike(made, own)
@@ -166,17 +168,17 @@ def judged(case: Case, made: Design, share: float, width: tuple[str, float], eve
     task = task_of(made, own, share, even)
     if width[0] != "stressed":
         return case.judge(task, striped_structure(task, own, made.diffusion, even))
-    grading = stressed_step(own, made.stressed, Log(None), even=even)
-    return case.judge(task, widened_structure(task, own, striped_families(own, made.stressed, 0.0, grading, even)))
+    grading = stressed_step(own, made.analysis, Log(None), even=even)
+    return case.judge(task, widened_structure(task, own, drawable_families(own, made.analysis, 0.0, grading, even)))
 
 
 def striped_alike(made: Design, own: Preset) -> Preset:
     """The preset on stripes, in the mean as far apart as those on its modes."""
     surface = made.surface
-    families = striped_families(made.settled, made.stressed)
+    families = drawable_families(made.resolved_preset, made.analysis)
     spacing = [surface.area / float(surface.vertex_areas @ family.slope) for family in families]
     apart = {f"pattern.{name}.spacing": h for name, h in zip(("major", "minor"), spacing, strict=True)}
-    return overridden(own, {"pattern.method": "stripes", **apart})
+    return with_overrides(own, {"pattern.method": "stripes", **apart})
 
 
 def cantilever() -> list[tuple[str, ...]]:

@@ -30,7 +30,7 @@ def compliance(design: Design) -> float:
 def measure(name: str) -> None:
     """Tell of one preset."""
     for rounds in range(3):
-        design = Design.of(plain(name, rounds))
+        design = Design.from_preset(plain(name, rounds))
         joules = compliance(design)
         told = [note.text for note in design.notes if note.text.startswith("directions were sought")]
         print(f"{name}, {rounds} rounds: {joules:.5g} J; {'; '.join(told)}", flush=True)

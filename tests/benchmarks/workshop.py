@@ -23,14 +23,14 @@ from dsfab.workshop import workshop_plan, write_workshop
 PRESETS = ("dome", "barrel_vault")
 PARTS = {
     "members": ("dsfab.members.member_graph",),
-    "limits": ("dsfab.workshop.strips.strip_limits", "dsfab.workshop.plan.chosen_route"),
+    "limits": ("dsfab.workshop.strips.strip_limits", "dsfab.workshop.plan.construction_route"),
     "develop": ("dsfab.workshop.strips.strip_parts",),
     "splice": ("dsfab.workshop.splices.splice_cuts",),
-    "drill and engrave": ("dsfab.workshop.strips._Strip._part",),
+    "drill and engrave": ("dsfab.workshop.strips._StripLayer._part",),
     "plates": ("dsfab.workshop.plates.plate_parts",),
     "nest": ("dsfab.workshop.plan.nested_by_thickness",),
     "hints": ("dsfab.workshop.stock.sheet_hints",),
-    "same parts": ("dsfab.workshop.plan.same_parts",),
+    "same parts": ("dsfab.workshop.plan.equal_part_groups",),
 }
 """Functions by the part of the work that they are; what none of them is counts as "else"."""
 
@@ -66,7 +66,7 @@ class Clock:
 
 def measured(name: str) -> tuple[dict[str, float], str]:
     """Seconds by parts, "PDF" among them, of a preset as strips, and what was made in a line."""
-    design = Design.of(load_preset(name, {"workshop.route": "strips"})).until("slicing")
+    design = Design.from_preset(load_preset(name, {"workshop.route": "strips"})).until("slicing")
     up = up_axis(design.surface.V, design.surface, design.load)
     clock = Clock()
     with ExitStack() as stack, tempfile.TemporaryDirectory() as folder:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.terminal import out
+from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
 
 UNSET = 'PYTHON = ""\n'
@@ -27,13 +27,15 @@ def blender(
     force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
 ) -> int:
     """Write an add-on for Blender: it builds the mesh of the active object, by the dsfab that wrote it."""
-    from dsfab.export import replacing
+    from dsfab.export import atomic_file
 
     if output.suffix != ".py":
         raise DsfabError(f"-o {output}: an add-on is a .py file; write for instance -o {output.stem}.py")
     if output.exists() and not force:
         raise DsfabError(f"{output} is there already; choose another name with -o, or write over it with --force")
-    with replacing(output) as path:
+    with atomic_file(output) as path:
         path.write_text(addon(sys.executable), encoding="utf-8")
-    out(f"written to {output}; in Blender: Preferences > Add-ons > Install from Disk, then sidebar (N) > dsfab")
+    print_result(
+        f"written to {output}; in Blender: Preferences > Add-ons > Install from Disk, then sidebar (N) > dsfab"
+    )
     return 0

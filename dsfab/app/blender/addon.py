@@ -71,17 +71,17 @@ def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
     if source.type not in WITH_FACES:
         raise BuildError(f"{source.name} is no surface; select a mesh")
     source.hide_set(False)  # Blender does not evaluate the modifiers of hidden objects
-    shown = source.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    mesh = shown.to_mesh()
+    evaluated = source.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = evaluated.to_mesh()
     try:
         if not len(mesh.polygons):
             raise BuildError(f"{source.name} has no faces; select a mesh with a surface")
-        place = Matrix.Scale(metres, 4) @ shown.matrix_world
+        place = Matrix.Scale(metres, 4) @ evaluated.matrix_world
         lines = ["v {:.9g} {:.9g} {:.9g}".format(*(place @ vertex.co)) for vertex in mesh.vertices]
         lines += ["f " + " ".join(str(k + 1) for k in face.vertices) for face in mesh.polygons]
         path.write_text("\n".join(lines) + "\n", encoding="ascii")
     finally:
-        shown.to_mesh_clear()
+        evaluated.to_mesh_clear()
 
 
 def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str]:
@@ -98,16 +98,16 @@ def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str
     return [bpy.path.abspath(python) if python else sys.executable, "-m", "dsfab", "build", *words]
 
 
-def sentence(code: int, said: str) -> str:
+def failure_sentence(code: int, output: str) -> str:
     """Return the last message of dsfab, without its name in front."""
-    lines = [line for line in said.strip().splitlines() if line]
-    told = [line.removeprefix("dsfab: ") for line in lines if line.startswith("dsfab: ")]
-    if "No module named dsfab" in said or "No module named 'dsfab'" in said:
+    lines = [line for line in output.strip().splitlines() if line]
+    messages = [line.removeprefix("dsfab: ") for line in lines if line.startswith("dsfab: ")]
+    if "No module named dsfab" in output or "No module named 'dsfab'" in output:
         return "this Python has no dsfab; name another one in the preferences of the add-on"
-    return told[-1] if told else f"dsfab ended with {code}: {lines[-1] if lines else 'no word'}"
+    return messages[-1] if messages else f"dsfab ended with {code}: {lines[-1] if lines else 'no word'}"
 
 
-def imported(path: Path, source: str, collection: bpy.types.Collection, metres: float) -> list[bpy.types.Object]:
+def import_meshes(path: Path, source: str, collection: bpy.types.Collection, metres: float) -> list[bpy.types.Object]:
     """Import a GLB file; return its meshes as objects of a collection, in the unit of the scene."""
     before = set(bpy.data.objects)
     unit = bpy.context.scene.unit_settings
@@ -116,40 +116,40 @@ def imported(path: Path, source: str, collection: bpy.types.Collection, metres: 
         bpy.ops.import_scene.gltf(filepath=str(path))
     finally:
         unit.scale_length = metres
-    new = [one for one in bpy.data.objects if one not in before]
+    imported_objects = [item for item in bpy.data.objects if item not in before]
     bpy.context.view_layer.update()
-    meshes = [one for one in new if one.type == "MESH"]
-    for one in meshes:
-        place = Matrix.Scale(1 / metres, 4) @ one.matrix_world
-        one.parent = None
-        one.data.transform(place)
-        one.matrix_world = Matrix.Identity(4)
-        one[MADE_OF] = source
-        for other in list(one.users_collection):
-            other.objects.unlink(one)
-        collection.objects.link(one)
-    for one in set(new) - set(meshes):
-        bpy.data.objects.remove(one)
+    meshes = [item for item in imported_objects if item.type == "MESH"]
+    for item in meshes:
+        place = Matrix.Scale(1 / metres, 4) @ item.matrix_world
+        item.parent = None
+        item.data.transform(place)
+        item.matrix_world = Matrix.Identity(4)
+        item[MADE_OF] = source
+        for owner in list(item.users_collection):
+            owner.objects.unlink(item)
+        collection.objects.link(item)
+    for item in set(imported_objects) - set(meshes):
+        bpy.data.objects.remove(item)
     return meshes
 
 
-def emptied(name: str, under: bpy.types.Collection) -> bpy.types.Collection:
+def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collection:
     """Return a new collection for the build of an object; remove that of its last build."""
-    for old in [one for one in bpy.data.collections if one.get(MADE_OF) == name]:
-        for part in (*old.children_recursive, old):
-            for one in list(part.objects):
-                if one.get(MADE_OF):
-                    bpy.data.objects.remove(one)
-                elif not set(one.users_collection) - {part}:
-                    under.objects.link(one)  # the user's own object moves to the parent
+    for earlier in [item for item in bpy.data.collections if item.get(MADE_OF) == name]:
+        for part in (*earlier.children_recursive, earlier):
+            for item in list(part.objects):
+                if item.get(MADE_OF):
+                    bpy.data.objects.remove(item)
+                elif not set(item.users_collection) - {part}:
+                    under.objects.link(item)  # the user's own object moves to the parent
             bpy.data.collections.remove(part)
-    made = bpy.data.collections.new(f"{name} structure")
-    made[MADE_OF] = name
-    under.children.link(made)
-    return made
+    collection = bpy.data.collections.new(f"{name} structure")
+    collection[MADE_OF] = name
+    under.children.link(collection)
+    return collection
 
 
-def layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
+def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
     """Return the view layer's entry of a collection, which has its visibility."""
     layers = [bpy.context.view_layer.layer_collection]
     while layers:
@@ -160,19 +160,19 @@ def layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
     raise KeyError(collection.name)
 
 
-def shown(folder: Path, source: bpy.types.Object, metres: float) -> int:
+def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
     """Show the solid and the members of a folder, hide the source; return the number of members.
 
     The members are hidden, because they lie within the solid.
     """
-    made = emptied(source.name, bpy.context.scene.collection)
-    whole = next(one for one in folder.glob("*.glb") if not one.stem.endswith(".members"))
-    for solid in imported(whole, source.name, made, metres):
+    collection = new_collection(source.name, bpy.context.scene.collection)
+    solid_file = next(path for path in folder.glob("*.glb") if not path.stem.endswith(".members"))
+    for solid in import_meshes(solid_file, source.name, collection, metres):
         solid.name = f"{source.name} solid"
     members = bpy.data.collections.new(f"{source.name} members")
-    made.children.link(members)
-    bodies = imported(next(folder.glob("*.members.glb")), source.name, members, metres)
-    layer_of(members).hide_viewport = True
+    collection.children.link(members)
+    bodies = import_meshes(next(folder.glob("*.members.glb")), source.name, members, metres)
+    view_layer_of(members).hide_viewport = True
     bpy.context.view_layer.objects.active = source  # so that the next build takes it too
     source.hide_set(True)
     return len(bodies)
@@ -202,31 +202,33 @@ class Build(bpy.types.Operator):
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
             # into a file, because a full pipe would stop the program
-            with (folder / "said.txt").open("wb") as said:
-                own = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+            with (folder / "said.txt").open("wb") as log:
+                environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
                 self._process = subprocess.Popen(
-                    words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, cwd=folder, env=own
+                    words, stdin=subprocess.DEVNULL, stdout=log, stderr=log, cwd=folder, env=environment
                 )
         except BuildError as error:
-            return self._refused(str(error))
+            return self._report_error(str(error))
         except OSError as error:
-            return self._refused(f"{words[0]} cannot be run ({error.strerror}); see the preferences of the add-on")
+            return self._report_error(f"{words[0]} cannot be run ({error.strerror}); see the preferences of the add-on")
         return True
 
-    def _refused(self, text: str) -> bool:
+    def _report_error(self, text: str) -> bool:
         self.report({"ERROR"}, text)
         self._folder.cleanup()
         return False
 
     def _end(self) -> set[str]:
         folder = Path(self._folder.name)
-        said = (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
+        output = (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
         source = bpy.data.objects.get(self._source)
         if self._process.returncode or source is None:
-            gone = f"{self._source} is not there any more"
-            self._refused(gone if source is None else sentence(self._process.returncode, said))
+            missing_message = f"{self._source} is not there any more"
+            self._report_error(
+                missing_message if source is None else failure_sentence(self._process.returncode, output)
+            )
             return {"CANCELLED"}
-        count = shown(folder / "built", source, self._metres)
+        count = show_result(folder / "built", source, self._metres)
         self._folder.cleanup()
         self.report({"INFO"}, f"{source.name}: a solid, and {count} members in a collection with a closed eye")
         return {"FINISHED"}
@@ -284,13 +286,13 @@ CLASSES = (Preferences, Wishes, Build, Panel)
 
 def register() -> None:
     """Register the add-on's classes; Blender calls it."""
-    for one in CLASSES:
-        bpy.utils.register_class(one)
+    for registered_class in CLASSES:
+        bpy.utils.register_class(registered_class)
     bpy.types.Scene.dsfab = bpy.props.PointerProperty(type=Wishes)
 
 
 def unregister() -> None:
     """Unregister the add-on's classes; Blender calls it."""
     del bpy.types.Scene.dsfab
-    for one in reversed(CLASSES):
-        bpy.utils.unregister_class(one)
+    for registered_class in reversed(CLASSES):
+        bpy.utils.unregister_class(registered_class)

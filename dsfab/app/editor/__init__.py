@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
-from dsfab.app.terminal import out, signals_as_interrupts
+from dsfab.app.terminal import print_result, signals_as_interrupts
 from dsfab.core.errors import DsfabError
 
 OUTPUTS = "outputs"
@@ -34,9 +34,9 @@ def edit(
     from dsfab.app.editor.session import Session
     from dsfab.app.editor.workspace import Outputs, open_preset
 
-    first = open_preset(target, source)
+    opened = open_preset(target, source)
     outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
-    with signals_as_interrupts(), Session(first, outputs=outputs) as session:
+    with signals_as_interrupts(), Session(opened, outputs=outputs) as session:
         session.ask_solve({})  # while the server and the browser start
         try:
             server = EditorServer(session, port)
@@ -46,12 +46,12 @@ def edit(
             ) from None
         with server:
             try:
-                out(f"dsfab edit {first.preset.name}: {server.address}")
-                out("Ctrl-C ends it.")
+                print_result(f"dsfab edit {opened.preset.name}: {server.address}")
+                print_result("Ctrl-C ends it.")
                 sys.stdout.flush()  # also into a pipe, because its reader waits for the address
                 if open_:
                     webbrowser.open(server.address)
                 server.serve_forever(poll_interval=0.2)
             except KeyboardInterrupt:
-                out()
+                print_result()
     return 0

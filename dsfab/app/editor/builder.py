@@ -13,7 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from dsfab.app.editor.jobs import Telling
+from dsfab.app.editor.jobs import ReportProgress
 from dsfab.app.editor.workspace import MeshRequest, opened_mesh
 from dsfab.core.errors import DsfabError
 from dsfab.preset.file import preset_toml
@@ -21,40 +21,42 @@ from dsfab.preset.file import preset_toml
 
 def main() -> None:
     """Build, export or read as the request on standard input says."""
-    tell = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
+    output = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
     os.dup2(2, 1)  # so that libraries print to standard error
     source = sys.stdin.buffer
     request, folder = pickle.loads(source.read(int.from_bytes(source.read(8), "little")))
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
     def progress(stage: str, text: str) -> None:
-        _say(tell, {"stage": stage, "text": text})
+        _send_line(output, {"stage": stage, "text": text})
 
     try:
-        last = _opened(request) if isinstance(request, MeshRequest) else _built(request, Path(folder), progress)
+        final_message = (
+            _open_mesh(request) if isinstance(request, MeshRequest) else _build_files(request, Path(folder), progress)
+        )
     except DsfabError as error:
-        _say(tell, {"refused": str(error)})
+        _send_line(output, {"refused": str(error)})
     except Exception as error:  # a bug, which the user is asked to report
-        _say(tell, {"mistaken": f"{type(error).__name__}: {error}"})
+        _send_line(output, {"mistaken": f"{type(error).__name__}: {error}"})
     else:
-        _say(tell, last)
+        _send_line(output, final_message)
 
 
-def _built(request: Any, folder: Path, progress: Telling) -> dict[str, Any]:
-    from dsfab.app.editor.building import built, exported
+def _build_files(request: Any, folder: Path, progress: ReportProgress) -> dict[str, Any]:
+    from dsfab.app.editor.building import build_files, export_file
 
-    made = (exported if request.only else built)(request, folder, progress)
-    return {"done": made.facts, "files": [path.name for path in made.files]}
-
-
-def _opened(request: MeshRequest) -> dict[str, Any]:
-    found = opened_mesh(request)
-    return {"preset": preset_toml(found.preset), "decided": [asdict(one) for one in found.decided]}
+    result = (export_file if request.only else build_files)(request, folder, progress)
+    return {"done": result.facts, "files": [path.name for path in result.files]}
 
 
-def _say(tell: TextIO, told: dict[str, Any]) -> None:
-    tell.write(json.dumps(told) + "\n")
-    tell.flush()
+def _open_mesh(request: MeshRequest) -> dict[str, Any]:
+    opened = opened_mesh(request)
+    return {"preset": preset_toml(opened.preset), "decided": [asdict(decision) for decision in opened.decided]}
+
+
+def _send_line(output: TextIO, message: dict[str, Any]) -> None:
+    output.write(json.dumps(message) + "\n")
+    output.flush()
 
 
 def _end_with_parent() -> None:

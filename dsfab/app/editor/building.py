@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import dsfab
-from dsfab.app.carrier import carried, carried_preset
-from dsfab.app.editor.jobs import JobProgress, Telling
-from dsfab.app.editor.workspace import MeshRequest, Opened, Outputs, with_file
+from dsfab.app.carrier import pickled, preset_from_text
+from dsfab.app.editor.jobs import JobProgress, ReportProgress
+from dsfab.app.editor.workspace import MeshRequest, OpenedPreset, Outputs, with_file
 from dsfab.core.errors import DsfabError
 from dsfab.design import draft, revise, run
 from dsfab.design.design import Design
@@ -55,19 +55,19 @@ class BuildRequest:
     before: Path | None = None
 
 
-def built(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild:
+def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
     """Make the solid and write the files of `dsfab build`.
 
     Raises DsfabError of the stage that refuses; `facts` reports a STEP file that is too large.
     """
     preset = request.preset
-    design = _made(request, progress)
+    design = _design_of_request(request, progress)
     if request.mesh:
-        design = _beside(design, request.mesh, folder)
+        design = _with_mesh_copy(design, request.mesh, folder)
     saved = save(design, folder, progress, request.picture)
-    asked = [folder / f"{preset.name}.{suffix}" for suffix in preset.export.formats]
-    first = [path for path in asked if path.exists()]
-    rest = sorted(path for path in folder.iterdir() if path not in first)
+    wanted_files = [folder / f"{preset.name}.{suffix}" for suffix in preset.export.formats]
+    requested_files = [path for path in wanted_files if path.exists()]
+    rest = sorted(path for path in folder.iterdir() if path not in requested_files)
     facts = {
         "caption": caption(design),
         "mass": design.mass,
@@ -75,57 +75,57 @@ def built(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild
         "triangles": len(design.solid.F),
         "pieces": design.solid.pieces,
         "refused": saved.refused,
-        "notes": [*(note.text for note in design.notes), *saved.told],
+        "notes": [*(note.text for note in design.notes), *saved.messages],
     }
-    return EditorBuild([*first, *rest], facts)
+    return EditorBuild([*requested_files, *rest], facts)
 
 
-def exported(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild:
+def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
     """Write one file as `dsfab export` does, of the design in the folder `before` or of a new one.
 
     Raises DsfabError of the stage that refuses or of the format.
     """
-    from dsfab.app.export import CALCULIX, SUFFIX, ExportRequest, write_file
+    from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
-    suffix = SUFFIX if request.only == CALCULIX else f".{request.only}"
+    suffix = CALCULIX_SUFFIX if request.only == CALCULIX else f".{request.only}"
     preset, before = request.preset, request.before
-    there = with_file(preset, _copied(request.mesh, before)) if request.mesh and before else preset
-    design = read_archive(before, there) if before else None
-    ask = ExportRequest(suffix, folder / f"{preset.name}{suffix}", None)
-    made = design or (None if suffix == SUFFIX else _made(request, progress))
-    told = write_file(preset, made, ask, progress)
-    return EditorBuild([ask.path], {"told": told})
+    preset_of_build = with_file(preset, _mesh_copy_path(request.mesh, before)) if request.mesh and before else preset
+    design = read_archive(before, preset_of_build) if before else None
+    export_request = ExportRequest(suffix, folder / f"{preset.name}{suffix}", None)
+    current = design or (None if suffix == CALCULIX_SUFFIX else _design_of_request(request, progress))
+    lines = write_file(preset, current, export_request, progress)
+    return EditorBuild([export_request.path], {"told": lines})
 
 
-def _made(request: BuildRequest, progress: Telling) -> Design:
+def _design_of_request(request: BuildRequest, progress: ReportProgress) -> Design:
     return revise(request.old, request.preset, progress) if request.old else run(request.preset, progress)
 
 
-def _copied(mesh: Path, folder: Path) -> Path:
+def _mesh_copy_path(mesh: Path, folder: Path) -> Path:
     return folder / f"surface{mesh.suffix}"
 
 
-def _beside(design: Design, mesh: Path, folder: Path) -> Design:
+def _with_mesh_copy(design: Design, mesh: Path, folder: Path) -> Design:
     """Copy the mesh beside the files, where it outlives the session; return the design with the copy."""
-    copy = Path(shutil.copy(mesh, _copied(mesh, folder)))
-    made = {name: value for name, value in vars(design).items() if name != "preset"}
-    return Design.known(with_file(design.preset, copy), **made)
+    copy = Path(shutil.copy(mesh, _mesh_copy_path(mesh, folder)))
+    results = {name: value for name, value in vars(design).items() if name != "preset"}
+    return Design.from_results(with_file(design.preset, copy), **results)
 
 
 def draw_png(
-    preset: Preset, old: Design | None, view: str, show: str, size: tuple[int, int], progress: Telling
+    preset: Preset, earlier: Design | None, view: str, show: str, size: tuple[int, int], progress: ReportProgress
 ) -> bytes:
     """Return a PNG picture, drawn in this process. Raises DsfabError if this machine cannot draw."""
     from PIL import Image
 
     from dsfab.render import light
-    from dsfab.render.colouring import asking
+    from dsfab.render.colouring import preset_with_mode
     from dsfab.render.previewer import Previewer
 
-    made = draft(asking(preset, show), progress, old)
+    drawn_draft = draft(preset_with_mode(preset, show), progress, earlier)
     progress("preview", "drawing")
-    with Previewer(made, view=view, show=show) as previewer:
+    with Previewer(drawn_draft, view=view, show=show) as previewer:
         pixels = previewer.picture(size, quality=light.QUICK)
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, format="PNG")
@@ -139,46 +139,51 @@ class BuilderError(RuntimeError):
     """A bug in the other process."""
 
 
-def built_apart(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
+def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
     """Run `build_files`, or `export_file` for a single format, in another process.
 
     Raises what they raise, and Cancelled within a fraction of a second. On any error the process and its children end,
     and the folder is removed.
     """
-    asked = carried((request, str(folder)))
+    message = pickled((request, str(folder)))
     try:
         with (
-            tempfile.TemporaryDirectory(dir=folder.parent, ignore_cleanup_errors=True) as aside,
-            _process(Path(aside)) as process,
+            tempfile.TemporaryDirectory(dir=folder.parent, ignore_cleanup_errors=True) as temporary,
+            _process(Path(temporary)) as process,
         ):
-            told = _followed(process, asked, progress, "the build", "build with fewer kinds of files")
+            answer = _final_message(process, message, progress, "the build", "build with fewer kinds of files")
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
-    return EditorBuild([folder / name for name in told["files"]], told["done"])
+    return EditorBuild([folder / name for name in answer["files"]], answer["done"])
 
 
-def opened_apart(request: MeshRequest, progress: JobProgress) -> Opened:
+def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedPreset:
     """Run `opened_mesh` in another process; raises what it raises, and Cancelled within a fraction of a second."""
     progress("surface", f"reading {request.name}")
-    asked = carried((request, ""))
+    message = pickled((request, ""))
     with (
-        tempfile.TemporaryDirectory(dir=request.path.parent, ignore_cleanup_errors=True) as aside,
-        _process(Path(aside)) as process,
+        tempfile.TemporaryDirectory(dir=request.path.parent, ignore_cleanup_errors=True) as temporary,
+        _process(Path(temporary)) as process,
     ):
-        told = _followed(process, asked, progress, "reading the mesh", "make it coarser")
-    return Opened(carried_preset(told["preset"]), (), request.name, tuple(Decision(**one) for one in told["decided"]))
+        answer = _final_message(process, message, progress, "reading the mesh", "make it coarser")
+    return OpenedPreset(
+        preset_from_text(answer["preset"]),
+        (),
+        request.name,
+        tuple(Decision(**decision) for decision in answer["decided"]),
+    )
 
 
-def _followed(
-    process: "subprocess.Popen[bytes]", asked: bytes, progress: JobProgress, what: str, advice: str
+def _final_message(
+    process: "subprocess.Popen[bytes]", request_bytes: bytes, progress: JobProgress, subject: str, advice: str
 ) -> dict[str, Any]:
     """Final message of the process; report its progress.
 
-    what, advice : words for the error if the process ends early.
+    subject, advice : words for the error if the process ends early.
     """
     lines: queue.Queue[bytes] = queue.Queue()
-    for act in (lambda: _send(process, asked), lambda: _read(process, lines)):
+    for act in (lambda: _send(process, request_bytes), lambda: _read(process, lines)):
         threading.Thread(target=act, daemon=True).start()
     while True:
         progress.check()
@@ -188,22 +193,22 @@ def _followed(
             continue
         if not line:
             code = process.wait()
-            raise DsfabError(f"{what} ended before its end (exit code {code}); {advice}")
-        told: dict[str, Any] = json.loads(line)
-        if "stage" in told:
-            progress(told["stage"], told["text"])
-        elif "refused" in told:
-            raise DsfabError(told["refused"])
-        elif "mistaken" in told:
-            raise BuilderError(told["mistaken"])
+            raise DsfabError(f"{subject} ended before its end (exit code {code}); {advice}")
+        message: dict[str, Any] = json.loads(line)
+        if "stage" in message:
+            progress(message["stage"], message["text"])
+        elif "refused" in message:
+            raise DsfabError(message["refused"])
+        elif "mistaken" in message:
+            raise BuilderError(message["mistaken"])
         else:
-            return told
+            return message
 
 
-def _send(process: "subprocess.Popen[bytes]", asked: bytes) -> None:
+def _send(process: "subprocess.Popen[bytes]", message: bytes) -> None:
     assert process.stdin is not None
     with suppress(OSError):  # the process has ended
-        process.stdin.write(len(asked).to_bytes(8, "little") + asked)
+        process.stdin.write(len(message).to_bytes(8, "little") + message)
         process.stdin.flush()
 
 
@@ -216,15 +221,15 @@ def _read(process: "subprocess.Popen[bytes]", lines: "queue.Queue[bytes]") -> No
 
 
 @contextmanager
-def _process(aside: Path) -> Iterator["subprocess.Popen[bytes]"]:
-    """Run the program; at the end kill it and its children. Its temporary files go into `aside`."""
+def _process(temporary: Path) -> Iterator["subprocess.Popen[bytes]"]:
+    """Run the program; at the end kill it and its children. Its temporary files go into `temporary`."""
     home = str(Path(dsfab.__file__).parent.parent)
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", PROGRAM, home],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(aside))},
+        env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))},
         start_new_session=True,  # a group of its own, which `_end` kills
     )
     try:
@@ -264,16 +269,16 @@ class Builds:
         """Files of the last build."""
         return list(self._files[max(self._files)]) if self._files else []
 
-    def taken(self, name: str) -> dict[str, Any]:
+    def replacement_question(self, name: str) -> dict[str, Any]:
         """Return the question before a build replaces files in the folder of this name; empty without such files."""
-        count = self.outputs.standing(name)
+        count = self.outputs.foreign_files(name)
         if not count:
             return {}
-        place = f"{self.outputs.shown}/{name}"
+        place = f"{self.outputs.label}/{name}"
         files = "1 file" if count == 1 else f"{count} files"
         would = "files of the same names, and what a build wrote there, would be replaced."
         text = f"{place} holds {files} of before; {would}"
-        return {"taken": text, "free": self.outputs.free(name)}
+        return {"taken": text, "free": self.outputs.free_name(name)}
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
         """Build, move the files to their folder, and return facts for the page. Raises DsfabError, and Cancelled."""
@@ -281,14 +286,14 @@ class Builds:
         name = request.preset.name
         request = replace(request, before=self.outputs.folder(name))
         folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._aside))
-        made = built_apart(request, folder, progress)
-        there = self.outputs.publish(folder, name)
+        result = build_in_process(request, folder, progress)
+        published = self.outputs.publish(folder, name)
         folder.rmdir()
         number = len(self._files) + 1
-        self._files[number] = files = [there / path.name for path in made.files]
+        self._files[number] = files = [published / path.name for path in result.files]
         listed = [{"name": path.name, "bytes": path.stat().st_size} for path in files]
-        place = f"{self.outputs.shown}/{name}" if self.outputs.shown else ""
-        facts = made.facts
+        place = f"{self.outputs.label}/{name}" if self.outputs.label else ""
+        facts = result.facts
         if "told" in facts:  # name the final folder of the file
-            facts = facts | {"told": [line.replace(str(folder), place or str(there)) for line in facts["told"]]}
+            facts = facts | {"told": [line.replace(str(folder), place or str(published)) for line in facts["told"]]}
         return {"build": number, "files": listed, "folder": place, **facts}

@@ -9,7 +9,7 @@ from dsfab.core.materials import MATERIALS
 from dsfab.diffusion import Labelling
 from dsfab.pattern import Rule
 from dsfab.preset.model import Family, Pattern, Preset
-from dsfab.render.striped_mesh import SLIDING
+from dsfab.render.striped_mesh import EXACT_REACH_SHARE
 from dsfab.surface import Surface
 
 
@@ -47,45 +47,43 @@ class Control:
     worth: float | None = None
 
 
-def one_digit(value: float) -> float:
+def rounded_to_one_digit(value: float) -> float:
     """Return the nearest number with one digit."""
     digit = 10.0 ** np.floor(np.log10(value))
     return float(digit * max(round(value / digit), 1))
 
 
-def given(surface: Surface) -> list[Control]:
+def surface_controls(surface: Surface) -> list[Control]:
     """Return the controls that depend on the surface; lengths scale with its size."""
-    return [*_directions(), *_sheet(surface), *_mesh(surface), *_workshop(surface)]
+    return [*_direction_controls(), *_sheet_controls(surface), *_mesh_controls(surface), *_workshop_controls(surface)]
 
 
-def _directions() -> list[Control]:
+def _direction_controls() -> list[Control]:
     flow = "directions"
     return [
         Control(flow, "diffusion.r", "follow stress", low=1, high=1e4, log=True, live=False, hint="r: 1 ignores it."),
         Control(flow, "diffusion.gamma", "load factor", low=0.01, high=100, log=True, live=False, hint=_GAMMA),
         Control(flow, "diffusion.labelling", "major follows", "choice", choices=get_args(Labelling), live=False),
         Control(flow, "diffusion.modes", "modes", "whole", low=1, high=20, step=1, live=False, hint="Number of modes."),
-        Control(
-            flow, "diffusion.symmetry", "symmetry", "words", live=False, hint=_CONTROLS_GIVEN_ALIKE, method="modes"
-        ),
+        Control(flow, "diffusion.symmetry", "symmetry", "words", live=False, hint=_MODE_SYMMETRY, method="modes"),
     ]
 
 
 _GAMMA = "gamma: factor on the loads before each face is classed as isotropic or not."
-_CONTROLS_GIVEN_ALIKE = (
+_MODE_SYMMETRY = (
     "Symmetry that the modes must have: x, y or z for a mirror, rot:6:z for sixths of a turn; several with commas."
 )
 
 
-def _sheet(surface: Surface) -> list[Control]:
-    sheet, thin = "sheet and material", one_digit(surface.size / 3000)
+def _sheet_controls(surface: Surface) -> list[Control]:
+    sheet, thin = "sheet and material", rounded_to_one_digit(surface.size / 3000)
     return [
         Control(sheet, "statics.thickness", "thickness", "length", "m", thin, 30 * thin, thin / 10, live=False),
         Control(sheet, "statics.material", "material", "material", choices=tuple(MATERIALS), live=False),
         Control(sheet, "statics.young", "stiffness", unit="Pa", low=1e8, high=1e12, log=True, live=False, hint=_YOUNG),
         Control(sheet, "statics.poisson", "Poisson's ratio", low=0, high=0.49, live=False),
         Control(sheet, "statics.density", "density", unit="kg/m3", low=0, high=9000, step=10, live=False),
-        _limit(Control(sheet, "statics.strength", "strength", "number", "Pa", 1e6, 1e9, hint=_STRENGTH)),
+        _limit_control(Control(sheet, "statics.strength", "strength", "number", "Pa", 1e6, 1e9, hint=_STRENGTH)),
     ]
 
 
@@ -93,10 +91,10 @@ _YOUNG = "Young's modulus."
 _STRENGTH = "Strength beside the largest stress in reports; off for none."
 
 
-def _mesh(surface: Surface) -> list[Control]:
-    fine, coarse = one_digit(surface.size / 150), one_digit(surface.size / 5)
+def _mesh_controls(surface: Surface) -> list[Control]:
+    fine, coarse = rounded_to_one_digit(surface.size / 150), rounded_to_one_digit(surface.size / 5)
     return [
-        _limit(Control("mesh", "surface.refine", "no edge over", "length", "m", fine, coarse, hint=_REFINE)),
+        _limit_control(Control("mesh", "surface.refine", "no edge over", "length", "m", fine, coarse, hint=_REFINE)),
         Control("mesh", "surface.smooth", "round facets", "switch", live=False, hint=_SMOOTH),
     ]
 
@@ -105,8 +103,8 @@ _REFINE = "Triangles are divided until no edge is longer; off leaves them as the
 _SMOOTH = "Dividing also rounds the facets (Loop subdivision)."
 
 
-def _workshop(surface: Surface) -> list[Control]:
-    group, thin = "workshop", one_digit(surface.size / 3000)
+def _workshop_controls(surface: Surface) -> list[Control]:
+    group, thin = "workshop", rounded_to_one_digit(surface.size / 3000)
     limits = {
         "min_member": ("min. member", "The narrowest member that can be made; narrower ones are reported."),
         "min_gap": ("min. gap", "The narrowest opening that can be made; narrower ones are reported."),
@@ -114,7 +112,7 @@ def _workshop(surface: Surface) -> list[Control]:
     }
     return [
         *(
-            _limit(Control(group, f"fabrication.{key}", label, "length", "m", thin, 100 * thin, hint=hint))
+            _limit_control(Control(group, f"fabrication.{key}", label, "length", "m", thin, 100 * thin, hint=hint))
             for key, (label, hint) in limits.items()
         ),
         Control(group, "pattern.workshop", "no slits", "switch", live=False, hint=_NO_SLITS),
@@ -135,18 +133,27 @@ _ACCEPT = (
 )
 
 
-def _limit(control: Control) -> Control:
+def _limit_control(control: Control) -> Control:
     return replace(control, log=True, live=False, word="off", worth=0.0)
 
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
     """Return all controls for JSON; lengths scale with the surface's size."""
-    reach = one_digit(SLIDING * surface.size)
-    families = [control for name in ("major", "minor") for control in _family(name, preset, surface, reach)]
-    return [asdict(control) for control in [*_method(), *families, *_width(reach), *_kept(reach), *given(surface)]]
+    reach = rounded_to_one_digit(EXACT_REACH_SHARE * surface.size)
+    families = [control for name in ("major", "minor") for control in _family_controls(name, preset, surface, reach)]
+    return [
+        asdict(control)
+        for control in [
+            *_method_controls(),
+            *families,
+            *_width_controls(reach),
+            *_kept_controls(reach),
+            *surface_controls(surface),
+        ]
+    ]
 
 
-def _method() -> list[Control]:
+def _method_controls() -> list[Control]:
     group, fields, even = "stripes", Pattern.model_fields, "stripes"
     choices = (get_args(fields[name].annotation) for name in ("method", "families", "symmetry", "forces"))
     methods, shown, symmetries, forces = choices
@@ -161,7 +168,7 @@ def _method() -> list[Control]:
             "choice",
             choices=symmetries,
             live=False,
-            hint=_EDITOR_ALIKE,
+            hint=_STRIPE_SYMMETRY,
             method=even,
         ),
         Control(group, "pattern.forces", "forces", "choice", choices=forces, live=False, hint=_FORCES, method=even),
@@ -177,21 +184,36 @@ def _method() -> list[Control]:
 _METHOD = "modes: stripes run on the smoothest fields of the diffusion; stripes: evenly spaced, along the stress."
 _FAMILIES = "One family alone has no crossings: rim and kept regions hold it together."
 _HALVE = "Leave out every second stripe where they crowd, ended on the members that cross."
-_EDITOR_ALIKE = "auto: the mirrors and turns that surface, supports and loads have; none: stripes run as they come."
+_STRIPE_SYMMETRY = "auto: the mirrors and turns that surface, supports and loads have; none: stripes run as they come."
 _FORCES = "Stripes run along those of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
 _ROUNDS = "How often directions are sought again, with the weight of what stripes leave; 0: of the uncut sheet."
 _TURN = "Degrees that both families are turned by from the stress; 90 lets them change places."
 
 
-def _family(name: str, preset: Preset, surface: Surface, reach: float) -> list[Control]:
-    key, group, old = f"pattern.{name}.", f"{name} stripes", "modes"
-    most = preset.diffusion.modes
-    apart = Control(group, key + "spacing", "spacing", "length", "m", high=2 * reach, step=reach / 100, hint=_SPACING)
+def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) -> list[Control]:
+    key, group, modes_method = f"pattern.{name}.", f"{name} stripes", "modes"
+    mode_count = preset.diffusion.modes
+    spacing_control = Control(
+        group, key + "spacing", "spacing", "length", "m", high=2 * reach, step=reach / 100, hint=_SPACING
+    )
     return [
-        Control(group, key + "mode", "mode", "whole", low=1, high=most, step=1, word="auto", hint=_MODE, method=old),
-        Control(group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method=old),
-        replace(apart, instead=Family().distance(surface.area, surface.mean_edge)),
-        Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method=old),
+        Control(
+            group,
+            key + "mode",
+            "mode",
+            "whole",
+            low=1,
+            high=mode_count,
+            step=1,
+            word="auto",
+            hint=_MODE,
+            method=modes_method,
+        ),
+        Control(
+            group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method=modes_method
+        ),
+        replace(spacing_control, instead=Family().distance(surface.area, surface.mean_edge)),
+        Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method=modes_method),
         Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1 all is material, 1 nothing is."),
     ]
 
@@ -202,7 +224,7 @@ _FREQUENCY = "Stripes per unit of the mode: more is finer."
 _SPACING = "Metres from one stripe to the next; on modes it takes the place of the frequency, and 0 gives it back."
 
 
-def _width(reach: float) -> list[Control]:
+def _width_controls(reach: float) -> list[Control]:
     key, group, fine = "pattern.width.", "width of members", reach / 200
     missed = key + "solid_fraction_tolerance"
     return [
@@ -234,10 +256,10 @@ _THINNEST = (
 )
 
 
-def _kept(reach: float) -> list[Control]:
-    near = "Metres around loads and supports that stay material."
+def _kept_controls(reach: float) -> list[Control]:
+    keep_hint = "Metres around loads and supports that stay material."
     return [
-        Control("kept", "pattern.keep", "near loads", "length", "m", high=reach, step=reach / 200, hint=near),
+        Control("kept", "pattern.keep", "near loads", "length", "m", high=reach, step=reach / 200, hint=keep_hint),
         Control("kept", "pattern.rim", "rim", "length", "m", high=reach, step=reach / 200, hint="Along the boundary."),
         Control(
             "kept", "pattern.fillet", "round corners", "length", "m", high=reach / 20, step=reach / 2000, hint=_FILLET

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dsfab.app.editor.jobs import Telling
+from dsfab.app.editor.jobs import ReportProgress
 from dsfab.core.arrays import Bools, Floats, unit_vectors
 from dsfab.core.errors import DsfabError
 from dsfab.design import Design, Log, least_widths, refusal
@@ -16,19 +16,19 @@ from dsfab.design.pattern_measures import measured_pattern
 from dsfab.design.slicing_and_thickening import slicing_step
 from dsfab.design.stripe_pattern import least_width, stripe_stresses
 from dsfab.pattern import WIDTH_RULES, frequency_for, slopes, vertex_means
-from dsfab.render.colouring import STEEPEST, diverging, rising, signed
-from dsfab.render.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned
-from dsfab.render.striped_mesh import StripedMesh, distances, finite
-from dsfab.render.view import ANGLE, best_side, up_axis
+from dsfab.render.colouring import COLOUR_PERCENTILE, diverging_colours, rising_colours, signed_colours
+from dsfab.render.marks import POINT_LOAD_SPACING, SPREAD_LOAD_SPACING, SUPPORT_SPACING, Spacing, thin_points
+from dsfab.render.striped_mesh import StripedMesh, distances, finite_distances
+from dsfab.render.view import VIEW_DEGREES, best_side, up_axis
 from dsfab.results import SlicingResult
 from dsfab.slicing import Sheet
-from dsfab.slicing.measures.widths import features, kept_cells, under
-from dsfab.surface import LoadCase, Surface, nearest, weights_at
+from dsfab.slicing.measures.widths import below_limit, features, kept_cells
+from dsfab.surface import LoadCase, Surface, nearest_places, weights_at
 
 TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
-def packed(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
+def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
     """Pack facts and arrays (...) into one message; floats as 32 bits, integers as unsigned 32 bits."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
@@ -43,19 +43,19 @@ def packed(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> byte
     return len(head).to_bytes(4, "little") + head + b"".join(blocks)
 
 
-def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts and arrays of the surface, phases, distances, answers and marks.
 
     V (n, 3), metres, F (m, 3) and their fields are those of the mesh of the stripes (see `StripedMesh`). If this is a
     chart, loops, loads and supports refer to the vertices `uncut`.
     """
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
-    mesh = StripedMesh.of(draft)
+    mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
     side = best_side(surface.V, up)
     middle = (surface.V.min(axis=0) + surface.V.max(axis=0)) / 2
     answers = {"stress": _stress(draft), "u": statics.answers.equilibrium.u}
-    every = range(1, len(modes.major.lam) + 1) if not mesh.even else ()
+    mode_numbers = range(1, len(modes.major.lam) + 1) if not mesh.even else ()
     facts = {
         "centre": middle.tolist(),
         "size": surface.size,
@@ -63,13 +63,16 @@ def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "up": up.tolist(),
         "towards": side.towards.tolist(),
         "viewUp": side.up.tolist(),
-        "angle": ANGLE,
+        "angle": VIEW_DEGREES,
         "triangles": surface.m,
-        "creased": creased(surface),
+        "creased": has_creases(surface),
         "widthRules": WIDTH_RULES,
-        "lines": {name: [_lines(surface, getattr(modes, name).mode(k)) for k in every] for name in ("major", "minor")},
+        "lines": {
+            name: [_lines_per_metre(surface, getattr(modes, name).mode(k)) for k in mode_numbers]
+            for name in ("major", "minor")
+        },
         "limits": {
-            "stress": _steepest(answers["stress"]),
+            "stress": _stress_limit(answers["stress"]),
             "displacement": float(np.linalg.norm(answers["u"], axis=1).max()),
         },
         "loops": [len(loop) for loop in surface.loops],
@@ -79,24 +82,24 @@ def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "F": mesh.surface.F,
         "normals": mesh.normals,
         **_phases(draft, mesh),
-        "kept": mesh.carry(finite(distances(draft), 1e9)),
-        "along": mesh.carry(_along(draft)),
+        "kept": mesh.carry(finite_distances(distances(draft), 1e9)),
+        "along": mesh.carry(_relative_stress(draft)),
         **{name: mesh.carry(value) for name, value in answers.items()},
         **({"uncut": surface.V - middle} if mesh.even else {}),
-        **_marks(surface, draft.load, statics.answers.equilibrium.reaction, middle),
+        **_mark_arrays(surface, draft.load, statics.answers.equilibrium.reaction, middle),
         "loops": np.concatenate([*surface.loops, np.empty(0, dtype=np.int64)]).astype(np.int64),
     }
     return facts, arrays
 
 
-def widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return numbers of the pattern, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1.
 
     For evenly spaced stripes, slopes are lines per metre, and `shares` (n, 2) factors on the half-widths of the rules
     (see `StripedMesh`).
     """
-    pattern, ask, surface = draft.pattern, draft.preset.pattern, draft.surface
-    mesh = StripedMesh.of(draft)
+    pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
+    mesh = StripedMesh.from_design(draft)
     facts = {
         "method": "stripes" if mesh.even else "modes",
         "frequency": list(pattern.frequency),
@@ -104,8 +107,8 @@ def widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "mode": [1, 1] if mesh.even else list(pattern.mode),
         "factor": pattern.factor,
         "least": least_width(draft.preset, surface) if mesh.even else 0.0,
-        "member": ask.width.widths(np.sqrt(surface.area)).member,
-        "pattern": ask.model_dump(mode="json"),
+        "member": options.width.widths(np.sqrt(surface.area)).member,
+        "pattern": options.model_dump(mode="json"),
         "notes": [f"{note.stage}: {note.text}" for note in draft.notes],
         "refused": refusal(draft.preset, draft.statics),
         "seconds": sum(draft.seconds.values()),
@@ -114,14 +117,18 @@ def widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     return facts, arrays | ({"shares": mesh.shares} if mesh.even else {})
 
 
-def colours() -> dict[str, list[list[int]]]:
+def colour_scales() -> dict[str, list[list[int]]]:
     """Return the colour scales, 64 steps each."""
-    both, up = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
-    scales = {"diverging": diverging(both), "signed": signed(both), "rising": rising(up)}
+    signed_values, values = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
+    scales = {
+        "diverging": diverging_colours(signed_values),
+        "signed": signed_colours(signed_values),
+        "rising": rising_colours(values),
+    }
     return {name: scale.tolist() for name, scale in scales.items()}
 
 
-def creased(surface: Surface) -> bool:
+def has_creases(surface: Surface) -> bool:
     """True if a face differs so much from its corner normals that the shader must light each pixel."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
     return bool(normals.sum(axis=2).min() < 0.8)  # the same cosine as in shader.js
@@ -139,10 +146,10 @@ def _slopes(draft: Design, mesh: StripedMesh) -> Floats:
     """(n, 2) periods per metre; zeros if no width rule needs them."""
     if mesh.even:
         return mesh.carry(mesh.even.density)
-    ask, surface, mode = draft.preset.pattern.width, draft.surface, draft.pattern.mode
-    if not ask.widths(1.0).vary:
+    options, surface, mode = draft.preset.pattern.width, draft.surface, draft.pattern.mode
+    if not options.widths(1.0).vary:
         return np.zeros((surface.n, 2))
-    radius = ask.widths(np.sqrt(surface.area)).radius
+    radius = options.widths(np.sqrt(surface.area)).radius
     pair = draft.diffusion.major.mode(mode[0]), draft.diffusion.minor.mode(mode[1])
     return np.stack([slopes(surface, x, radius) for x in pair], axis=1)
 
@@ -154,7 +161,7 @@ def _stress(draft: Design) -> Floats:
     return vertex_means(draft.surface, value)
 
 
-def _along(draft: Design) -> Floats:
+def _relative_stress(draft: Design) -> Floats:
     """(n, 2) relative stress along both families, for graded widths; 1 without stress."""
     try:
         return stripe_stresses(draft.surface, draft.diffusion, draft.pattern.even)
@@ -162,11 +169,11 @@ def _along(draft: Design) -> Floats:
         return np.ones((draft.surface.n, 2))
 
 
-def _steepest(value: Floats) -> float:
-    return float(np.percentile(np.abs(value), STEEPEST)) or 1.0
+def _stress_limit(value: Floats) -> float:
+    return float(np.percentile(np.abs(value), COLOUR_PERCENTILE)) or 1.0
 
 
-def _lines(surface: Surface, x: Floats) -> float:
+def _lines_per_metre(surface: Surface, x: Floats) -> float:
     """Divisor of a spacing in metres that gives a frequency."""
     try:
         return frequency_for(surface, x, 1.0)
@@ -174,51 +181,55 @@ def _lines(surface: Surface, x: Floats) -> float:
         return 0.0
 
 
-def _marks(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
+def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
     """Arrows for groups of forces: (k, 6) place and newtons; places (k, 3) of supports."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V = surface.V - middle
-    pulls = [_gathered(V, load.force, acts & load.loaded, POINT_LOAD, surface.size)]
-    pulls.append(_gathered(V, load.force, acts & ~load.loaded, SPREAD_LOAD, surface.size))
-    held = V[load.held]
-    few = held[thinned(held, surface.size, SUPPORTS)] if len(held) else held
-    push = _gathered(V, reaction, np.linalg.norm(reaction, axis=1) > 0, SUPPORTS, surface.size)
-    return {"points": pulls[0], "spread": pulls[1], "supports": few, "reactions": push}
+    loads = [_gathered_forces(V, load.force, acts & load.loaded, POINT_LOAD_SPACING, surface.size)]
+    loads.append(_gathered_forces(V, load.force, acts & ~load.loaded, SPREAD_LOAD_SPACING, surface.size))
+    support_places = V[load.supported]
+    shown_supports = (
+        support_places[thin_points(support_places, surface.size, SUPPORT_SPACING)]
+        if len(support_places)
+        else support_places
+    )
+    reactions = _gathered_forces(V, reaction, np.linalg.norm(reaction, axis=1) > 0, SUPPORT_SPACING, surface.size)
+    return {"points": loads[0], "spread": loads[1], "supports": shown_supports, "reactions": reactions}
 
 
-def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, size: float) -> Floats:
+def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, size: float) -> Floats:
     """(k, 6) the forces on marked vertices, each added to the nearest arrow."""
-    at = np.flatnonzero(acts)
-    if not len(at):
+    acting = np.flatnonzero(acts)
+    if not len(acting):
         return np.zeros((0, 6))
-    some = at[:: max(len(at) // 3000, 1)]  # more take longer and look the same
-    taken = some[thinned(V[some], size, spacing)]
-    owner = cKDTree(V[taken]).query(V[at])[1]
-    total = np.stack([np.bincount(owner, force[at, i], len(taken)) for i in range(3)], axis=1)
-    return np.concatenate([V[taken], total], axis=1)
+    candidates = acting[:: max(len(acting) // 3000, 1)]  # more take longer and look the same
+    chosen = candidates[thin_points(V[candidates], size, spacing)]
+    owner = cKDTree(V[chosen]).query(V[acting])[1]
+    total = np.stack([np.bincount(owner, force[acting, i], len(chosen)) for i in range(3)], axis=1)
+    return np.concatenate([V[chosen], total], axis=1)
 
 
 TINTS = ("major", "minor")
 """Families with a colour of their own; other material has the next one."""
 
 
-def settled(made: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
+def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
     """Return arrays of a cut sheet with k vertices, one for each family that meets there, and m faces.
 
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) sides of its outlines.
     tint : (k,) 0 major, 1 minor, 2 other material.    normals : (k, 3) unit, of the uncut surface.
     corners, shares : (k, 3) each, vertices of the mesh of the stripes, and barycentric weights there.
     """
-    surface, drawn = sheet.surface, StripedMesh.of(made).surface
-    tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in made.pattern.names])
+    surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
+    tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
     tint = np.repeat(tints[sheet.family], 3)
     pairs, F = np.unique(surface.F.ravel() * (len(TINTS) + 1) + tint, return_inverse=True)
     vertex = pairs // (len(TINTS) + 1)
     V = surface.V[vertex]
-    there = nearest(V, drawn.V, drawn.F)
-    corners = drawn.F[there.simplex]
-    normals = sheet.carry_corners(made.surface.vertex_normals[made.surface.F], made.surface.F)[vertex]
-    middle = (made.surface.V.min(axis=0) + made.surface.V.max(axis=0)) / 2
+    nearest_points = nearest_places(V, striped_surface.V, striped_surface.F)
+    corners = striped_surface.F[nearest_points.simplex]
+    normals = sheet.carry_corners(draft.surface.vertex_normals[draft.surface.F], draft.surface.F)[vertex]
+    middle = (draft.surface.V.min(axis=0) + draft.surface.V.max(axis=0)) / 2
     outline = surface.edges.ends[surface.edges.count == 1]
     return {
         "V": V - middle,
@@ -227,51 +238,51 @@ def settled(made: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
         "tint": (pairs % (len(TINTS) + 1)).astype(float),
         "normals": unit_vectors(normals),
         "corners": corners,
-        "shares": np.clip(weights_at(there.place, drawn.V, corners), 0.0, 1.0),
+        "shares": np.clip(weights_at(nearest_points.place, striped_surface.V, corners), 0.0, 1.0),
     }
 
 
-def cut_as_built(made: Design, progress: Telling | None = None) -> tuple[SlicingResult, list[str]]:
+def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[SlicingResult, list[str]]:
     """Return the cut and tidied sheet of a draft, and notes.
 
     Raises DsfabError when the pattern leaves no material.
     """
     log = Log(progress)
-    cut = slicing_step(made.preset, made.surface, made.statics, made.pattern, log)
+    cut = slicing_step(draft.preset, draft.surface, draft.statics, draft.pattern, log)
     return cut, [f"{note.stage}: {note.text}" for note in log.notes]
 
 
-def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
+def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
     """Return square metres, kilograms (sheet area times thickness), pieces and widths in metres, for JSON.
 
     under, bars_under : whether the narrowest member, and each bar of the histogram, is under the least width.
     """
-    preset, sheet = made.preset, cut.sheet.surface
-    found = features(cut.cells, kept_cells(cut.cells, cut.sheet), made.pattern.names)
-    least = preset.fabrication.min_member or least_widths(made.settled, made.surface).member
-    limits, share = found.histogram(least)
-    narrow = found.member
+    preset, sheet = draft.preset, cut.sheet.surface
+    member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
+    least = preset.fabrication.min_member or least_widths(draft.resolved_preset, draft.surface).member
+    limits, share = member_features.histogram(least)
+    narrowest = member_features.member
     return {
         "area": sheet.area,
-        "share": sheet.area / made.surface.area,
+        "share": sheet.area / draft.surface.area,
         "mass": sheet.area * preset.statics.thickness * preset.statics.density,
         "pieces": len(cut.pieces),
         "loose": sum(not piece.held for piece in cut.pieces),
-        "narrowest": None if narrow is None else narrow.size,
-        "under": narrow is not None and bool(under(narrow.size, least)),
-        "place": None if narrow is None else narrow.place.tolist(),
+        "narrowest": None if narrowest is None else narrowest.size,
+        "under": narrowest is not None and bool(below_limit(narrowest.size, least)),
+        "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": under((limits[1:] + limits[:-1]) / 2, least).tolist(),  # one bar ends at the least width
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # one bar ends at the least width
         "min_member": least,
-        "pattern": _pattern(made, cut),
-        "compliance": made.statics.equilibrium.compliance,
+        "pattern": _pattern_figures(draft, cut),
+        "compliance": draft.statics.equilibrium.compliance,
         "notes": notes,
     }
 
 
-def _pattern(made: Design, cut: SlicingResult) -> dict[str, Any]:
-    found = measured_pattern(made, False, cut.cells, cut.sheet)
-    open_ = [family.opening for _, family in found.families if family.opening[2] > 0]
-    between = [min(one[0] for one in open_), max(one[2] for one in open_)] if open_ else None
-    return {"dead_ends": found.dead_ends, "slits": found.slits, "openings": between}
+def _pattern_figures(draft: Design, cut: SlicingResult) -> dict[str, Any]:
+    quality = measured_pattern(draft, False, cut.cells, cut.sheet)
+    open_ = [family.opening for _, family in quality.families if family.opening[2] > 0]
+    opening_range = [min(opening[0] for opening in open_), max(opening[2] for opening in open_)] if open_ else None
+    return {"dead_ends": quality.dead_ends, "slits": quality.slits, "openings": opening_range}

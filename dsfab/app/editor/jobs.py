@@ -11,7 +11,7 @@ from typing import Any
 
 from dsfab.core.errors import DsfabError
 
-Telling = Callable[[str, str], None]
+ReportProgress = Callable[[str, str], None]
 """Report of a stage and its work."""
 
 
@@ -22,7 +22,7 @@ class Cancelled(Exception):  # noqa: N818  # no error
 class JobProgress:
     """Progress of a job. Raises Cancelled once the job is cancelled, also by `check`, which reports nothing."""
 
-    def __init__(self, stop: threading.Event, tell: Telling) -> None:
+    def __init__(self, stop: threading.Event, tell: ReportProgress) -> None:
         self._stop, self._tell = stop, tell
 
     def __call__(self, stage: str, text: str) -> None:
@@ -52,7 +52,7 @@ class EditorJob:
     result: dict[str, Any] = field(default_factory=dict)
     stop: threading.Event = field(default_factory=threading.Event)
 
-    def told(self) -> dict[str, Any]:
+    def record(self) -> dict[str, Any]:
         """Return the job as a record for the page."""
         return {
             "job": self.number,
@@ -66,7 +66,7 @@ class EditorJob:
 
 log = logging.getLogger(__name__)
 
-PATIENCE = 0.5
+CANCEL_SECONDS = 0.5
 """Seconds from a cancellation to the next progress of a job; then its thread is abandoned."""
 
 
@@ -97,7 +97,7 @@ class Jobs:
         for worker in self._workers.values():
             worker.join(timeout=5)
 
-    def ask(self, kind: str, work: Work) -> int:
+    def submit(self, kind: str, work: Work) -> int:
         """Run `work` as soon as possible, in place of an older job of the same kind. Returns the job's number."""
         with self._wake:
             job = EditorJob(next(self._numbers), kind, work)
@@ -108,9 +108,9 @@ class Jobs:
             if kind == "solve":  # measures of the earlier design are outdated too
                 self._drop("figures", "outdated")
             self._waiting[kind] = job
-            self._tell(job)
+            self._notify(job)
             if kind not in self._workers:
-                self._work(kind)
+                self._start_worker(kind)
             self._wake.notify_all()
         return job.number
 
@@ -122,12 +122,12 @@ class Jobs:
                 return False
             job.stop.set()
             if job.state == "running":
-                late = threading.Timer(PATIENCE, self._leave_behind, [job])
-                late.daemon = True
-                late.start()
+                timer = threading.Timer(CANCEL_SECONDS, self._abandon, [job])
+                timer.daemon = True
+                timer.start()
             else:
                 self._waiting.pop(job.kind, None)
-                self._end(job, "cancelled", "cancelled")
+                self._end_job(job, "cancelled", "cancelled")
             return True
 
     def job(self, number: int) -> EditorJob | None:
@@ -140,14 +140,14 @@ class Jobs:
             job = self._known.get(number)
             return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
 
-    def listen(self) -> "queue.Queue[dict[str, Any] | None]":
+    def add_listener(self) -> "queue.Queue[dict[str, Any] | None]":
         """Return a queue of records of jobs; None at the end. Return it with `leave`."""
         listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
         with self._wake:
             self._listeners.append(listener)
         return listener
 
-    def leave(self, listener: "queue.Queue[dict[str, Any] | None]") -> None:
+    def remove_listener(self, listener: "queue.Queue[dict[str, Any] | None]") -> None:
         """Remove a listener."""
         with self._wake, suppress(ValueError):
             self._listeners.remove(listener)
@@ -155,20 +155,20 @@ class Jobs:
     def _drop(self, kind: str, why: str) -> None:
         if waiting := self._waiting.pop(kind, None):
             waiting.stop.set()
-            self._end(waiting, "cancelled", why)
+            self._end_job(waiting, "cancelled", why)
         if running := self._running.get(kind):
             running.stop.set()
 
-    def _leave_behind(self, job: EditorJob) -> None:
+    def _abandon(self, job: EditorJob) -> None:
         """End a job that ignores its cancellation; another thread replaces its worker."""
         with self._wake:
             if self._running.get(job.kind) is not job or self._closed:
                 return
             del self._running[job.kind]
-            self._end(job, "cancelled", "cancelled")
-            self._work(job.kind)
+            self._end_job(job, "cancelled", "cancelled")
+            self._start_worker(job.kind)
 
-    def _work(self, kind: str) -> None:
+    def _start_worker(self, kind: str) -> None:
         worker = threading.Thread(target=self._loop, args=(kind,), name=f"dsfab-editor-{kind}", daemon=True)
         worker.start()  # this may be interrupted, and __exit__ must join started threads only
         self._workers[kind] = worker
@@ -182,21 +182,21 @@ class Jobs:
                     return
                 self._running[kind] = job = self._waiting.pop(kind)
                 job.state = "running"
-                self._tell(job)
-            if not self._do(job):
+                self._notify(job)
+            if not self._run(job):
                 return
 
-    def _do(self, job: EditorJob) -> bool:
+    def _run(self, job: EditorJob) -> bool:
         """Run a job; returns whether this thread is still the worker."""
 
-        def tell(stage: str, text: str) -> None:
+        def report(stage: str, text: str) -> None:
             with self._wake:
                 job.stage, job.text = stage, text
-                self._tell(job)
+                self._notify(job)
 
         result: dict[str, Any] = {}
         try:
-            result = job.work(JobProgress(job.stop, tell))
+            result = job.work(JobProgress(job.stop, report))
             state, text = "done", ""
         except Cancelled:
             state, text = "cancelled", "cancelled"
@@ -210,15 +210,15 @@ class Jobs:
                 return False
             del self._running[job.kind]
             job.result = result
-            self._end(job, state, text)
+            self._end_job(job, state, text)
             return True
 
-    def _end(self, job: EditorJob, state: str, text: str) -> None:
+    def _end_job(self, job: EditorJob, state: str, text: str) -> None:
         job.state, job.text = state, text
-        self._tell(job)
+        self._notify(job)
 
-    def _tell(self, job: EditorJob) -> None:
-        told = job.told()
+    def _notify(self, job: EditorJob) -> None:
+        record = job.record()
         for listener in self._listeners:
             with suppress(queue.Full):  # a listener that has gone
-                listener.put_nowait(told)
+                listener.put_nowait(record)

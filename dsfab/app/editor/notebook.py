@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dsfab.app.editor.workspace import Opened, open_preset
+from dsfab.app.editor.workspace import OpenedPreset, open_preset
 from dsfab.core.errors import DsfabError
 from dsfab.design import draft
 from dsfab.design.design import Design
@@ -30,8 +30,8 @@ def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640)
     except ImportError:
         raise DsfabError('the widget needs anywidget; install it with: pip install "dsfab[notebook]"') from None
     if isinstance(target, Design):
-        made = draft(target.preset, None, target)
-        return Editor(Opened(made.preset), made, height=height)
+        drafted = draft(target.preset, None, target)
+        return Editor(OpenedPreset(drafted.preset), drafted, height=height)
     if isinstance(target, str | Path):
         return Editor(open_preset(str(target)), height=height)
-    return Editor(Opened(Design.of(target).preset), height=height)
+    return Editor(OpenedPreset(Design.from_preset(target).preset), height=height)

@@ -25,18 +25,18 @@ _FROM = re.compile(r"""(\b(?:from|import)\s*['"])\./((?:vendor/)?[\w.]+['"])""")
 
 def static_files() -> dict[str, bytes]:
     """Return every file of the page by its path in the address."""
-    found, folders = {}, [("", files("dsfab.app.editor").joinpath("static"))]
+    contents, folders = {}, [("", files("dsfab.app.editor").joinpath("static"))]
     while folders:
         prefix, folder = folders.pop()
         for entry in folder.iterdir():
             if entry.is_dir():
                 folders.append((f"{prefix}{entry.name}/", entry))
             else:
-                found[prefix + entry.name] = entry.read_bytes()
-    return found
+                contents[prefix + entry.name] = entry.read_bytes()
+    return contents
 
 
-def page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
+def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
     """Return index.html with the token of this run, and the policy (CSP) that allows our own files only.
 
     The page preloads all modules, because they import each other in a chain of requests.
@@ -52,7 +52,7 @@ def page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
     return html.replace("{token}", token).replace("{nonce}", nonce).encode(), policy
 
 
-def bundle() -> str:
+def widget_module() -> str:
     """Return the whole page as one module for anywidget: widget.js with the other files packed into it.
 
     Relative imports do not work there: './x.js' becomes 'dsfab/x.js', a name of the page's import map (HTML Standard).
@@ -61,13 +61,13 @@ def bundle() -> str:
     texts = {name: content.decode() for name, content in static_files().items()}
     modules = {name: text for name, text in texts.items() if name.endswith(".js") and name != WIDGET}
     modules[HTTP] = modules.pop(NOTEBOOK)
-    named = {f"dsfab/{name}": _absolute(name, text) for name, text in modules.items()}
+    named = {f"dsfab/{name}": _with_absolute_imports(name, text) for name, text in modules.items()}
     parts = {"html": texts["index.html"], "css": texts["style.css"], "modules": named}
     zipped = gzip.compress(json.dumps(parts).encode(), mtime=0)
     return texts[WIDGET].replace("{packed}", base64.b64encode(zipped).decode())
 
 
-def _absolute(name: str, text: str) -> str:
+def _with_absolute_imports(name: str, text: str) -> str:
     folder = name.rpartition("/")[0]
     return _FROM.sub(rf"\1dsfab/{folder + '/' if folder else ''}\2", text)
 
@@ -75,91 +75,99 @@ def _absolute(name: str, text: str) -> str:
 SMALLEST, WIDEST = 64, 2400
 """Limits on the sides of a picture, pixels."""
 
-Given = Mapping[str, Any]
+RequestFields = Mapping[str, Any]
 
 
-class AskError(DsfabError):
+class RequestError(DsfabError):
     """A request that the page never sends: a field is missing or has another type."""
 
 
-def _typed(given: Given, name: str, kind: type) -> Any:
-    value = given.get(name)
+def _required_field(fields: RequestFields, name: str, kind: type) -> Any:
+    value = fields.get(name)
     if not isinstance(value, kind):
-        raise AskError(f"{name} is missing or of another type")
+        raise RequestError(f"{name} is missing or of another type")
     return value
 
 
-def _changes(given: Given) -> Given:
-    changes: Given = _typed(given, "changes", dict)
+def _changes_field(fields: RequestFields) -> RequestFields:
+    changes: RequestFields = _required_field(fields, "changes", dict)
     return changes
 
 
-def _build(session: Session, given: Given) -> Given:
-    return session.ask_build(_changes(given), bool(given.get("replace", False)))
+def _handle_build(session: Session, fields: RequestFields) -> RequestFields:
+    return session.ask_build(_changes_field(fields), bool(fields.get("replace", False)))
 
 
-def _export(session: Session, given: Given) -> Given:
-    return session.ask_build(_changes(given), bool(given.get("replace", False)), _typed(given, "format", str))
+def _handle_export(session: Session, fields: RequestFields) -> RequestFields:
+    return session.ask_build(
+        _changes_field(fields), bool(fields.get("replace", False)), _required_field(fields, "format", str)
+    )
 
 
-def _picture(session: Session, given: Given) -> Given:
-    size = _typed(given, "size", list)
+def _handle_picture(session: Session, fields: RequestFields) -> RequestFields:
+    size = _required_field(fields, "size", list)
     if len(size) != 2 or not all(isinstance(x, int) and SMALLEST <= x <= WIDEST for x in size):
-        raise AskError(f"size is two numbers of pixels from {SMALLEST} to {WIDEST}")
-    show, view = _typed(given, "show", str), _typed(given, "view", str)
-    return {"job": session.ask_picture(_changes(given), view, show, (size[0], size[1]))}
+        raise RequestError(f"size is two numbers of pixels from {SMALLEST} to {WIDEST}")
+    show, view = _required_field(fields, "show", str), _required_field(fields, "view", str)
+    return {"job": session.ask_picture(_changes_field(fields), view, show, (size[0], size[1]))}
 
 
-def _keep(session: Session, given: Given) -> Given:
-    name, picture, figures = _typed(given, "name", str), _typed(given, "picture", str), _typed(given, "figures", dict)
-    session.variants.keep(KeptVariant(name, session.opened, _changes(given), picture, figures))
-    return {"variants": session.variants.listed()}
+def _handle_keep(session: Session, fields: RequestFields) -> RequestFields:
+    name, picture, figures = (
+        _required_field(fields, "name", str),
+        _required_field(fields, "picture", str),
+        _required_field(fields, "figures", dict),
+    )
+    session.variants.keep(KeptVariant(name, session.current_preset, _changes_field(fields), picture, figures))
+    return {"variants": session.variants.records()}
 
 
-def _rename(session: Session, given: Given) -> Given:
-    session.variants.rename(_typed(given, "variant", int), _typed(given, "name", str))
-    return {"variants": session.variants.listed()}
+def _handle_rename(session: Session, fields: RequestFields) -> RequestFields:
+    session.variants.rename(_required_field(fields, "variant", int), _required_field(fields, "name", str))
+    return {"variants": session.variants.records()}
 
 
-def _drop(session: Session, given: Given) -> Given:
-    session.variants.drop(_typed(given, "variant", int))
-    return {"variants": session.variants.listed()}
+def _handle_drop(session: Session, fields: RequestFields) -> RequestFields:
+    session.variants.drop(_required_field(fields, "variant", int))
+    return {"variants": session.variants.records()}
 
 
-def _compare(session: Session, given: Given) -> Given:
-    numbers = _typed(given, "variants", list)
+def _handle_compare(session: Session, fields: RequestFields) -> RequestFields:
+    numbers = _required_field(fields, "variants", list)
     if len(numbers) not in (1, 2) or not all(isinstance(number, int) for number in numbers):
-        raise AskError("variants are one or two numbers")
+        raise RequestError("variants are one or two numbers")
     presets = [session.variants[number].preset for number in numbers]
-    one, other = (*presets, session.opened.changed(_changes(given)))[:2]
-    return {"differences": differences(one, other)}
+    before, after = (*presets, session.current_preset.preset_with(_changes_field(fields)))[:2]
+    return {"differences": differences(before, after)}
 
 
-def _open(session: Session, given: Given) -> Given:
-    if "preset" in given:
-        return session.open_preset(_typed(given, "preset", str))
-    if "toml" in given:
-        return session.open_toml(_typed(given, "toml", str))
-    if "variant" in given:
-        return session.open_variant(_typed(given, "variant", int))
-    unit = given.get("unit")
-    return session.ask_mesh(_typed(given, "name", str), str(unit) if unit else None, _typed(given, "data", str))
+def _handle_open(session: Session, fields: RequestFields) -> RequestFields:
+    if "preset" in fields:
+        return session.open_preset(_required_field(fields, "preset", str))
+    if "toml" in fields:
+        return session.open_toml(_required_field(fields, "toml", str))
+    if "variant" in fields:
+        return session.open_variant(_required_field(fields, "variant", int))
+    unit = fields.get("unit")
+    return session.ask_mesh(
+        _required_field(fields, "name", str), str(unit) if unit else None, _required_field(fields, "data", str)
+    )
 
 
-ASKS: dict[str, Callable[[Session, Given], Given]] = {
-    "solve": lambda session, given: {"job": session.ask_solve(_changes(given))},
-    "build": _build,
-    "export": _export,
+HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
+    "solve": lambda session, given: {"job": session.ask_solve(_changes_field(given))},
+    "build": _handle_build,
+    "export": _handle_export,
     "formats": lambda session, given: {"formats": offered_formats()},
-    "picture": _picture,
+    "picture": _handle_picture,
     "members": lambda session, given: {"job": session.ask_members(bool(given.get("judged", False)))},
-    "preset": lambda session, given: session.preset_file(_changes(given)),
-    "command": lambda session, given: session.command(_changes(given)),
-    "open": _open,
-    "keep": _keep,
-    "rename": _rename,
-    "drop": _drop,
-    "compare": _compare,
-    "cancel": lambda session, given: {"stopped": session.jobs.cancel(_typed(given, "job", int))},
+    "preset": lambda session, given: session.preset_file(_changes_field(given)),
+    "command": lambda session, given: session.command(_changes_field(given)),
+    "open": _handle_open,
+    "keep": _handle_keep,
+    "rename": _handle_rename,
+    "drop": _handle_drop,
+    "compare": _handle_compare,
+    "cancel": lambda session, given: {"stopped": session.jobs.cancel(_required_field(given, "job", int))},
 }
 """Handlers of requests. Each raises DsfabError with a sentence for the user and returns data for JSON."""

@@ -14,7 +14,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import parse_qs, quote, urlsplit
 
-from dsfab.app.editor.page import ASKS, KINDS, AskError, Given, page, static_files
+from dsfab.app.editor.page import HANDLERS, KINDS, RequestError, RequestFields, index_page, static_files
 from dsfab.app.editor.session import Session
 from dsfab.core.errors import DsfabError
 
@@ -26,7 +26,7 @@ LARGEST = 96 * 2**20
 """Bytes of a request, at most: a mesh of some million triangles."""
 
 
-class Refused(Exception):  # noqa: N818  # no error of the server
+class RefusedRequest(Exception):  # noqa: N818  # no error of the server
     """A refused request: status and sentence."""
 
     def __init__(self, status: HTTPStatus, text: str) -> None:
@@ -44,7 +44,7 @@ class EditorServer(ThreadingHTTPServer):
     def __init__(self, session: Session, port: int = 0) -> None:
         self.session, self.token = session, secrets.token_urlsafe(24)
         self.static = static_files()
-        super().__init__((LOOPBACK, port), Handler)
+        super().__init__((LOOPBACK, port), EditorHandler)
         number = self.server_address[1]
         self.hosts = {f"{name}:{number}" for name in (LOOPBACK, "localhost")}
 
@@ -58,7 +58,7 @@ class EditorServer(ThreadingHTTPServer):
         return f"http://{LOOPBACK}:{self.server_address[1]}/?token={self.token}"
 
 
-class Handler(BaseHTTPRequestHandler):
+class EditorHandler(BaseHTTPRequestHandler):
     """Handler of a connection."""
 
     server: EditorServer
@@ -70,31 +70,31 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer a GET."""
-        self._guarded(self._get)
+        self._guard(self._get)
 
     def do_POST(self) -> None:
         """Answer a POST."""
-        self._guarded(self._post)
+        self._guard(self._post)
 
     def log_message(self, format: str, *args: object) -> None:
         """Print nothing, because the terminal belongs to the user."""
 
-    def _guarded(self, act: Callable[[], None]) -> None:
+    def _guard(self, handle: Callable[[], None]) -> None:
         try:
             self._check_host()
-            self._answered(act)
-        except Refused as refused:
+            self._answer(handle)
+        except RefusedRequest as refused:
             self.close_connection = True  # the rest of the request stays unread
             self._json({"error": str(refused)}, refused.status)
         except (ConnectionError, TimeoutError):
             self.close_connection = True
 
-    def _answered(self, act: Callable[[], None]) -> None:
+    def _answer(self, handle: Callable[[], None]) -> None:
         try:
-            act()
-        except (Refused, ConnectionError, TimeoutError):
+            handle()
+        except (RefusedRequest, ConnectionError, TimeoutError):
             raise
-        except AskError as error:
+        except RequestError as error:
             self._json({"error": str(error)}, HTTPStatus.BAD_REQUEST)
         except DsfabError as error:
             self._json({"error": str(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
@@ -106,15 +106,17 @@ class Handler(BaseHTTPRequestHandler):
 
     def _check_host(self) -> None:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
-            raise Refused(HTTPStatus.FORBIDDEN, "this server answers for its own address only")
+            raise RefusedRequest(HTTPStatus.FORBIDDEN, "this server answers for its own address only")
         origin = self.headers.get("Origin")
         if origin is not None and urlsplit(origin).netloc.lower() not in self.server.hosts:
-            raise Refused(HTTPStatus.FORBIDDEN, "this server answers its own page only")
+            raise RefusedRequest(HTTPStatus.FORBIDDEN, "this server answers its own page only")
 
     def _check_token(self, query: Mapping[str, list[str]]) -> None:
-        given = self.headers.get("X-Dsfab-Token") or query.get("token", [""])[0]
-        if not hmac.compare_digest(given.encode(), self.server.token.encode()):
-            raise Refused(HTTPStatus.FORBIDDEN, "open the address that dsfab edit printed: it has the key of this run")
+        token = self.headers.get("X-Dsfab-Token") or query.get("token", [""])[0]
+        if not hmac.compare_digest(token.encode(), self.server.token.encode()):
+            raise RefusedRequest(
+                HTTPStatus.FORBIDDEN, "open the address that dsfab edit printed: it has the key of this run"
+            )
 
     def _get(self) -> None:
         parts = urlsplit(self.path)
@@ -128,57 +130,59 @@ class Handler(BaseHTTPRequestHandler):
         elif parts.path == "/api/start":
             self._json(self.server.session.start())
         elif parts.path == "/api/model":
-            self._bytes(self.server.session.model(_number(query, "have")), "application/octet-stream")
+            self._bytes(self.server.session.model(_number_field(query, "have")), "application/octet-stream")
         elif parts.path == "/api/cut":
-            self._some(self.server.session.cut(_number(query, "draft")))
+            self._bytes_or_nothing(self.server.session.cut_sheet(_number_field(query, "draft")))
         elif parts.path == "/api/early":
-            self._some(self.server.session.early())
+            self._bytes_or_nothing(self.server.session.first_model())
         elif parts.path == "/api/events":
             self._events()
         elif parts.path == "/api/file":
-            self._file(_number(query, "build"), _number(query, "index"))
+            self._file(_number_field(query, "build"), _number_field(query, "index"))
         else:
-            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is nothing here")
 
     def _post(self) -> None:
         parts = urlsplit(self.path)
         self._check_token(parse_qs(parts.query))
         if self.headers.get_content_type() != "application/json":
-            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send application/json")
-        act = ASKS.get(parts.path.removeprefix("/api/")) if parts.path.startswith("/api/") else None
-        if act is None:
-            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
-        self._json(act(self.server.session, self._body()))
+            raise RefusedRequest(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send application/json")
+        handle = HANDLERS.get(parts.path.removeprefix("/api/")) if parts.path.startswith("/api/") else None
+        if handle is None:
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is nothing here")
+        self._json(handle(self.server.session, self._body()))
 
-    def _body(self) -> Given:
+    def _body(self) -> RequestFields:
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdigit() and len(length) < 19):
-            raise Refused(HTTPStatus.LENGTH_REQUIRED, "say how long it is")
+            raise RefusedRequest(HTTPStatus.LENGTH_REQUIRED, "say how long it is")
         if int(length) > LARGEST:
-            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"more than {LARGEST >> 20} MB; make the mesh coarser")
+            raise RefusedRequest(
+                HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"more than {LARGEST >> 20} MB; make the mesh coarser"
+            )
         try:
             body = json.loads(self.rfile.read(int(length)))
         except (ValueError, RecursionError):
-            raise Refused(HTTPStatus.BAD_REQUEST, "that is not JSON") from None
+            raise RefusedRequest(HTTPStatus.BAD_REQUEST, "that is not JSON") from None
         if not isinstance(body, dict):
-            raise Refused(HTTPStatus.BAD_REQUEST, "send an object")
+            raise RefusedRequest(HTTPStatus.BAD_REQUEST, "send an object")
         return body
 
     def _page(self) -> None:
-        content, policy = page(self.server.static, self.server.token)
+        content, policy = index_page(self.server.static, self.server.token)
         self._bytes(content, "text/html; charset=utf-8", {"Content-Security-Policy": policy})
 
     def _static(self, name: str) -> None:
         content = self.server.static.get(name)
         if content is None or name == "index.html":
-            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is nothing here")
         kind = KINDS.get("." + name.rpartition(".")[2], "text/plain")
         self._bytes(content, f"{kind}; charset=utf-8")
 
     def _file(self, build: int, index: int) -> None:
         path = self.server.session.builds.file(build, index)
         if path is None:
-            raise Refused(HTTPStatus.NOT_FOUND, "that file was not built")
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "that file was not built")
         name = quote(path.name)
         self._bytes(
             path.read_bytes(), "application/octet-stream", {"Content-Disposition": f"attachment; filename={name}"}
@@ -186,7 +190,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def _events(self) -> None:
         jobs = self.server.session.jobs
-        listener = jobs.listen()
+        listener = jobs.add_listener()
         try:
             self.send_response(HTTPStatus.OK)
             self._headers("text/event-stream", {"Connection": "close"})
@@ -202,23 +206,27 @@ class Handler(BaseHTTPRequestHandler):
                     return
                 self.wfile.write(f"data: {json.dumps(news)}\n\n".encode())
         finally:
-            jobs.leave(listener)
+            jobs.remove_listener(listener)
 
-    def _json(self, told: Given, status: HTTPStatus = HTTPStatus.OK) -> None:
-        self._bytes(json.dumps(told).encode(), "application/json", status=status)
+    def _json(self, fields: RequestFields, status: HTTPStatus = HTTPStatus.OK) -> None:
+        self._bytes(json.dumps(fields).encode(), "application/json", status=status)
 
-    def _some(self, content: bytes) -> None:
+    def _bytes_or_nothing(self, content: bytes) -> None:
         self._bytes(content, "application/octet-stream", status=HTTPStatus.OK if content else HTTPStatus.NO_CONTENT)
 
     def _bytes(
-        self, content: bytes, kind: str, more: Mapping[str, str] | None = None, status: HTTPStatus = HTTPStatus.OK
+        self,
+        content: bytes,
+        kind: str,
+        extra_headers: Mapping[str, str] | None = None,
+        status: HTTPStatus = HTTPStatus.OK,
     ) -> None:
         self.send_response(status)
-        self._headers(kind, {**(more or {}), "Content-Length": str(len(content))})
+        self._headers(kind, {**(extra_headers or {}), "Content-Length": str(len(content))})
         self.wfile.write(content)
 
-    def _headers(self, kind: str, more: Mapping[str, str]) -> None:
-        fixed = {
+    def _headers(self, kind: str, extra_headers: Mapping[str, str]) -> None:
+        common_headers = {
             "Content-Type": kind,
             "Cache-Control": "no-store",
             "Referrer-Policy": "no-referrer",  # the address holds the token
@@ -226,13 +234,13 @@ class Handler(BaseHTTPRequestHandler):
             "Cross-Origin-Resource-Policy": "same-origin",
             "Cross-Origin-Opener-Policy": "same-origin",
         }
-        for name, value in {**fixed, **more}.items():
+        for name, value in {**common_headers, **extra_headers}.items():
             self.send_header(name, value)
         self.end_headers()
 
 
-def _number(query: Mapping[str, list[str]], name: str) -> int:
+def _number_field(query: Mapping[str, list[str]], name: str) -> int:
     text = query.get(name, ["0"])[0]
     if not (text.isascii() and text.isdigit() and len(text) < 10):
-        raise Refused(HTTPStatus.BAD_REQUEST, f"{name} is a number")
+        raise RefusedRequest(HTTPStatus.BAD_REQUEST, f"{name} is a number")
     return int(text)

@@ -13,11 +13,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from dsfab.app.editor.building import BuildRequest, Builds, opened_apart
+from dsfab.app.editor.building import BuildRequest, Builds, open_mesh_in_process
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.drafts import colours, model, packed, widths
+from dsfab.app.editor.drafts import colour_scales, draft_model, pack_message, pattern_widths
 from dsfab.app.editor.jobs import JobProgress, Jobs
-from dsfab.app.editor.workspace import MeshRequest, Opened, Outputs, VariantTray, opened_shipped, saved_preset
+from dsfab.app.editor.workspace import MeshRequest, OpenedPreset, Outputs, VariantTray, opened_shipped, saved_preset
 from dsfab.app.export import format_suffix
 from dsfab.core.errors import DsfabError
 from dsfab.core.materials import MATERIALS
@@ -54,10 +54,10 @@ class Session:
     outputs : folder of builds and its name; None puts them into a temporary folder of the session.
     """
 
-    def __init__(self, first: Opened, made: Design | None = None, outputs: Outputs | None = None) -> None:
+    def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
         self.jobs = Jobs()
-        self._opened, self._opening = first, 1
-        self._shown = SessionView(made, 1, 1, 1) if made else None
+        self._opened, self._opening = opened, 1
+        self._shown = SessionView(drafted, 1, 1, 1) if drafted else None
         self._sketched: SessionView | None = None
         self._asked: tuple[int, int, Preset] | None = None
         self._lock = threading.RLock()
@@ -65,9 +65,9 @@ class Session:
         self._cut: tuple[SessionView, Sheet] | None = None
         self._meshes = itertools.count(1)
         self._folder = temporary_folder("dsfab-edit")
-        aside = Path(self._folder.name)
+        temporary = Path(self._folder.name)
         self.variants = VariantTray()
-        self.builds = Builds(outputs or Outputs(aside / "outputs"), aside)
+        self.builds = Builds(outputs or Outputs(temporary / "outputs"), temporary)
 
     def __enter__(self) -> "Session":
         self.jobs.__enter__()
@@ -80,7 +80,7 @@ class Session:
             self._folder.cleanup()
 
     @property
-    def opened(self) -> Opened:
+    def current_preset(self) -> OpenedPreset:
         """The open preset."""
         with self._lock:
             return self._opened
@@ -88,36 +88,36 @@ class Session:
     def start(self) -> dict[str, Any]:
         """Return the facts that the page needs before the first solution."""
         with self._lock:
-            now, number = self._opened, self._opening
+            opened, number = self._opened, self._opening
         return {
-            "preset": now.preset.model_dump(mode="json", exclude={"surface": {"file", "mesh"}}),
-            "title": now.preset.name,
+            "preset": opened.preset.model_dump(mode="json", exclude={"surface": {"file", "mesh"}}),
+            "title": opened.preset.name,
             "opening": number,
             "presets": list(shipped_presets()),
             "units": list(METRES_PER),
             "meshes": list(MESH_SUFFIXES),
-            "decided": [asdict(decision) for decision in now.decided],
-            "outputs": self.builds.outputs.shown,
-            "materials": {name: {**one.values, "says": one.says} for name, one in MATERIALS.items()},
-            "variants": self.variants.listed(),
+            "decided": [asdict(decision) for decision in opened.decided],
+            "outputs": self.builds.outputs.label,
+            "materials": {name: {**material.values, "says": material.says} for name, material in MATERIALS.items()},
+            "variants": self.variants.records(),
             "wave": GLSL,
-            "colours": colours(),
+            "colours": colour_scales(),
         }
 
     def open_preset(self, name: str) -> dict[str, Any]:
         """Open a shipped preset."""
-        return self._open(opened_shipped(name))
+        return self._set_opened(opened_shipped(name))
 
     def open_toml(self, text: str) -> dict[str, Any]:
         """Open a preset file that the page sends."""
-        return self._open(self.opened.reopened(text))
+        return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
         """Return to a variant; `changes` are those over the preset that is then open."""
         variant = self.variants[number]
         with self._lock:
-            same = variant.opened is self._opened
-            return {**(self.start() if same else self._open(variant.opened)), "changes": dict(variant.changes)}
+            is_open = variant.opened is self._opened
+            return {**(self.start() if is_open else self._set_opened(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
         """Start a job that opens a mesh from the page, base64; the file here has a name of ours.
@@ -134,37 +134,37 @@ class Session:
         path = Path(self._folder.name) / f"mesh-{next(self._meshes)}{suffix}"
         path.write_bytes(content)
         request = MeshRequest(path, Path(name).name, unit)
-        return {"job": self.jobs.ask("open", lambda progress: self._mesh(request, progress))}
+        return {"job": self.jobs.submit("open", lambda progress: self._mesh(request, progress))}
 
     def _mesh(self, request: MeshRequest, progress: JobProgress) -> dict[str, Any]:
         try:
-            found = opened_apart(request, progress)
+            opened = open_mesh_in_process(request, progress)
         except BaseException:
             request.path.unlink(missing_ok=True)
             raise
         progress.check()
-        return self._open(found)
+        return self._set_opened(opened)
 
-    def _open(self, new: Opened) -> dict[str, Any]:
+    def _set_opened(self, opened: OpenedPreset) -> dict[str, Any]:
         with self._lock:
-            self._opened, self._opening = new, self._opening + 1
+            self._opened, self._opening = opened, self._opening + 1
         return self.start()
 
     def preset_file(self, changes: Changes) -> dict[str, Any]:
         """Return the changed preset as a file."""
-        now = self.opened
-        return {"name": f"{now.changed(changes).name}.toml", "toml": now.toml(changes)}
+        opened = self.current_preset
+        return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
         """Return the command of the build, and the preset file that was saved for it, or that the page has to save
         first.
         """
-        now, outputs = self.opened, self.builds.outputs
-        command, save = now.command(changes)
-        if not (save and outputs.shown):
+        opened, outputs = self.current_preset, self.builds.outputs
+        command, save = opened.command(changes)
+        if not (save and outputs.label):
             return {"command": command, "save": save, "saved": ""}
-        path = saved_preset(now, changes, outputs)
-        place = f"{outputs.shown}/{path.name}"
+        path = saved_preset(opened, changes, outputs)
+        place = f"{outputs.label}/{path.name}"
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
@@ -172,11 +172,11 @@ class Session:
         already.
         """
         with self._lock:
-            preset, number = self._opened.changed(changes), self._opening
-            asked = self._asked
-            if asked and asked[1:] == (number, preset) and self.jobs.pending(asked[0]):
-                return asked[0]
-            job = self.jobs.ask("solve", lambda progress: self._solve(preset, progress))
+            preset, number = self._opened.preset_with(changes), self._opening
+            pending_request = self._asked
+            if pending_request and pending_request[1:] == (number, preset) and self.jobs.pending(pending_request[0]):
+                return pending_request[0]
+            job = self.jobs.submit("solve", lambda progress: self._solve(preset, progress))
             self._asked = job, number, preset
         return job
 
@@ -185,14 +185,14 @@ class Session:
 
         only : one format, in a word of `dsfab export --to`. Raises ExportError for a format that is not available.
         """
-        now = self.opened
-        preset = now.changed(changes)
+        opened = self.current_preset
+        preset = opened.preset_with(changes)
         if only:
             format_suffix(only)
-        if not replace and (question := self.builds.taken(preset.name)):
+        if not replace and (question := self.builds.replacement_question(preset.name)):
             return question
-        request = BuildRequest(preset, mesh=now.page_mesh, only=only)
-        return {"job": self.jobs.ask("export" if only else "build", lambda progress: self._build(request, progress))}
+        request = BuildRequest(preset, mesh=opened.page_mesh, only=only)
+        return {"job": self.jobs.submit("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
         """Start a job that names and measures the members of the last draft; judged: with their utilisation.
@@ -203,14 +203,14 @@ class Session:
             shown = self._shown
         if shown is None:
             raise DsfabError("nothing is solved yet")
-        return self.jobs.ask("members", lambda progress: self._members(shown, judged))
+        return self.jobs.submit("members", lambda progress: self._members(shown, judged))
 
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
         """Start a job that draws the structure here, for browsers without WebGL."""
-        preset = self.opened.changed(changes)
-        return self.jobs.ask("picture", lambda progress: self._picture(preset, view, show, size, progress))
+        preset = self.current_preset.preset_with(changes)
+        return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
-    def early(self) -> bytes:
+    def first_model(self) -> bytes:
         """Return the last draft, or a sketch of the first one, for a page that opens; empty if neither is in
         progress.
         """
@@ -229,63 +229,67 @@ class Session:
             raise DsfabError("nothing is solved yet")
         return self._model(shown, have)
 
-    def cut(self, draft: int) -> bytes:
+    def cut_sheet(self, draft: int) -> bytes:
         """Return the measured cut sheet of a draft (`drafts.cut_sheet_arrays`); empty for another draft."""
-        from dsfab.app.editor.drafts import settled
+        from dsfab.app.editor.drafts import cut_sheet_arrays
 
         with self._lock:
-            last = self._cut
-        return packed({}, settled(last[0].draft, last[1])) if last and last[0].number == draft else b""
+            latest_cut = self._cut
+        return (
+            pack_message({}, cut_sheet_arrays(latest_cut[0].draft, latest_cut[1]))
+            if latest_cut and latest_cut[0].number == draft
+            else b""
+        )
 
     def _model(self, shown: SessionView, have: int) -> bytes:
-        facts, arrays = widths(shown.draft)
+        facts, arrays = pattern_widths(shown.draft)
         facts |= {"draft": shown.number, "version": shown.version, "whole": have != shown.version}
         facts["opening"] = shown.opening
         if have != shown.version:
-            more, large = self._whole(shown)
-            facts |= more | {"controls": controls(shown.draft.preset, shown.draft.surface)}
-            arrays |= large
-        return packed(facts, arrays)
+            version_facts, version_arrays = self._model_of_version(shown)
+            facts |= version_facts | {"controls": controls(shown.draft.preset, shown.draft.surface)}
+            arrays |= version_arrays
+        return pack_message(facts, arrays)
 
-    def _whole(self, shown: SessionView) -> Packed:
+    def _model_of_version(self, shown: SessionView) -> Packed:
         """Result of `model` for a version; the last one is kept, because pages may load again."""
         with self._lock:
             if self._kept is None or self._kept[0] != shown.version:
-                self._kept = shown.version, model(shown.draft)
+                self._kept = shown.version, draft_model(shown.draft)
             return self._kept[1]
 
     def _solve(self, preset: Preset, progress: JobProgress) -> dict[str, Any]:
         with self._lock:
-            old, opening = self._shown, self._opening
-        design = Design.of(preset, old.draft if old else None, progress)
-        if old is None and (sketch := design.sketch()):  # for a new page, until the widths are solved
+            earlier, opening = self._shown, self._opening
+        design = Design.from_preset(preset, earlier.draft if earlier else None, progress)
+        if earlier is None and (sketch := design.sketch()):  # for a new page, until the widths are solved
             with self._lock:
-                self._sketched = self._following(sketch, opening)
-        made = design.until("pattern")
+                self._sketched = self._next_view(sketch, opening)
+        solved = design.until("pattern")
         progress("pattern", "handing over")  # the last chance to cancel
         with self._lock:
-            self._shown = shown = self._following(made, opening)
+            self._shown = shown = self._next_view(solved, opening)
             self._sketched = None
-        self.jobs.ask("figures", lambda progress: self._figures(shown, progress))
+        self.jobs.submit("figures", lambda progress: self._figures(shown, progress))
         return {"version": shown.version}
 
-    def _following(self, made: Design, opening: int) -> SessionView:
+    def _next_view(self, draft: Design, opening: int) -> SessionView:
         """Number a draft after the last one, or after its sketch."""
-        last = self._shown or self._sketched
-        if last is None:
-            return SessionView(made, 1, 1, opening)
-        same = last.opening == opening and _same(made, last.draft)
-        return SessionView(made, last.number + 1, last.version if same else last.version + 1, opening)
+        earlier = self._shown or self._sketched
+        if earlier is None:
+            return SessionView(draft, 1, 1, opening)
+        is_same = earlier.opening == opening and _same_model(draft, earlier.draft)
+        return SessionView(draft, earlier.number + 1, earlier.version if is_same else earlier.version + 1, opening)
 
     def _figures(self, shown: SessionView, progress: JobProgress) -> dict[str, Any]:
-        from dsfab.app.editor.drafts import cut_as_built, figures
+        from dsfab.app.editor.drafts import sheet_figures, tidied_cut
 
-        cut, notes = cut_as_built(shown.draft, progress)
+        cut, notes = tidied_cut(shown.draft, progress)
         progress("slicing", "measuring members")
-        found = figures(shown.draft, cut, notes)
+        measures = sheet_figures(shown.draft, cut, notes)
         with self._lock:
             self._cut = shown, cut.sheet
-        return {"draft": shown.number, **found}
+        return {"draft": shown.number, **measures}
 
     def _members(self, shown: SessionView, judged: bool) -> dict[str, Any]:
         from dsfab.render import member_places
@@ -296,8 +300,8 @@ class Session:
         from dsfab.render.opengl import why_no_pictures
 
         with self._lock:
-            old = self._shown.draft if self._shown else None
-        return self.builds.make(replace(request, old=old, picture=not why_no_pictures()), progress)
+            earlier = self._shown.draft if self._shown else None
+        return self.builds.make(replace(request, old=earlier, picture=not why_no_pictures()), progress)
 
     def _picture(
         self, preset: Preset, view: str, show: str, size: tuple[int, int], progress: JobProgress
@@ -305,17 +309,21 @@ class Session:
         from dsfab.app.editor.building import draw_png
 
         with self._lock:
-            old = self._shown
+            earlier = self._shown
         return {
-            "png": base64.b64encode(draw_png(preset, old.draft if old else None, view, show, size, progress)).decode()
+            "png": base64.b64encode(
+                draw_png(preset, earlier.draft if earlier else None, view, show, size, progress)
+            ).decode()
         }
 
 
-def _same(made: Design, old: Design) -> bool:
+def _same_model(draft: Design, earlier: Design) -> bool:
     """True if drafts differ only in widths or in the choice of modes, so that `model` returns the same."""
-    now, before = made.preset.pattern, old.preset.pattern
-    if now.region != before.region or (now.region and now.keep != before.keep):
+    pattern, earlier_pattern = draft.preset.pattern, earlier.preset.pattern
+    if pattern.region != earlier_pattern.region or (pattern.region and pattern.keep != earlier_pattern.keep):
         return False
-    if made.statics is not old.statics:  # the statics of a sketch may be rough
+    if draft.statics is not earlier.statics:  # the statics of a sketch may be rough
         return False
-    return made.diffusion is old.diffusion and StripedMesh.of(made).same(StripedMesh.of(old))
+    return draft.diffusion is earlier.diffusion and StripedMesh.from_design(draft).is_same_mesh(
+        StripedMesh.from_design(earlier)
+    )

@@ -9,9 +9,9 @@ from typing import Any
 import anywidget
 import traitlets
 
-from dsfab.app.editor.page import ASKS, Given, bundle
+from dsfab.app.editor.page import HANDLERS, RequestFields, widget_module
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.workspace import Opened
+from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.core.errors import DsfabError
 from dsfab.design.design import Design
 from dsfab.preset.model import Preset
@@ -29,22 +29,22 @@ class Editor(anywidget.AnyWidget):
     view = traitlets.Dict().tag(sync=True)
     height = traitlets.Int(640).tag(sync=True)
 
-    def __init__(self, first: Opened, made: Design | None = None, **more: Any) -> None:
-        self._esm = bundle()
-        self._session = Session(first, made)
+    def __init__(self, opened: OpenedPreset, drafted: Design | None = None, **traits: Any) -> None:
+        self._esm = widget_module()
+        self._session = Session(opened, drafted)
         self._session.__enter__()
-        self._news = self._session.jobs.listen()
+        self._news = self._session.jobs.add_listener()
         self._heard = False
-        super().__init__(**more)
-        self.on_msg(self._received)
-        if made is None:
+        super().__init__(**traits)
+        self.on_msg(self._handle_message)
+        if drafted is None:
             self._session.ask_solve({})  # while the page loads
-        threading.Thread(target=self._tell, args=(self._news,), name="dsfab-editor-news", daemon=True).start()
+        threading.Thread(target=self._forward_news, args=(self._news,), name="dsfab-editor-news", daemon=True).start()
 
     @property
     def preset(self) -> Preset:
         """The preset on the page. Raises PresetError for impossible changes."""
-        return self._session.opened.changed(self.changes)
+        return self._session.current_preset.preset_with(self.changes)
 
     @property
     def files(self) -> list[Path]:
@@ -65,41 +65,41 @@ class Editor(anywidget.AnyWidget):
             self._heard = False
 
     @traitlets.validate("changes")
-    def _checked(self, proposal: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _validate_changes(self, proposal: Mapping[str, Any]) -> Mapping[str, Any]:
         changes: Mapping[str, Any] = proposal["value"]
         if not self._heard:
-            self._session.opened.changed(changes)
+            self._session.current_preset.preset_with(changes)
         return changes
 
-    def _received(self, _: object, content: Given, __: object) -> None:
+    def _handle_message(self, _: object, content: RequestFields, __: object) -> None:
         """Answer a request of the page, see page.py; bytes go beside the message."""
-        told: dict[str, Any] = {"answer": content.get("ask")}
+        reply: dict[str, Any] = {"answer": content.get("ask")}
         try:
             answer = self._answer(str(content.get("name")), content.get("given", {}))
         except DsfabError as error:
-            self.send({**told, "error": str(error)})
+            self.send({**reply, "error": str(error)})
             return
         if isinstance(answer, bytes):
-            self.send(told, buffers=[answer])
+            self.send(reply, buffers=[answer])
         else:
-            self.send({**told, "told": answer})
+            self.send({**reply, "told": answer})
 
-    def _answer(self, name: str, given: Given) -> Given | bytes:
+    def _answer(self, name: str, fields: RequestFields) -> RequestFields | bytes:
         if name == "start":
             return self._session.start()
         if name == "model":
-            return self._session.model(int(given.get("have", 0)))
+            return self._session.model(int(fields.get("have", 0)))
         if name == "cut":
-            return self._session.cut(int(given.get("draft", 0)))
+            return self._session.cut_sheet(int(fields.get("draft", 0)))
         if name == "file":
-            path = self._session.builds.file(int(given.get("build", 0)), int(given.get("index", 0)))
+            path = self._session.builds.file(int(fields.get("build", 0)), int(fields.get("index", 0)))
             if path is None:
                 raise DsfabError("that file was not built")
             return path.read_bytes()
-        if name not in ASKS:
+        if name not in HANDLERS:
             raise DsfabError("there is nothing here")
-        return ASKS[name](self._session, given)
+        return HANDLERS[name](self._session, fields)
 
-    def _tell(self, news: "queue.Queue[dict[str, Any] | None]") -> None:
-        while (told := news.get()) is not None:
-            self.send({"news": told})
+    def _forward_news(self, news: "queue.Queue[dict[str, Any] | None]") -> None:
+        while (record := news.get()) is not None:
+            self.send({"news": record})

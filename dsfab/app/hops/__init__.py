@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.terminal import out
+from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
 
 
@@ -30,10 +30,10 @@ def hops(
         with server:
             try:
                 for component in COMPONENTS.values():
-                    out(f"{server.address}/{component.name}  {component.about}")
-                out("Paste one into a Hops component of Grasshopper. Ctrl-C ends it.")
+                    print_result(f"{server.address}/{component.name}  {component.about}")
+                print_result("Paste one into a Hops component of Grasshopper. Ctrl-C ends it.")
                 sys.stdout.flush()  # also into a pipe, because its reader waits for the address
                 server.serve_forever(poll_interval=0.2)
             except KeyboardInterrupt:
-                out()
+                print_result()
     return 0

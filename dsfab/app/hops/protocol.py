@@ -15,7 +15,7 @@ from dsfab.core.units import METRES_PER
 from dsfab.export import mesh_arrays
 
 Kind = Literal["Mesh", "Curve", "Point", "Number", "Text"]
-RESULTS: dict[Kind, str] = {
+NET_TYPES: dict[Kind, str] = {
     "Mesh": "Rhino.Geometry.Mesh",
     "Curve": "Rhino.Geometry.Curve",
     "Point": "Rhino.Geometry.Point3d",
@@ -24,7 +24,7 @@ RESULTS: dict[Kind, str] = {
 }
 """Types of .NET of output values."""
 
-MANY = 2**31 - 1
+UNLIMITED = 2**31 - 1
 """Number that Hops takes as unlimited."""
 
 UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m", "inches": "in", "feet": "ft"}
@@ -36,7 +36,7 @@ class HopsError(DsfabError):
 
 
 @dataclass(frozen=True)
-class Parameter:
+class HopsParameter:
     """A socket of a component.
 
     many    : it takes, or gives, a list.
@@ -47,19 +47,19 @@ class Parameter:
     nickname: str
     about: str
     kind: Kind
-    many: bool = False
-    wanted: bool = False
+    is_list: bool = False
+    is_required: bool = False
 
-    def described(self) -> dict[str, Any]:
+    def description_json(self) -> dict[str, Any]:
         """Return its description for Hops."""
         return {
             "Name": self.name,
             "Nickname": self.nickname,
             "Description": self.about,
             "ParamType": self.kind,
-            "ResultType": RESULTS[self.kind],
-            "AtLeast": 1 if self.wanted else 0,
-            "AtMost": MANY if self.many else 1,
+            "ResultType": NET_TYPES[self.kind],
+            "AtLeast": 1 if self.is_required else 0,
+            "AtMost": UNLIMITED if self.is_list else 1,
         }
 
 
@@ -69,11 +69,11 @@ class HopsComponent:
 
     name: str
     about: str
-    inputs: tuple[Parameter, ...]
-    outputs: tuple[Parameter, ...]
-    solve: Callable[["Request"], Sequence[Any]]
+    inputs: tuple[HopsParameter, ...]
+    outputs: tuple[HopsParameter, ...]
+    solve: Callable[["HopsRequest"], Sequence[Any]]
 
-    def described(self) -> dict[str, Any]:
+    def description_json(self) -> dict[str, Any]:
         """Return its description for Hops."""
         return {
             "Uri": f"/{self.name}",
@@ -82,18 +82,18 @@ class HopsComponent:
             "Description": self.about,
             "Category": "dsfab",
             "Subcategory": "dsfab",
-            "Inputs": [one.described() for one in self.inputs],
-            "Outputs": [one.described() for one in self.outputs],
+            "Inputs": [parameter.description_json() for parameter in self.inputs],
+            "Outputs": [parameter.description_json() for parameter in self.outputs],
         }
 
-    def answer(self, request: "Request") -> dict[str, Any]:
+    def answer(self, request: "HopsRequest") -> dict[str, Any]:
         """Return the values of all outputs for Hops."""
         values = zip(self.outputs, self.solve(request), strict=True)
-        return {"values": [_sent(output, value) for output, value in values]}
+        return {"values": [_output_json(output, value) for output, value in values]}
 
 
 @dataclass(frozen=True)
-class Request:
+class HopsRequest:
     """Values by parameter: a mesh is (V, F), a point three numbers; lists for list parameters, else None without a
     value.
 
@@ -110,34 +110,38 @@ class Request:
         return METRES_PER[self.unit]
 
 
-def read_request(component: HopsComponent, body: Mapping[str, Any]) -> Request:
+def read_request(component: HopsComponent, body: Mapping[str, Any]) -> HopsRequest:
     """Return a request to solve; raise HopsError, with the parameter's name, for missing or wrong values."""
-    sent: dict[str, list[tuple[str, str]]] = {}
+    items_by_name: dict[str, list[tuple[str, str]]] = {}
     try:
-        for one in body["values"]:
-            branches = one["InnerTree"].values()
-            sent[one["ParamName"]] = [(item["type"], item["data"]) for branch in branches for item in branch]
+        for entry in body["values"]:
+            branches = entry["InnerTree"].values()
+            items_by_name[entry["ParamName"]] = [(item["type"], item["data"]) for branch in branches for item in branch]
     except (KeyError, TypeError, AttributeError):
         raise HopsError("this is no request of Hops: it has no values, or others than Hops sends") from None
     word = str(body.get("modelunits") or "Meters").lower()
     if word not in UNITS:
         raise HopsError(f"the unit of the model is {word}; work in {', '.join(UNITS)}")
-    key = json.dumps([component.inputs[0].name, sorted(sent.items()), word])
-    return Request({one.name: _read(one, sent.get(one.name, [])) for one in component.inputs}, UNITS[word], key)
+    key = json.dumps([component.inputs[0].name, sorted(items_by_name.items()), word])
+    return HopsRequest(
+        {entry.name: _parameter_value(entry, items_by_name.get(entry.name, [])) for entry in component.inputs},
+        UNITS[word],
+        key,
+    )
 
 
-def _read(parameter: Parameter, sent: Sequence[tuple[str, str]]) -> Any:
-    if not sent:
-        if parameter.wanted:
+def _parameter_value(parameter: HopsParameter, items: Sequence[tuple[str, str]]) -> Any:
+    if not items:
+        if parameter.is_required:
             raise HopsError(f"{parameter.name}: nothing is connected; {parameter.about}")
-        return [] if parameter.many else None
-    if len(sent) > 1 and not parameter.many:
-        raise HopsError(f"{parameter.name}: {len(sent)} values are connected, and it takes one")
-    values = [_value(parameter, data) for _, data in sent]
-    return values if parameter.many else values[0]
+        return [] if parameter.is_list else None
+    if len(items) > 1 and not parameter.is_list:
+        raise HopsError(f"{parameter.name}: {len(items)} values are connected, and it takes one")
+    values = [_value(parameter, data) for _, data in items]
+    return values if parameter.is_list else values[0]
 
 
-def _value(parameter: Parameter, data: str) -> Any:
+def _value(parameter: HopsParameter, data: str) -> Any:
     try:
         if parameter.kind == "Mesh":
             return mesh_arrays(data)
@@ -158,10 +162,11 @@ def _number(value: Any) -> float:
     return number
 
 
-def _sent(parameter: Parameter, value: Any) -> dict[str, Any]:
-    values = value if parameter.many else [value]
-    ready = ("Mesh", "Curve")  # JSON already
+def _output_json(parameter: HopsParameter, value: Any) -> dict[str, Any]:
+    values = value if parameter.is_list else [value]
+    json_kinds = ("Mesh", "Curve")  # JSON already
     items = [
-        {"type": RESULTS[parameter.kind], "data": one if parameter.kind in ready else json.dumps(one)} for one in values
+        {"type": NET_TYPES[parameter.kind], "data": item if parameter.kind in json_kinds else json.dumps(item)}
+        for item in values
     ]
     return {"ParamName": parameter.name, "InnerTree": {"0": items}}

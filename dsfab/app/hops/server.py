@@ -38,14 +38,14 @@ class Solver:
             if self._pool is None:
                 self._pool = multiprocessing.get_context("spawn").Pool(1)
             try:
-                done, text = self._pool.apply_async(answered, (name, dict(body))).get(self.seconds)
+                succeeded, text = self._pool.apply_async(solve_request, (name, dict(body))).get(self.seconds)
             except multiprocessing.TimeoutError:
                 self._end()
                 raise HopsError(
                     f"this took more than {self.seconds:g} s and was ended; make the mesh coarser, or start dsfab hops "
                     "with more --seconds"
                 ) from None
-        if not done:
+        if not succeeded:
             raise HopsError(text)
         return str(text)
 
@@ -56,7 +56,7 @@ class Solver:
             self._pool = None
 
 
-def answered(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
+def solve_request(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
     """Return whether a request succeeded, and the answer as JSON or the reason of a refusal."""
     from dsfab.app.hops.components import COMPONENTS
 
@@ -120,9 +120,9 @@ class HopsHandler(BaseHTTPRequestHandler):
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)
         elif not name:
-            self._answer(HTTPStatus.OK, json.dumps([one.described() for one in COMPONENTS.values()]))
+            self._answer(HTTPStatus.OK, json.dumps([component.description_json() for component in COMPONENTS.values()]))
         elif name in COMPONENTS:
-            self._answer(HTTPStatus.OK, json.dumps(COMPONENTS[name].described()))
+            self._answer(HTTPStatus.OK, json.dumps(COMPONENTS[name].description_json()))
         else:
             self._refuse(HTTPStatus.NOT_FOUND, f"there is no component {name!r}; there are {', '.join(COMPONENTS)}")
 

@@ -24,9 +24,9 @@ from dsfab.core.sparse.cholesky import (
     Fronts,
     Multifrontal,
     NotPositiveDefinite,
-    give_back,
     one_blas_thread,
     peak_memory,
+    release_freed_memory,
     require_memory,
 )
 from dsfab.core.sparse.libraries import ConvergenceError, Matrix, Multigrid, Pardiso, SuperLU, pardiso_matrix
@@ -36,12 +36,12 @@ __all__ = [
     "Factor",
     "FactorMemoryError",
     "NotPositiveDefinite",
-    "OnePattern",
+    "SamePatternFactors",
     "SuperLU",
     "factorise",
-    "give_back",
     "one_blas_thread",
     "peak_memory",
+    "release_freed_memory",
     "solver_name",
 ]
 
@@ -81,7 +81,7 @@ def factorise(
         return Multigrid(pardiso_matrix(K), node, rigid)
 
 
-class OnePattern:
+class SamePatternFactors:
     """Factors of matrices with the same pattern (of one mesh), which are analysed once.
 
     points, node : see `factorise`.
@@ -108,7 +108,7 @@ class OnePattern:
 
 def _multifrontal(K: Matrix, points: Floats, node: Ints, _rigid: Floats | None) -> Multifrontal:
     K = pardiso_matrix(K)
-    fronts = Fronts.of(K, points, node)
+    fronts = Fronts.from_matrix(K, points, node)
     require_memory(8 * fronts.peak)
     return Multifrontal(K, fronts)
 
@@ -120,13 +120,13 @@ def _multigrid(K: Matrix, _points: Floats, node: Ints, rigid: Floats | None) -> 
 
 
 _BUILDERS: dict[str, Callable[[Matrix, Floats, Ints, Floats | None], Factor]] = {
-    "PARDISO": lambda K, _points, node, _rigid: Pardiso(K, _blocks(node)),
+    "PARDISO": lambda K, _points, node, _rigid: Pardiso(K, _has_blocks(node)),
     "multifrontal": _multifrontal,
     "SuperLU": lambda K, points, node, _rigid: SuperLU(pardiso_matrix(K), points, node),
     "multigrid": _multigrid,
 }
 
 
-def _blocks(node: Ints) -> bool:
+def _has_blocks(node: Ints) -> bool:
     """Return whether points have several unknowns each; PARDISO then analyses blocks."""
     return len(node) > 1.5 * float(np.count_nonzero(np.bincount(node)))

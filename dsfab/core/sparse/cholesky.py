@@ -32,12 +32,12 @@ class FactorMemoryError(DsfabError, MemoryError):
     """Error for a factor that does not fit into the memory of the machine."""
 
     @classmethod
-    def of(cls, needed: int | None, free: int | None = None) -> Self:
+    def from_bytes(cls, needed: int | None, free: int | None = None) -> Self:
         """Return the error for `needed` and `free` bytes, as far as these are available."""
         need = "more memory than there is" if needed is None else f"{needed / 2**30:.1f} GiB"
-        there = "" if free is None else f", {free / 2**30:.1f} GiB are free"
+        free_text = "" if free is None else f", {free / 2**30:.1f} GiB are free"
         return cls(
-            f"factorising the stiffness needs {need}{there}; use a coarser mesh or simpler elements, close other "
+            f"factorising the stiffness needs {need}{free_text}; use a coarser mesh or simpler elements, close other "
             "programs, or install dsfab[amg], which needs a tenth (constant+hinge elements only)"
         )
 
@@ -68,7 +68,7 @@ def require_memory(needed: int) -> None:
     """Raise FactorMemoryError if `needed` bytes exceed the free memory."""
     free = free_memory()
     if free is not None and needed > free:
-        raise FactorMemoryError.of(needed, free)
+        raise FactorMemoryError.from_bytes(needed, free)
 
 
 LITTLE = 20e6
@@ -76,7 +76,7 @@ LITTLE = 20e6
 all other work on a thousand unknowns."""
 
 
-def give_back(held: float) -> None:
+def release_freed_memory(freed: float) -> None:
     """Return freed memory to the system; glibc otherwise holds it as long as small blocks lie above it.
 
     That is 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of their factor. The function
@@ -85,7 +85,7 @@ def give_back(held: float) -> None:
 
     freed : approximate number of freed bytes; the function does nothing up to `LITTLE`.
     """
-    if held > LITTLE and (trim := _malloc_trim()):
+    if freed > LITTLE and (trim := _malloc_trim()):
         trim(0)
 
 
@@ -94,7 +94,7 @@ def _malloc_trim() -> Any:
     return getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform.startswith("linux") else None
 
 
-_ONE_AT_A_TIME = threading.RLock()
+_BLAS_LOCK = threading.RLock()
 
 
 @cache
@@ -108,7 +108,7 @@ def one_blas_thread() -> Iterator[None]:
 
     The number of threads belongs to the process, so other threads of Python wait.
     """
-    with _ONE_AT_A_TIME, _pools().limit(limits=1, user_api="blas"):
+    with _BLAS_LOCK, _pools().limit(limits=1, user_api="blas"):
         yield
 
 
@@ -174,7 +174,7 @@ def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
     return graph.row[apart], graph.col[apart]
 
 
-def along_a_curve(points: Floats) -> Ints:
+def morton_positions(points: Floats) -> Ints:
     """Return the positions (n,) on a space-filling curve [Morton 1966], 1024 steps an axis: near points get near
     numbers."""
     low = points.min(axis=0)
@@ -220,14 +220,14 @@ class Fronts:
     pointer: Ints
 
     @classmethod
-    def of(cls, K: csr_array, points: Floats, node: Ints) -> Self:
+    def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
         """Analyse K (N, N), whose unknown i is on point node[i]; by points, because the unknowns of a point share
         rows."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
         # along a curve, a child touches a few runs of a separator, which can be added as blocks
-        sequence = np.lexsort((along_a_curve(points), keys))
+        sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
         order = np.argsort(rank[node], kind="stable")
@@ -238,53 +238,53 @@ class Fronts:
         entry = entry[np.argsort(column[entry], kind="stable")].astype(np.int32 if K.nnz < 2**31 else np.int64)
         row, column = row[entry], column[entry]
         pointer = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=N))])
-        first = np.concatenate([[0], np.flatnonzero(np.diff(keys[sequence])) + 1, [n]])
-        on = rank[node[order]]
-        touched, children = _touched_points(on[row], on[column], first)
-        unknowns = np.concatenate([[0], np.cumsum(np.bincount(on, minlength=n))])
-        rows = [_expanded(unknowns, at) for at in touched]
-        return cls(order, unknowns[first], rows, children, entry, row, column, pointer)
+        front_starts = np.concatenate([[0], np.flatnonzero(np.diff(keys[sequence])) + 1, [n]])
+        ranks = rank[node[order]]
+        touched, children = _touched_points(ranks[row], ranks[column], front_starts)
+        unknowns = np.concatenate([[0], np.cumsum(np.bincount(ranks, minlength=n))])
+        rows = [_unknowns_of_points(unknowns, touched_set) for touched_set in touched]
+        return cls(order, unknowns[front_starts], rows, children, entry, row, column, pointer)
 
     @property
     def entries(self) -> int:
         """Number of values in the factor, 8 bytes each."""
-        own = np.diff(self.start)
-        return int(sum(k * (k + len(rows)) for k, rows in zip(own.tolist(), self.rows, strict=True)))
+        pivot_counts = np.diff(self.start)
+        return int(sum(k * (k + len(rows)) for k, rows in zip(pivot_counts.tolist(), self.rows, strict=True)))
 
     @property
     def peak(self) -> int:
         """Largest number of values in memory during the factorisation: the factor so far, waiting updates, and a
         front."""
-        held = waiting = worst = 0
+        stored = waiting = worst = 0
         for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
             m = len(rows)
-            held += k * (k + m)
-            worst = max(worst, held + waiting + m * m + k * (k + m))
+            stored += k * (k + m)
+            worst = max(worst, stored + waiting + m * m + k * (k + m))
             waiting += m * m - sum(len(self.rows[c]) ** 2 for c in children)
         return worst
 
 
-def _touched_points(row: Index, column: Index, first: Ints) -> tuple[list[Ints], list[list[int]]]:
+def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
     """Return the later points that each front touches, fill included, and the children of each front.
 
     row, column : points of every entry below the diagonal.   front_start : (fronts + 1,) first point of each front.
     """
-    n = int(first[-1])
-    front = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    n = int(front_start[-1])
+    front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]
-    at, point = np.divmod(distinct(front[column[outside]] * n + row[outside]), n)
-    direct = np.split(point, np.searchsorted(at, np.arange(1, len(first) - 1)))
+    front_numbers, point = np.divmod(distinct(front[column[outside]] * n + row[outside]), n)
+    direct = np.split(point, np.searchsorted(front_numbers, np.arange(1, len(front_start) - 1)))
     touched: list[Ints] = []
     children: list[list[int]] = [[] for _ in direct]
     for s, points in enumerate(direct):
-        inherited = [touched[c][np.searchsorted(touched[c], first[s + 1]) :] for c in children[s]]
+        inherited = [touched[c][np.searchsorted(touched[c], front_start[s + 1]) :] for c in children[s]]
         touched.append(distinct(np.concatenate([points, *inherited])) if inherited else points)
         if len(touched[s]):
             children[front[touched[s][0]]].append(s)
     return touched, children
 
 
-def _expanded(begin: Ints, points: Ints) -> Ints:
+def _unknowns_of_points(begin: Ints, points: Ints) -> Ints:
     """Return the unknowns of `points` in a row: begin[p] to begin[p + 1] of each point p."""
     count = begin[points + 1] - begin[points]
     return np.asarray(np.arange(count.sum()) + np.repeat(begin[points] - (np.cumsum(count) - count), count))
@@ -313,12 +313,12 @@ class Multifrontal:
                 k = b - a
                 where[a:b] = np.arange(k)
                 where[rows] = np.arange(k, k + m)
-                own, rest = np.zeros((k, k + m), K.dtype), np.zeros((m, m), K.dtype)
-                mine = slice(f.pointer[a], f.pointer[b])
-                own[f.column[mine] - a, where[f.row[mine]]] = K.data[f.entry[mine]]
+                pivot_rows, rest = np.zeros((k, k + m), K.dtype), np.zeros((m, m), K.dtype)
+                span = slice(f.pointer[a], f.pointer[b])
+                pivot_rows[f.column[span] - a, where[f.row[span]]] = K.data[f.entry[span]]
                 for child in f.children[s]:
-                    _add(own, rest, waiting.pop(child), where[f.rows[child]])
-                L, P, waiting[s] = _eliminated(own, rest)
+                    _add_update(pivot_rows, rest, waiting.pop(child), where[f.rows[child]])
+                L, P, waiting[s] = _partial_factorisation(pivot_rows, rest)
                 self._factor.append((L, P))
 
     def __call__(self, b: Any) -> Any:
@@ -326,51 +326,52 @@ class Multifrontal:
         x = np.asarray(b, dtype=self._factor[0][0].dtype)[self._fronts.order]
         with one_blas_thread():
             for s, (L, P) in enumerate(self._factor):
-                mine = slice(start[s], start[s + 1])
-                x[mine] = y = _triangular(L, x[mine])
+                span = slice(start[s], start[s + 1])
+                x[span] = y = _triangular_solve(L, x[span])
                 x[rows[s]] -= P @ y
             for s in range(len(self._factor) - 1, -1, -1):
                 L, P = self._factor[s]
-                mine = slice(start[s], start[s + 1])
-                x[mine] = _triangular(L, x[mine] - P.conj().T @ x[rows[s]], adjoint=True)
+                span = slice(start[s], start[s + 1])
+                x[span] = _triangular_solve(L, x[span] - P.conj().T @ x[rows[s]], adjoint=True)
         solution = np.empty_like(x)
         solution[self._fronts.order] = x
         return solution
 
 
-def _add(own: Numbers, rest: Numbers, update: Numbers, to: Ints) -> None:
-    """Add a child's update (c, c), upper triangle, to rows and columns `positions` (c,) of the parent's front. Runs of
+def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
+    """Add a child's update (c, c), upper triangle, to rows and columns `step_positions` (c,) of the parent's front.
+    Runs of
     neighbouring columns are added together, which is several times faster than column by column."""
-    k = len(own)
-    inner = int(np.searchsorted(to, k))
-    ends = np.flatnonzero((np.diff(to) != 1) | (to[1:] == k)) + 1
-    for a, b in zip([0, *ends.tolist()], [*ends.tolist(), len(to)], strict=True):
+    k = len(pivot_rows)
+    inner = int(np.searchsorted(positions, k))
+    ends = np.flatnonzero((np.diff(positions) != 1) | (positions[1:] == k)) + 1
+    for a, b in zip([0, *ends.tolist()], [*ends.tolist(), len(positions)], strict=True):
         if a == b:
             continue
-        column, top = int(to[a]), min(inner, b)
-        own[to[:top], column : column + b - a] += update[:top, a:b]
+        column, top = int(positions[a]), min(inner, b)
+        pivot_rows[positions[:top], column : column + b - a] += update[:top, a:b]
         if b > inner:
-            rest[to[inner:b] - k, column - k : column - k + b - a] += update[inner:b, a:b]
+            rest[positions[inner:b] - k, column - k : column - k + b - a] += update[inner:b, a:b]
 
 
-def _eliminated(own: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Eliminate the pivots of a front [pivots; pivots^H rest]; return L (k, k), P (m, k) and the update (m, m). The
     upper triangle of the update counts. Transposed, pivot_rows (k, k + m) and rest are lower triangles of the
     matrix."""
-    k, is_complex = len(own), np.iscomplexobj(own)
+    k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:
-        return np.zeros((0, 0), own.dtype), np.zeros((len(rest), 0), own.dtype), rest
-    L, info = potrf(np.ascontiguousarray(own[:, :k]).T, lower=1, overwrite_a=1)
+        return np.zeros((0, 0), pivot_rows.dtype), np.zeros((len(rest), 0), pivot_rows.dtype), rest
+    L, info = potrf(np.ascontiguousarray(pivot_rows[:, :k]).T, lower=1, overwrite_a=1)
     if info:
         raise NotPositiveDefinite("a pivot is not positive")
     if not len(rest):
-        return L, np.zeros((0, k), own.dtype), rest
-    P = trsm(1.0, L, np.ascontiguousarray(own[:, k:]).T, side=1, lower=1, trans_a=2, overwrite_b=1)
+        return L, np.zeros((0, k), pivot_rows.dtype), rest
+    P = trsm(1.0, L, np.ascontiguousarray(pivot_rows[:, k:]).T, side=1, lower=1, trans_a=2, overwrite_b=1)
     return L, P, rank_k(-1.0, P, beta=1.0, c=rest.T, lower=1, overwrite_c=1).T
 
 
-def _triangular(L: Numbers, b: Numbers, adjoint: bool = False) -> Numbers:
+def _triangular_solve(L: Numbers, b: Numbers, adjoint: bool = False) -> Numbers:
     if not len(L):
         return b
     transposed = 2 if adjoint else 0  # numbers of BLAS

@@ -19,10 +19,10 @@ from dsfab.core.errors import DsfabError
 from dsfab.core.sparse.cholesky import (
     FactorMemoryError,
     NotPositiveDefinite,
-    along_a_curve,
     dissection_keys,
-    give_back,
+    morton_positions,
     point_graph,
+    release_freed_memory,
     require_memory,
 )
 
@@ -70,7 +70,7 @@ def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
     rank = np.empty(len(used), dtype=np.int64)
-    rank[np.lexsort((along_a_curve(points), keys))] = np.arange(len(used))
+    rank[np.lexsort((morton_positions(points), keys))] = np.arange(len(used))
     return np.argsort(rank[node], kind="stable")
 
 
@@ -127,13 +127,13 @@ class _Pattern:
     place: Ints
 
     @classmethod
-    def of(cls, K: csr_array) -> Self:
+    def from_matrix(cls, K: csr_array) -> Self:
         row = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))
         place = np.flatnonzero(K.indices >= row)
         pointer = np.concatenate([[0], np.cumsum(np.bincount(row[place], minlength=K.shape[0]))]).astype(np.int32)
-        found = csr_array((place, K.indices[place], pointer), shape=K.shape)
-        found.sort_indices()
-        return cls(K.indptr, K.indices, found.indptr, found.indices, found.data)
+        triangle = csr_array((place, K.indices[place], pointer), shape=K.shape)
+        triangle.sort_indices()
+        return cls(K.indptr, K.indices, triangle.indptr, triangle.indices, triangle.data)
 
     def fits(self, K: csr_array) -> bool:
         return np.array_equal(self.indptr, K.indptr) and np.array_equal(self.indices, K.indices)
@@ -155,7 +155,7 @@ class Pardiso:
         os.environ.setdefault("MKL_CBWR", "AUTO")  # bitwise repeatable sums: the same preset gives the same file
         # waiting threads sleep at once, because on a shared machine they would take the time of busy processes
         os.environ.setdefault("KMP_BLOCKTIME", "0")
-        _point_to_mkl()
+        _set_mkl_path()
         from pypardiso import PyPardisoSolver
 
         K = pardiso_matrix(K)
@@ -164,25 +164,27 @@ class Pardiso:
             self._solver.set_iparm(entry + 1, value)
         weakref.finalize(self, _release, self._solver)  # MKL's memory is not Python's
         self._threads = 1 if K.shape[0] <= ALONE else int(self._solver.libmkl.MKL_Get_Max_Threads())
-        self._upper = _Pattern.of(K).upper(K)
+        self._upper = _Pattern.from_matrix(K).upper(K)
         self._known: _Pattern | None = None  # only `refactor` needs it, so a single factor saves its memory
         del K
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
-        analysis, kept, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
-        give_back(700.0 * len(nothing))  # bytes that assembly and analysis leave, before the factor takes the most
-        require_memory(max(analysis, kept + work))
+        analysis, permanent, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
+        release_freed_memory(
+            700.0 * len(nothing)
+        )  # bytes that assembly and analysis leave, before the factor takes the most
+        require_memory(max(analysis, permanent + work))
         self._call(FACTORISE, nothing)
 
     def refactor(self, K: csr_array) -> None:
         """Factorise K (n, n), whose pattern must be that of the analysed matrix."""
         if self._known is None or not self._known.fits(K):
-            self._known = _Pattern.of(K)
-        taken = self._known.upper(K)
-        same = np.array_equal(self._upper.indptr, taken.indptr)
-        if not same or not np.array_equal(self._upper.indices, taken.indices):
+            self._known = _Pattern.from_matrix(K)
+        upper = self._known.upper(K)
+        same_rows = np.array_equal(self._upper.indptr, upper.indptr)
+        if not same_rows or not np.array_equal(self._upper.indices, upper.indices):
             raise ValueError("the pattern of the matrix has changed")
-        self._upper = taken
+        self._upper = upper
         self._call(FACTORISE, np.zeros((K.shape[0], 1), dtype=self._upper.dtype))
 
     def __call__(self, b: Floats) -> Floats:
@@ -198,14 +200,14 @@ class Pardiso:
             x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` would hash the matrix at every call
         except PyPardisoError as error:
             if error.value in OUT_OF_MEMORY:
-                raise FactorMemoryError.of(None) from error
+                raise FactorMemoryError.from_bytes(None) from error
             raise NotPositiveDefinite(str(error)) from error
         finally:
             self._solver.libmkl.MKL_Set_Num_Threads_Local(before)
         return x
 
 
-def _point_to_mkl() -> None:
+def _set_mkl_path() -> None:
     """Set the path of MKL for pypardiso before its import, which otherwise searches the Python installation (0.5 to 1
     s)."""
     if "PYPARDISO_MKL_RT" in os.environ:
@@ -214,9 +216,9 @@ def _point_to_mkl() -> None:
         files = importlib.metadata.files("mkl") or []
     except importlib.metadata.PackageNotFoundError:
         return  # installed by other means: let pypardiso search
-    found = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
-    if found and os.path.exists(found[0]):
-        os.environ["PYPARDISO_MKL_RT"] = found[0]
+    paths = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
+    if paths and os.path.exists(paths[0]):
+        os.environ["PYPARDISO_MKL_RT"] = paths[0]
 
 
 def _release(solver: Any) -> None:
@@ -261,7 +263,7 @@ class Multigrid:
         import pyamg
 
         self._K = K
-        self._place, size = _in_threes(self._node)
+        self._place, size = _positions_in_blocks(self._node)
         full = K.tocoo()
         spare = np.setdiff1d(np.arange(size), self._place)  # supported unknowns get a unit diagonal to fill the blocks
         blocks = coo_array(
@@ -288,27 +290,28 @@ class Multigrid:
     def __call__(self, b: Floats) -> Floats:
         if b.ndim == 2:
             return np.stack([self(column) for column in b.T], axis=1)
-        wanted = np.zeros(self._levels.levels[0].A.shape[0])
-        wanted[self._place] = b
+        load = np.zeros(self._levels.levels[0].A.shape[0])
+        load[self._place] = b
         state = np.random.get_state()
-        x = self._levels.solve(wanted, tol=1e-12, accel="cg", maxiter=ITERATIONS)[self._place]
+        x = self._levels.solve(load, tol=1e-12, accel="cg", maxiter=ITERATIONS)[self._place]
         np.random.set_state(state)
-        off, whole = float(np.linalg.norm(b - self._K @ x)), float(np.linalg.norm(b))
+        residual, load_norm = float(np.linalg.norm(b - self._K @ x)), float(np.linalg.norm(b))
         accepted = 1e-9  # relative residual
-        if off > accepted * whole:
+        if residual > accepted * load_norm:
             raise ConvergenceError(
-                f"the multigrid solver stopped at a relative residual of {off / whole:.1e} (wanted: {accepted:g}); "
+                f"the multigrid solver stopped at a relative residual of {residual / load_norm:.1e} (wanted: "
+                f"{accepted:g}); "
                 "use a coarser or more regular mesh, a thicker sheet, or a machine with more memory for a direct solver"
             )
         return np.asarray(x)
 
 
-def _in_threes(node: Ints) -> tuple[Ints, int]:
+def _positions_in_blocks(node: Ints) -> tuple[Ints, int]:
     """Return the positions (N,) of the unknowns when every used point has three, and the number of positions."""
-    used, at, count = np.unique(node, return_inverse=True, return_counts=True)
+    used, point, count = np.unique(node, return_inverse=True, return_counts=True)
     if count.max() > 3:
         raise ValueError("multigrid takes up to three unknowns a point")
-    order = np.argsort(at, kind="stable")
+    order = np.argsort(point, kind="stable")
     place = np.empty(len(node), dtype=np.int64)
-    place[order] = 3 * at[order] + np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)
+    place[order] = 3 * point[order] + np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)
     return place, 3 * len(used)

@@ -99,13 +99,13 @@ def design_fields(design: Design) -> dict[str, Floats]:
 
 def _distances(design: Design) -> dict[str, Floats]:
     """Return metres (n,) from the origins of kept regions, by their names; beyond their reach too large, but finite."""
-    ask, surface = design.preset.pattern, design.surface
-    found = {}
-    if ask.keep and "keep" in design.pattern.names:
-        found["keep"] = distance_to_vertices(surface, design.load.held | design.load.loaded, ask.keep)
-    if ask.rim and "rim" in design.pattern.names:
-        found["rim"] = distance_to_boundary(surface, ask.rim)
-    return {name: np.where(np.isfinite(away), away, surface.size) for name, away in found.items()}
+    options, surface = design.preset.pattern, design.surface
+    distances = {}
+    if options.keep and "keep" in design.pattern.names:
+        distances["keep"] = distance_to_vertices(surface, design.load.supported | design.load.loaded, options.keep)
+    if options.rim and "rim" in design.pattern.names:
+        distances["rim"] = distance_to_boundary(surface, options.rim)
+    return {name: np.where(np.isfinite(away), away, surface.size) for name, away in distances.items()}
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
@@ -113,12 +113,12 @@ def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
-    here = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
-    z = chart.z[row[here], family]
-    off = np.full(len(density), 0.5)  # half a period, if the lines have no phase
-    np.minimum.at(off, vertex[here], np.abs(z - np.rint(z)))
+    on_vertex = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
+    z = chart.z[row[on_vertex], family]
+    distance = np.full(len(density), 0.5)  # half a period, if the lines have no phase
+    np.minimum.at(distance, vertex[on_vertex], np.abs(z - np.rint(z)))
     return {
-        f"{name} middle [m]": off / density,
+        f"{name} middle [m]": distance / density,
         f"{name} density [1/m]": np.asarray(density),
-        f"{name} wave [1]": wave(off),
+        f"{name} wave [1]": wave(distance),
     }

@@ -28,13 +28,13 @@ from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
 from dsfab.export.formats import FORMATS, Takes, format_of, suffix_of
 from dsfab.export.part import NO_PAIRS, Curved, DividedSheet, StripedSheet
-from dsfab.members import striped_cells
+from dsfab.members import cells_by_stripes
 from dsfab.preset.model import Export
 from dsfab.preset.surface_section import FileSurface
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.measures.lines import outline_corners, outline_labels
-from dsfab.surface import Surface, connected, corner_fans, half_edges, pieces
+from dsfab.surface import Surface, corner_fans, half_edges, link_components, pieces
 from dsfab.surface.orientation import flips_along_tree, one_sided_pieces
 from dsfab.thickening import SHIFT, Side, Solid, offsets
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     import build123d
 
 
-class Opening(NamedTuple):
+class OpenedSurface(NamedTuple):
     """A one-sided surface cut open along a seam.
 
     given   : the surface (n, m) before, with some faces turned over: `turned` (m,).
@@ -57,50 +57,56 @@ class Opening(NamedTuple):
 
     def offsets(self, corners: Floats) -> Floats:
         """Return half-thickness vectors (n', 3), from those (m, 3, 3) at the corners of the faces before."""
-        found = np.zeros((self.surface.n, 3))
-        found[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
-        return found
+        vectors = np.zeros((self.surface.n, 3))
+        vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
+        return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
         """Return a sheet of the surface, cut open, its cells in the same order, and half-edges (k, 2) on both sides
         of the seam.
         """
-        whole = _with_turned(sheet.surface, self.turned[sheet.parent])
-        seam = _seam(whole)
-        F = corner_fans(whole.F, whole.edges, apart=seam)
+        oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
+        seam = _seam(oriented)
+        F = corner_fans(oriented.F, oriented.edges, apart=seam)
         _, corner = np.unique(F, return_index=True)
-        old, face = whole.F.ravel()[corner], sheet.parent[corner // 3]
+        vertex, face = oriented.F.ravel()[corner], sheet.parent[corner // 3]
         weights = csr_matrix(sheet.weights)
-        each = [np.asarray(weights[old, self.given.F[face, c]]).ravel() for c in range(3)]
+        corner_weights = [np.asarray(weights[vertex, self.given.F[face, c]]).ravel() for c in range(3)]
         rows = csr_array(
-            (np.stack(each, axis=1).ravel(), self.surface.F[face].ravel(), np.arange(0, 3 * len(old) + 1, 3)),
-            shape=(len(old), self.surface.n),
+            (
+                np.stack(corner_weights, axis=1).ravel(),
+                self.surface.F[face].ravel(),
+                np.arange(0, 3 * len(vertex) + 1, 3),
+            ),
+            shape=(len(vertex), self.surface.n),
         )
         rows.eliminate_zeros()
-        cut = Sheet(Surface(whole.V[old], F), sheet.parent, sheet.family, rows)
-        return cut, np.asarray(whole.edges.pairs[seam[whole.edges.count == 2]])
+        cut = Sheet(Surface(oriented.V[vertex], F), sheet.parent, sheet.family, rows)
+        return cut, np.asarray(oriented.edges.pairs[seam[oriented.edges.count == 2]])
 
 
-def opened(surface: Surface, sheet: Sheet) -> Opening | None:
+def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
     """Return a surface cut open along a seam, mostly outside a sheet of it; None if no piece is one-sided."""
     if not one_sided_pieces(surface.F, surface.edges).any():
         return None
-    kept = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
-    turned = _turned_for_best_way(surface, 0.1 + kept)  # a metre in a void costs a tenth, in the sheet 1 more
+    kept_share = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
+    turned = _turned_for_shortest_seam(
+        surface, 0.1 + kept_share
+    )  # a metre in a void costs a tenth, in the sheet 1 more
     if turned is None:
         turned = flips_along_tree(surface.F, surface.edges)
-        turned ^= _turned_for_short_seam(_with_turned(surface, turned))
-    given = _with_turned(surface, turned)
-    seam = _seam(given)
-    F = corner_fans(given.F, given.edges, apart=seam)
+        turned ^= _turned_for_smooth_seam(_with_turned(surface, turned))
+    oriented = _with_turned(surface, turned)
+    seam = _seam(oriented)
+    F = corner_fans(oriented.F, oriented.edges, apart=seam)
     _, corner = np.unique(F, return_index=True)
-    pairs = given.edges.pairs[seam[given.edges.count == 2]]
+    pairs = oriented.edges.pairs[seam[oriented.edges.count == 2]]
     twins = np.concatenate([end[pairs] for end in half_edges(F)])
-    whole = Surface(surface.V[given.F.ravel()[corner]], F)
-    return Opening(given, turned, whole, np.unique(twins, axis=0))
+    cut_open = Surface(surface.V[oriented.F.ravel()[corner]], F)
+    return OpenedSurface(oriented, turned, cut_open, np.unique(twins, axis=0))
 
 
-def _turned_for_best_way(surface: Surface, counts: Floats) -> Bools | None:
+def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
     """Return faces (m,) to turn over for the shortest seam; None if faces beside it disagree about their side.
 
     The seam is the shortest path between boundaries that crosses a loop, along which one side becomes the other, an odd
@@ -113,61 +119,68 @@ def _turned_for_best_way(surface: Surface, counts: Floats) -> Bools | None:
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
     start, border = surface.F.ravel(), np.unique(edges.ends[edges.boundary])
     clash = (start[h0] == start[h1]).astype(np.int64)
-    loop = _way(2 * m, f, g, clash, np.ones(len(f)), 0, m)
-    long = np.linalg.norm(np.subtract(*surface.V[ends.T]), axis=1) * (counts[f] + counts[g])
+    loop = _shortest_path(2 * m, f, g, clash, np.ones(len(f)), 0, m)
+    lengths = np.linalg.norm(np.subtract(*surface.V[ends.T]), axis=1) * (counts[f] + counts[g])
     crossed = np.zeros(len(f), dtype=np.int64)
     np.add.at(crossed, loop, 1)
     outer = np.full(len(border), n)
-    way = _way(
+    path = _shortest_path(
         2 * (n + 1),
         np.append(ends[:, 0], border),
         np.append(ends[:, 1], outer),
         np.append(crossed % 2, 0 * outer),
-        np.append(long, np.full(len(border), 1e-12)),  # all places of the boundary are next to each other
+        np.append(lengths, np.full(len(border), 1e-12)),  # all places of the boundary are next to each other
         n,
         2 * n + 1,
     )
     seam = np.zeros(len(f), dtype=bool)
-    seam[way[way < len(f)]] = True
-    f, g, clash = (some[~seam] for some in (f, g, clash))
-    one, two = np.concatenate([f, f + m]), np.concatenate([g + m * clash, g + m * (1 - clash)])
-    count, side = connected(2 * m, one, two)
-    return np.asarray(side[:m] != side[0]) if count == 2 and len(way) else None
+    seam[path[path < len(f)]] = True
+    f, g, clash = (values[~seam] for values in (f, g, clash))
+    start_nodes, end_nodes = np.concatenate([f, f + m]), np.concatenate([g + m * clash, g + m * (1 - clash)])
+    count, side = link_components(2 * m, start_nodes, end_nodes)
+    return np.asarray(side[:m] != side[0]) if count == 2 and len(path) else None
 
 
-def _way(count: int, one: Ints, two: Ints, turns: Ints, long: Floats, first: int, last: int) -> Ints:
+def _shortest_path(
+    count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
+) -> Ints:
     """Return the edges, in order, of the shortest path between two nodes; (0,) without any.
 
     Half of the `count` nodes are on the other side, where edges with `turns` of 1 lead.
     """
     half = count // 2
-    a, b = np.concatenate([one, one + half]), np.concatenate([two + half * turns, two + half * (1 - turns)])
-    graph = csr_array((np.tile(long, 2), (a, b)), shape=(count, count))
-    before = dijkstra(graph, directed=False, indices=[first], return_predecessors=True)[1][0]
-    number = {tuple(sorted(pair)): i % len(one) for i, pair in enumerate(zip(a.tolist(), b.tolist(), strict=True))}
-    found = list[int]()
-    while last != first and before[last] >= 0:
-        found.append(number[tuple(sorted((last, int(before[last]))))])
-        last = int(before[last])
-    return np.array(found, dtype=np.int64)
+    tails, heads = (
+        np.concatenate([starts, starts + half]),
+        np.concatenate([ends + half * turns, ends + half * (1 - turns)]),
+    )
+    graph = csr_array((np.tile(lengths, 2), (tails, heads)), shape=(count, count))
+    predecessor = dijkstra(graph, directed=False, indices=[source], return_predecessors=True)[1][0]
+    number = {
+        tuple(sorted(pair)): i % len(starts) for i, pair in enumerate(zip(tails.tolist(), heads.tolist(), strict=True))
+    }
+    path = list[int]()
+    while target != source and predecessor[target] >= 0:
+        path.append(number[tuple(sorted((target, int(predecessor[target]))))])
+        target = int(predecessor[target])
+    return np.array(path, dtype=np.int64)
 
 
-def _turned_for_short_seam(surface: Surface, rounds: int = 1000) -> Bools:
+def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
     """Return faces (m,) to turn over so that no face has more than half its outline on the seam: a tree gives teeth."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
-    long = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
+    lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
     clash, turned = a[h0] == a[h1], np.zeros(surface.m, dtype=bool)
     for _ in range(rounds):
-        worth = np.bincount(np.append(f, g), np.tile(np.where(clash, long, -long), 2), surface.m)
-        rank = np.lexsort([np.arange(surface.m), worth]).argsort()
-        best = worth > 1e-9 * long.max()
-        best[f[(rank[f] < rank[g]) & best[g]]] = False
-        best[g[(rank[g] < rank[f]) & best[f]]] = False
-        if not best.any():
+        gain = np.bincount(np.append(f, g), np.tile(np.where(clash, lengths, -lengths), 2), surface.m)
+        rank = np.lexsort([np.arange(surface.m), gain]).argsort()
+        improves = gain > 1e-9 * lengths.max()
+        improves[f[(rank[f] < rank[g]) & improves[g]]] = False
+        improves[g[(rank[g] < rank[f]) & improves[f]]] = False
+        if not improves.any():
             break
-        turned ^= best
-        clash = clash ^ best[f] ^ best[g]
+        turned ^= improves
+        clash = clash ^ improves[f] ^ improves[g]
     return turned
 
 
@@ -180,12 +193,12 @@ def _with_turned(surface: Surface, turned: Bools) -> Surface:
 def _seam(surface: Surface) -> Bools:
     """Return edges (e,) along which faces disagree about their side."""
     h0, h1 = surface.edges.pairs.T
-    start, found = surface.F.ravel(), np.zeros(len(surface.edges.ends), dtype=bool)
-    found[surface.edges.count == 2] = start[h0] == start[h1]
-    return found
+    start, is_seam = surface.F.ravel(), np.zeros(len(surface.edges.ends), dtype=bool)
+    is_seam[surface.edges.count == 2] = start[h0] == start[h1]
+    return is_seam
 
 
-def write(thing: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
+def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
     """Write one file, its format by the suffix of `path`, and read it back; return the path.
 
     A design is written byte for byte as by `dsfab build` and `dsfab export`: the solid with its edges and facts, the
@@ -194,13 +207,13 @@ def write(thing: Design | Sheet | Solid | Surface, path: str | Path, **options: 
 
     Raises ExportError as `dsfab.export.write`.
     """
-    if not isinstance(thing, Design):
-        return written(thing.surface if isinstance(thing, Sheet) else thing, path, **options)
+    if not isinstance(item, Design):
+        return written(item.surface if isinstance(item, Sheet) else item, path, **options)
     format_of(Path(path))
-    part, how = deliverable(thing, suffix_of(Path(path)))
-    if isinstance(route := options.get("step"), str) and "step" in how:
-        options["step"] = replace(how["step"], route=route)
-    return written(part, path, **{"name": thing.preset.name, **how, **options})
+    part, keywords = deliverable(item, suffix_of(Path(path)))
+    if isinstance(route := options.get("step"), str) and "step" in keywords:
+        options["step"] = replace(keywords["step"], route=route)
+    return written(part, path, **{"name": item.preset.name, **keywords, **options})
 
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
@@ -221,19 +234,19 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
     The solid for formats of meshes, with lines if these hold both. The sheet for formats of lines, members, bodies,
     section forces and beams. The uncut surface for fields.
     """
-    ask, takes = design.preset.export, FORMATS[suffix].takes
+    options, takes = design.preset.export, FORMATS[suffix].takes
     if takes == "fields":
         values = design_fields(design) if design.fields is None else design.fields
         return design.surface, {"details": Details(values=values)}
-    if told := _OF_SHEET.get(takes):
-        return design.sheet.surface, {"details": told(design)}
+    if details_of := _OF_SHEET.get(takes):
+        return design.sheet.surface, {"details": details_of(design)}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
         made_of = {"material": design.preset.statics.material}
         details = Details(measures=_measures(design), records=made_of, origin=_origin(design))
-        step = replace(step_options(ask), corners=corners, curved=partial(curved_design, design))
+        step = replace(step_options(options), corners=corners, curved=partial(curved_design, design))
         return design.solid, {"step": step, "details": details}
-    tolerance = ask.step_tolerance or OUTLINE * design.preset.statics.thickness
+    tolerance = options.step_tolerance or OUTLINE * design.preset.statics.thickness
     exact = FORMATS[suffix].curves  # its tolerance is for the curves alone
     details = Details(design_lines(design, 0.0 if exact else tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
@@ -260,9 +273,9 @@ _OF_SHEET: dict[Takes, Callable[[Design], Details]] = {
 """Details of a design for each kind of format of the sheet, except lines."""
 
 
-def step_options(ask: Export) -> StepOptions:
+def step_options(options: Export) -> StepOptions:
     """Return the STEP options of the preset."""
-    return StepOptions(ask.step, ask.step_faces, ask.step_tolerance, ask.step_mb)
+    return StepOptions(options.step, options.step_faces, options.step_tolerance, options.step_mb)
 
 
 def _origin(design: Design) -> tuple[float, float, float]:
@@ -290,12 +303,12 @@ def _facts(design: Design) -> tuple[str, ...]:
 
 def curved_design(design: Design) -> Curved:
     """Return the smooth sheet of a design. Raises ExportError if the solid is more than that sheet, thickened."""
-    ask = design.preset.thickening
-    if ask.extra:
+    options = design.preset.thickening
+    if options.extra:
         raise ExportError("the solid has extra parts beside the sheet")
     if design.solid.repairs.rung == "united":
         raise ExportError("the sheet crosses itself, and its parts are fused there")
-    sheet = curved_sheet(design.surface, design.sheet, design.preset.statics.thickness, ask.side)
+    sheet = curved_sheet(design.surface, design.sheet, design.preset.statics.thickness, options.side)
     return replace(sheet, striped=lambda: striped_sheet(design.surface, design.sheet, design.pattern))
 
 
@@ -303,9 +316,9 @@ def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
     """Return a sheet that was cut from `surface` along a pattern, by its stripes; cut open if the surface is
     one-sided.
     """
-    cells, opening = striped_cells(surface, sheet, pattern), opened(surface, sheet)
-    whole, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
-    return StripedSheet(whole.surface.F, whole.weights, cells.label, cells.loose, seam)
+    cells, opening = cells_by_stripes(surface, sheet, pattern), opened_surface(surface, sheet)
+    sheet_cells, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
+    return StripedSheet(sheet_cells.surface.F, sheet_cells.weights, cells.label, cells.loose, seam)
 
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
@@ -313,16 +326,16 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
 
     thickness : metres, or (n,) of them.
     """
-    found, opening, twins = offsets(surface, thickness, side), opened(surface, sheet), NO_PAIRS
-    D = found.D
+    offset, opening, twins = offsets(surface, thickness, side), opened_surface(surface, sheet), NO_PAIRS
+    D = offset.D
     if opening:
-        D, twins = opening.offsets(found.at_corners(surface.F)), opening.twins
+        D, twins = opening.offsets(offset.at_corners(surface.F)), opening.twins
         surface, sheet = opening.surface, opening.sheet(sheet)[0]
-    cut_in = partial(divided, surface, sheet, D)
+    cut_in = partial(divided_sheet, surface, sheet, D)
     return Curved(surface.V, surface.F, D, SHIFT[side], cut_in, twins=twins)
 
 
-def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
+def divided_sheet(surface: Surface, sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
     """Return the sheet, cut along the upper envelope of fields (n, c) on the uncut surface; snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
@@ -344,6 +357,6 @@ def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
     chart, which may be far away.
     """
     corners = fields[F]
-    own = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
-    lost = (own < corners.max(axis=2)).all(axis=1)
-    return np.where(lost, corners.mean(axis=1).argmax(axis=1), chart)
+    own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
+    is_hidden = (own_field < corners.max(axis=2)).all(axis=1)
+    return np.where(is_hidden, corners.mean(axis=1).argmax(axis=1), chart)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dsfab.members.frame import Frame
 
 
-DIGITS, CURVATURE = 4, 9
+LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9
 """Decimals of millimetres, and of directions and curvatures per metre."""
 
 
@@ -27,7 +27,7 @@ def graph_records(graph: MemberGraph) -> dict[str, Any]:
     """Return notes, members and nodes of a graph, for a file."""
     return {
         "notes": list(graph.notes),
-        "members": [_member(graph, member) | _counted(graph, k) for k, member in enumerate(graph.members)],
+        "members": [_member(graph, member) | _area_counts(graph, k) for k, member in enumerate(graph.members)],
         "nodes": [_node(node) for node in graph.nodes],
     }
 
@@ -49,26 +49,30 @@ def _member(graph: MemberGraph, member: Member) -> dict[str, Any]:
             "greatest": _mm(float(width.max())),
         },
         "ends": list(member.ends),
-        "nodes": [node.id for node in graph.along[member.id]],
-        "bays": _rounded(MM_PER_M * graph.bays(member.id)),
+        "nodes": [node.id for node in graph.nodes_along[member.id]],
+        "bays": _rounded_lists(MM_PER_M * graph.bays(member.id)),
         "axis": _axis(member.axis, member.sides) if member.axis else None,
     }
 
 
-def _counted(graph: MemberGraph, k: int) -> dict[str, Any]:
+def _area_counts(graph: MemberGraph, k: int) -> dict[str, Any]:
     """Return the area of a member without the parts counted with members that cross it, and the names of these."""
     cells = graph.members[k].cells
     owner = graph.owner[cells]
-    own = float(graph.sheet.surface.areas[cells[owner == k]].sum())
-    others = [graph.members[other].id for other in np.unique(owner).tolist() if other != k]
-    return {"own_area": round(MM_PER_M**2 * own, 1), "counted_with": others}
+    own_area = float(graph.sheet.surface.areas[cells[owner == k]].sum())
+    crossing = [graph.members[index].id for index in np.unique(owner).tolist() if index != k]
+    return {"own_area": round(MM_PER_M**2 * own_area, 1), "counted_with": crossing}
 
 
 def _axis(axis: MemberAxis, sides: Floats) -> dict[str, Any]:
     metres = {"s": axis.s, "points": axis.P, "left": sides[:, 0], "right": sides[:, 1]}
-    lengths = {name: _rounded(MM_PER_M * values) for name, values in metres.items()}
-    directions = {"normals": _rounded(axis.N, CURVATURE)}
-    return lengths | directions | {name: _rounded(getattr(axis, name), CURVATURE) for name in ("kg", "kn", "tg")}
+    lengths = {name: _rounded_lists(MM_PER_M * values) for name, values in metres.items()}
+    directions = {"normals": _rounded_lists(axis.N, CURVATURE_DIGITS)}
+    return (
+        lengths
+        | directions
+        | {name: _rounded_lists(getattr(axis, name), CURVATURE_DIGITS) for name in ("kg", "kn", "tg")}
+    )
 
 
 def _node(node: Node) -> dict[str, Any]:
@@ -79,22 +83,22 @@ def _node(node: Node) -> dict[str, Any]:
         "at": [_mm(s) for s in node.at],
         "angle": _number(node.angle, 3),
         "area": round(MM_PER_M**2 * node.area, 1),
-        "point": _rounded(MM_PER_M * node.point),
-        "normal": _rounded(node.normal, CURVATURE),
+        "point": _rounded_lists(MM_PER_M * node.point),
+        "normal": _rounded_lists(node.normal, CURVATURE_DIGITS),
     }
 
 
 def _mm(metres: float) -> float | None:
-    return _number(MM_PER_M * metres, DIGITS)
+    return _number(MM_PER_M * metres, LENGTH_DIGITS)
 
 
 def _number(value: float, digits: int) -> float | None:
     return None if np.isnan(value) else round(value, digits) + 0.0
 
 
-def _rounded(values: Floats, digits: int = DIGITS) -> list[Any]:
-    found: list[Any] = (values.round(digits) + 0.0).tolist()
-    return found
+def _rounded_lists(values: Floats, digits: int = LENGTH_DIGITS) -> list[Any]:
+    lists: list[Any] = (values.round(digits) + 0.0).tolist()
+    return lists
 
 
 PLATES = ("disc", "plate", "fill")
@@ -107,10 +111,10 @@ def member_shapes(design: Design) -> tuple[MemberShape, ...]:
     Members overlap at crossings, so that all bodies together exceed the solid's volume; `own_area` of the records
     counts each area once.
     """
-    sheet, ask = design.members.sheet, design.preset.thickening
-    offset = offsets(design.surface, design.preset.statics.thickness, ask.side)
+    sheet, options = design.members.sheet, design.preset.thickening
+    offset = offsets(design.surface, design.preset.statics.thickness, options.side)
     D = sheet.carry_corners(offset.at_corners(design.surface.F), design.surface.F)
-    return tuple(_shape(sheet.surface, D, member, SHIFT[ask.side]) for member in design.members.members)
+    return tuple(_shape(sheet.surface, D, member, SHIFT[options.side]) for member in design.members.members)
 
 
 def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberShape:
@@ -131,7 +135,7 @@ def beam_records(design: Design) -> dict[str, Any]:
     return frame_records(design.frame) | {
         "actions": dict(design.frame.actions),
         "description": design.preset.description,
-        "told": [one.told for one in design.frame_agreement()],
+        "told": [agreement.summary for agreement in design.frame_agreement()],
     }
 
 
@@ -173,10 +177,10 @@ def bar_records(design: Design) -> dict[str, Any]:
     Raises StaticsError if the cut sheet does not carry its loads.
     """
     bars = {}
-    for name, one in design.member_forces.items():
-        least, greatest = np.moveaxis(one.envelope, -1, 0)
-        several = {"least": least, "greatest": greatest} if len(one.forces) > 1 else {}
-        bars[name] = {"bay": list(one.bay), "s": one.s, "forces": {**one.forces, **several}}
+    for name, forces in design.member_forces.items():
+        least, greatest = np.moveaxis(forces.envelope, -1, 0)
+        several = {"least": least, "greatest": greatest} if len(forces.forces) > 1 else {}
+        bars[name] = {"bay": list(forces.bay), "s": forces.s, "forces": {**forces.forces, **several}}
     return {"bars": bars, "columns": list(COLUMNS)}
 
 
@@ -188,19 +192,19 @@ def utilisation_records(design: Design) -> dict[str, Any]:
 
     Raises StaticsError if neither the material nor a strength is set, or if nothing carries a load.
     """
-    return found_records(design.member_utilisation)
+    return utilisation_rows(design.member_utilisation)
 
 
-def found_records(found: "Utilisation") -> dict[str, Any]:
+def utilisation_rows(utilisation: "Utilisation") -> dict[str, Any]:
     """Return `utilisation_records` of a computed utilisation."""
-    bays, rows = found.bays, []
-    for bay in found.order.tolist():
-        check, case, station = found.governing(bay)
+    bays, rows = utilisation.bays, []
+    for bay in utilisation.order.tolist():
+        check, case, station = utilisation.governing(bay)
         rows.append(
             {
                 "member": bays.member[bay],
                 "bay": bays.name[bay],
-                "utilisation": float(found.largest[bay]),
+                "utilisation": float(utilisation.largest[bay]),
                 "check": check.name,
                 "clause": check.clause,
                 "case": case,
@@ -208,12 +212,12 @@ def found_records(found: "Utilisation") -> dict[str, Any]:
                 "width": float(bays.width[bay, station]),
                 "length": float(bays.length[bay]),
                 "forces": bays.forces[case][bay, station],
-                "each": found.worst[bay],
+                "each": utilisation.worst[bay],
             }
         )
-    words = {"standard": found.standard, "assumed": found.assumed, "unchecked": found.unchecked}
-    known = {"rows": rows, "checks": [str(check) for check in found.checks], "thickness": bays.thickness}
-    return {"utilisation": {**words, **known, "told": [found.told]}, "columns": list(COLUMNS)}
+    words = {"standard": utilisation.standard, "assumed": utilisation.assumed, "unchecked": utilisation.unchecked}
+    facts = {"rows": rows, "checks": [str(check) for check in utilisation.checks], "thickness": bays.thickness}
+    return {"utilisation": {**words, **facts, "told": [utilisation.summary]}, "columns": list(COLUMNS)}
 
 
 def force_records(design: Design) -> dict[str, Any]:
@@ -224,31 +228,31 @@ def force_records(design: Design) -> dict[str, Any]:
 
     Raises StaticsError if the cut sheet does not carry its loads.
     """
-    found = design.section_forces
-    surface, first = design.sheet.surface, next(iter(found.values()))
+    forces_by_case = design.section_forces
+    surface, first_case = design.sheet.surface, next(iter(forces_by_case.values()))
     faces = {
         "centre [m]": surface.centroids,
         "area [m2]": surface.areas,
-        "local x [1]": first.frame[:, 0],
-        "local y [1]": first.frame[:, 1],
+        "local x [1]": first_case.frame[:, 0],
+        "local y [1]": first_case.frame[:, 1],
         "normal [1]": surface.normals,
     }
     return {
         "convention": list(CONVENTION),
         "faces": faces,
-        "cases": {name: _columns(forces) for name, forces in found.items()},
+        "cases": {name: _columns(forces) for name, forces in forces_by_case.items()},
     }
 
 
 def _columns(forces: SectionForces) -> dict[str, Floats]:
-    found: dict[str, Floats] = {}
+    columns: dict[str, Floats] = {}
     for name, unit in (("n", "N/m"), ("m", "N m/m")):
         for index, axes in enumerate(("x", "y", "xy")):
-            found[f"{name}_{axes} [{unit}]"] = getattr(forces, name)[:, index]
-    found |= {f"q_{axis} [N/m]": np.asarray(forces.q[:, index]) for index, axis in enumerate("xy")}
+            columns[f"{name}_{axes} [{unit}]"] = getattr(forces, name)[:, index]
+    columns |= {f"q_{axis} [N/m]": np.asarray(forces.q[:, index]) for index, axis in enumerate("xy")}
     for name, unit in (("n", "N/m"), ("m", "N m/m")):
         values, angle, direction = forces.principal(name)
-        found |= {f"{name}_{index} [{unit}]": np.asarray(values[:, index - 1]) for index in (1, 2)}
-        found[f"{name}_1 from local x [degrees]"] = angle
-        found[f"{name}_1 direction [1]"] = direction
-    return found
+        columns |= {f"{name}_{index} [{unit}]": np.asarray(values[:, index - 1]) for index in (1, 2)}
+        columns[f"{name}_1 from local x [degrees]"] = angle
+        columns[f"{name}_1 direction [1]"] = direction
+    return columns

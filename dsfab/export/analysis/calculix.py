@@ -9,12 +9,12 @@ from typing import Any, Literal
 import numpy as np
 
 from dsfab import __version__
-from dsfab.core.arrays import Bools, Floats, Ints, first, lock, locked
+from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock, read_only_copy
 from dsfab.core.errors import ExportError
 from dsfab.export.analysis.opensees import all_loads
 from dsfab.export.part import Part
-from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, differs
-from dsfab.export.writing import one_line, replacing, rows, write_chunks
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
+from dsfab.export.writing import atomic_file, one_line, rows, write_chunks
 
 Element = Literal["S6", "CPS6"]
 
@@ -60,8 +60,8 @@ class CalculixModel:
                 object.__setattr__(self, name, empty)
         lock(self, "clamped", np.bool_, (p,))
         lock(self, "springs", np.float64, (p, 3))
-        steps = {name: locked(force, np.float64, (p, 3)) for name, force in self.steps.items()}
-        supports = {name: locked(held, np.bool_, (p, 3)) for name, held in self.supports.items()}
+        steps = {name: read_only_copy(force, np.float64, (p, 3)) for name, force in self.steps.items()}
+        supports = {name: read_only_copy(directions, np.bool_, (p, 3)) for name, directions in self.supports.items()}
         object.__setattr__(self, "steps", MappingProxyType(steps))
         object.__setattr__(self, "supports", MappingProxyType(supports))
         self._check()
@@ -72,8 +72,8 @@ class CalculixModel:
             raise ExportError(f"the model {self.name!r} has numbers that are not finite; check its mesh and its loads")
         bad = np.flatnonzero((self.triangles < 0).any(axis=1) | (self.triangles >= len(self.nodes)).any(axis=1))
         if len(bad):
-            raise ExportError(f"{len(bad)} triangles name nodes that the model does not have (first: {first(bad)})")
-        if not self.steps or not (any(held.any() for held in self.supports.values()) or self.springs.any()):
+            raise ExportError(f"{len(bad)} triangles name nodes that the model does not have (first: {first_few(bad)})")
+        if not self.steps or not (any(directions.any() for directions in self.supports.values()) or self.springs.any()):
             raise ExportError(f"the model {self.name!r} needs a load step and a support; CalculiX solves nothing else")
         if wrong := [name for name in self.supports if name != _set_name(name)]:
             raise ExportError(f"{wrong[0]!r} is no name for a node set; use capitals, digits and _, a capital first")
@@ -92,7 +92,7 @@ def write_calculix(model: CalculixModel, path: str | Path) -> Path:
     path = Path(path)
     if path.suffix != ".inp":
         raise ExportError(f"CalculiX reads files that end in .inp and {path.name} does not; name it {path.stem}.inp")
-    with replacing(path) as temporary:
+    with atomic_file(path) as temporary:
         write_chunks(temporary, (text.encode("ascii", "replace") for text in cards(model)))
     return path
 
@@ -135,15 +135,15 @@ def _section(model: CalculixModel) -> Iterator[str]:
 
 def _supports(model: CalculixModel) -> Iterator[str]:
     axes = range(3 if model.element == "S6" else 2)
-    for name, held in model.supports.items():
-        members: Bools = np.asarray(held.any(axis=1))
+    for name, directions in model.supports.items():
+        members: Bools = np.asarray(directions.any(axis=1))
         yield from _node_set(name, members)
         for axis in axes:
-            if members.any() and bool((held[:, axis] == members).all()):
+            if members.any() and bool((directions[:, axis] == members).all()):
                 yield f"*BOUNDARY\n{name}, {axis + 1}, {axis + 1}\n"
-            elif held[:, axis].any():
+            elif directions[:, axis].any():
                 yield "*BOUNDARY\n"
-                yield from rows(f"%d, {axis + 1}, {axis + 1}\n", np.flatnonzero(held[:, axis]) + 1)
+                yield from rows(f"%d, {axis + 1}, {axis + 1}\n", np.flatnonzero(directions[:, axis]) + 1)
     if model.element == "S6" and model.clamped.any():
         yield from _node_set("CLAMPED", model.clamped)
         yield "*BOUNDARY\nCLAMPED, 4, 6\n"
@@ -153,13 +153,13 @@ def _springs(model: CalculixModel) -> Iterator[str]:
     count, group = len(model.triangles), 0
     for axis in range(3 if model.element == "S6" else 2):
         for stiffness in np.unique(model.springs[:, axis][model.springs[:, axis] > 0]).tolist():
-            at = np.flatnonzero(model.springs[:, axis] == stiffness)
+            nodes = np.flatnonzero(model.springs[:, axis] == stiffness)
             group += 1
             yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{group}\n"
-            yield from rows("%d, %d\n", count + 1 + np.arange(len(at)), at + 1)
+            yield from rows("%d, %d\n", count + 1 + np.arange(len(nodes)), nodes + 1)
             # CalculiX reads a line of integers as a direction, and a line with a decimal point as the stiffness
             yield f"*SPRING, ELSET=SPRING_{group}\n{axis + 1}\n{stiffness:.11e}\n"
-            count += len(at)
+            count += len(nodes)
 
 
 def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[str]:
@@ -169,8 +169,8 @@ def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[st
     if len(node):
         yield from rows("%d, %d, %.11e\n", node + 1, axis + 1, force[node, axis])
     yield "*NODE PRINT, NSET=ALL\nU\n"
-    for support, held in model.supports.items():
-        if held.any():
+    for support, directions in model.supports.items():
+        if directions.any():
             yield f"*NODE PRINT, NSET={support}, TOTALS=ONLY\nRF\n"
     yield "*EL PRINT, ELSET=SHEET, TOTALS=ONLY\nELSE\n"
     yield "*NODE FILE, OUTPUT=2D\nU, RF\n*EL FILE, OUTPUT=2D\nS\n*END STEP\n"
@@ -211,10 +211,10 @@ def check(part: Part, path: Path) -> ReadBack:
     frame = part.details.records["frame"]
     beams = sum(card.startswith("ELEMENT, TYPE=B32R") for card in cards)
     if beams != PIECES * len(frame["ends"]):
-        raise differs(part, "elements", PIECES * len(frame["ends"]), beams)
+        raise count_error(part, "elements", PIECES * len(frame["ends"]), beams)
     lines = next(card for card in cards if card.startswith("NODE, NSET=ALL")).splitlines()[1:]
-    found = np.array([line.split(",")[1:] for line in lines], dtype=np.float64)
-    if not (np.abs(found - frame["points"]) <= NUMBERS_READ_BACK * np.abs(frame["points"]).max()).all():
+    points = np.array([line.split(",")[1:] for line in lines], dtype=np.float64)
+    if not (np.abs(points - frame["points"]) <= NUMBERS_READ_BACK * np.abs(frame["points"]).max()).all():
         raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
     return ReadBack(beams, "elements")
 
@@ -247,11 +247,11 @@ def _cards(name: str, records: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _calculix_beams_supports(frame: Mapping[str, Any]) -> Iterator[str]:
-    held = np.flatnonzero(frame["fixed"].any(axis=1))
-    yield "*NSET, NSET=HELD\n" + "".join(f"{k + 1}\n" for k in held)
+    supported = np.flatnonzero(frame["fixed"].any(axis=1))
+    yield "*NSET, NSET=HELD\n" + "".join(f"{k + 1}\n" for k in supported)
     yield "*BOUNDARY\n"
-    node, way = np.nonzero(frame["fixed"])
-    yield from rows("%d, %d, %d\n", node + 1, way + 1, way + 1)
+    node, direction = np.nonzero(frame["fixed"])
+    yield from rows("%d, %d, %d\n", node + 1, direction + 1, direction + 1)
     count = PIECES * len(frame["ends"])
     for k, axis in np.argwhere(frame["spring"] > 0).tolist():
         count += 1
@@ -261,8 +261,8 @@ def _calculix_beams_supports(frame: Mapping[str, Any]) -> Iterator[str]:
 
 def _calculix_beams_step(case: str, load: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> Iterator[str]:
     yield f"** {one_line(case)}\n*STEP\n*STATIC\n*CLOAD, OP=NEW\n"
-    node, way = np.nonzero(load)
+    node, direction = np.nonzero(load)
     if len(node):
-        yield from rows("%d, %d, %.11e\n", node + 1, way + 1, load[node, way])
+        yield from rows("%d, %d, %.11e\n", node + 1, direction + 1, load[node, direction])
     yield "*NODE PRINT, NSET=ALL\nU\n*NODE PRINT, NSET=HELD, TOTALS=ONLY\nRF\n"
     yield "*EL PRINT, ELSET=BEAMS, TOTALS=ONLY\nELSE\n*NODE FILE\nU\n*END STEP\n"

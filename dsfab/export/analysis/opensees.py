@@ -13,7 +13,7 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.export.part import Part
-from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, differs
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
 from dsfab.export.writing import one_line
 
 SUFFIX = ".tcl"
@@ -50,9 +50,9 @@ def check(part: Part, path: Path) -> ReadBack:
     frame = part.details.records["frame"]
     beams = sum(row[:2] == ["element", "ElasticTimoshenkoBeam"] for row in rows)
     if beams != len(frame["ends"]):
-        raise differs(part, "beams", len(frame["ends"]), beams)
-    found = np.array([row[2:5] for row in rows if row[:1] == ["node"]], dtype=np.float64)[: len(frame["points"])]
-    if not (np.abs(found - frame["points"]) <= NUMBERS_READ_BACK * np.abs(frame["points"]).max()).all():
+        raise count_error(part, "beams", len(frame["ends"]), beams)
+    points = np.array([row[2:5] for row in rows if row[:1] == ["node"]], dtype=np.float64)[: len(frame["points"])]
+    if not (np.abs(points - frame["points"]) <= NUMBERS_READ_BACK * np.abs(frame["points"]).max()).all():
         raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
     return ReadBack(beams, "beams")
 
@@ -66,9 +66,9 @@ def _lines(name: str, records: Mapping[str, Any]) -> Iterator[str]:
     for k, (point, word) in enumerate(zip(frame["points"], frame["nodes"], strict=True), 1):
         yield f"node {k} {_numbers(point)} ;# {_word(word)}"
     yield f"set count {len(frame['points'])}"
-    for k, held in enumerate(frame["fixed"], 1):
-        if held.any():
-            yield f"fix {k} {' '.join('1' if one else '0' for one in held)}"
+    for k, fixed in enumerate(frame["fixed"], 1):
+        if fixed.any():
+            yield f"fix {k} {' '.join('1' if is_fixed else '0' for is_fixed in fixed)}"
     yield from _springs(frame)
     yield from _beams(frame, records["material"])
     yield SOLVED
@@ -83,13 +83,13 @@ def _lines(name: str, records: Mapping[str, Any]) -> Iterator[str]:
 def _springs(frame: Mapping[str, Any]) -> Iterator[str]:
     n, b = len(frame["points"]), len(frame["ends"])
     for count, k in enumerate(np.flatnonzero((frame["spring"] > 0).any(axis=1)), 1):
-        ways = np.flatnonzero(frame["spring"][k] > 0)
+        directions = np.flatnonzero(frame["spring"][k] > 0)
         yield f"node {n + count} {_numbers(frame['points'][k])}"
         yield f"fix {n + count} 1 1 1 1 1 1"
-        tags = [6 * count + int(way) for way in ways]
-        for tag, way in zip(tags, ways, strict=True):
-            yield f"uniaxialMaterial Elastic {tag} {frame['spring'][k, way]:.12g}"
-        mats, dirs = " ".join(map(str, tags)), " ".join(str(way + 1) for way in ways)
+        tags = [6 * count + int(direction) for direction in directions]
+        for tag, direction in zip(tags, directions, strict=True):
+            yield f"uniaxialMaterial Elastic {tag} {frame['spring'][k, direction]:.12g}"
+        mats, dirs = " ".join(map(str, tags)), " ".join(str(direction + 1) for direction in directions)
         yield f"element zeroLength {b + count} {n + count} {k + 1} -mat {mats} -dir {dirs}"
 
 

@@ -16,7 +16,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
 from dsfab.export.part import Part
-from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, differs
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
 
 VERSION = "2.2.0"
 Cell = str | int | float
@@ -58,7 +58,7 @@ class SafSheet:
     rows: tuple[tuple[Cell | None, ...], ...]
 
     @classmethod
-    def of(cls, name: str, rows: list[dict[str, Cell | None]]) -> "SafSheet":
+    def from_rows(cls, name: str, rows: list[dict[str, Cell | None]]) -> "SafSheet":
         """Return a sheet with a column for each key of any row, in order of appearance."""
         head = tuple(dict.fromkeys(key for row in rows for key in row))
         return cls(name, head, tuple(tuple(row.get(key) for key in head) for row in rows))
@@ -69,21 +69,23 @@ def saf_sheets(name: str, records: Mapping[str, Any]) -> list[SafSheet]:
     frame = records["frame"]
     sections = [_dimensions(t, w) for t, w in zip(frame["thickness"], frame["width"], strict=True)]
     numbers = {size: f"CS{k}" for k, size in enumerate(dict.fromkeys(sections), 1)}
-    every = [
+    sheets = [
         SafSheet("Project", (), (("Name", name), ("Description", records["description"]))),
         SafSheet("Model", (), _model(name)),
-        SafSheet.of("StructuralMaterial", [_material(records["material"])]),
-        SafSheet.of("StructuralCrossSection", [_section(records, size, id_) for size, id_ in numbers.items()]),
-        SafSheet.of("StructuralPointConnection", list(_nodes(frame))),
-        SafSheet.of("StructuralCurveMember", list(_members(frame, [numbers[size] for size in sections]))),
-        SafSheet.of("StructuralPointSupport", list(_supports(frame))),
-        SafSheet.of("StructuralLoadGroup", _groups(records["actions"])),
-        SafSheet.of("StructuralLoadCase", [_case(case, kind) for case, kind in records["actions"].items()]),
-        SafSheet.of("StructuralLoadCombination", [_sum(*one) for one in frame["combinations"].items()]),
-        SafSheet.of("StructuralPointAction", list(_actions(frame, 0))),
-        SafSheet.of("StructuralPointMoment", list(_actions(frame, 3))),
+        SafSheet.from_rows("StructuralMaterial", [_material(records["material"])]),
+        SafSheet.from_rows("StructuralCrossSection", [_section(records, size, id_) for size, id_ in numbers.items()]),
+        SafSheet.from_rows("StructuralPointConnection", list(_nodes(frame))),
+        SafSheet.from_rows("StructuralCurveMember", list(_members(frame, [numbers[size] for size in sections]))),
+        SafSheet.from_rows("StructuralPointSupport", list(_supports(frame))),
+        SafSheet.from_rows("StructuralLoadGroup", _groups(records["actions"])),
+        SafSheet.from_rows("StructuralLoadCase", [_case(case, kind) for case, kind in records["actions"].items()]),
+        SafSheet.from_rows(
+            "StructuralLoadCombination", [_sum(*combination) for combination in frame["combinations"].items()]
+        ),
+        SafSheet.from_rows("StructuralPointAction", list(_actions(frame, 0))),
+        SafSheet.from_rows("StructuralPointMoment", list(_actions(frame, 3))),
     ]
-    return [sheet for sheet in every if sheet.rows]
+    return [sheet for sheet in sheets if sheet.rows]
 
 
 def _model(name: str) -> tuple[tuple[str, str], ...]:
@@ -101,18 +103,18 @@ def _model(name: str) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _material(given: Mapping[str, Any]) -> dict[str, Cell | None]:
-    name = given["name"] or "material of the preset"
-    kind = next((kind for begin, kind in TYPES.items() if given["name"].startswith(begin)), "Other")
+def _material(material: Mapping[str, Any]) -> dict[str, Cell | None]:
+    name = material["name"] or "material of the preset"
+    kind = next((kind for begin, kind in TYPES.items() if material["name"].startswith(begin)), "Other")
     return {
         "Name": name,
         "Type": kind,
         "Quality": name,
-        "Unit mass [kg/m3]": given["density"],
-        "E modulus [MPa]": given["young"] / MEGA,
-        "G modulus [MPa]": given["shear"] / MEGA,
-        "Poisson Coefficient": given["poisson"],
-        "Thermal expansion [1/K]": given["expansion"],
+        "Unit mass [kg/m3]": material["density"],
+        "E modulus [MPa]": material["young"] / MEGA,
+        "G modulus [MPa]": material["shear"] / MEGA,
+        "Poisson Coefficient": material["poisson"],
+        "Thermal expansion [1/K]": material["expansion"],
     }
 
 
@@ -180,10 +182,10 @@ def _aside(y: float) -> Iterator[tuple[str, str, float]]:
 def _supports(frame: Mapping[str, Any]) -> Iterator[dict[str, Cell | None]]:
     fixed, spring = frame["fixed"], frame["spring"]
     for number, k in enumerate(np.flatnonzero((fixed | (spring > 0)).any(axis=1)).tolist(), 1):
-        whole, hinged = fixed[k].all(), fixed[k, :3].all() and not fixed[k, 3:].any()
+        all_fixed, hinged = fixed[k].all(), fixed[k, :3].all() and not fixed[k, 3:].any()
         row: dict[str, Cell | None] = {
             "Name": f"Sn{number}",
-            "Type": "Fixed" if whole else "Hinged" if hinged else "Custom",
+            "Type": "Fixed" if all_fixed else "Hinged" if hinged else "Custom",
             "Boundary condition": "In node",
             "Node": frame["nodes"][k],
         }
@@ -227,12 +229,12 @@ def _sum(name: str, factors: Mapping[str, float]) -> dict[str, Cell | None]:
     return row
 
 
-def _actions(frame: Mapping[str, Any], first: int) -> Iterator[dict[str, Cell | None]]:
-    letter, unit, words = ("F", "Value [kN]", "XYZ") if first == 0 else ("M", "Value [kNm]", ("Mx", "My", "Mz"))
+def _actions(frame: Mapping[str, Any], first_column: int) -> Iterator[dict[str, Cell | None]]:
+    letter, unit, words = ("F", "Value [kN]", "XYZ") if first_column == 0 else ("M", "Value [kNm]", ("Mx", "My", "Mz"))
     number = 0
     for case, rows in frame["loads"].items():
-        values: Floats = rows[:, first : first + 3] / KILO
-        for k, axis in np.argwhere(np.abs(values) > SMALL[first] * np.abs(values).max()).tolist():
+        values: Floats = rows[:, first_column : first_column + 3] / KILO
+        for k, axis in np.argwhere(np.abs(values) > SMALL[first_column] * np.abs(values).max()).tolist():
             number += 1
             yield {
                 "Name": f"{letter}{number}",
@@ -247,12 +249,12 @@ def _actions(frame: Mapping[str, Any], first: int) -> Iterator[dict[str, Cell | 
 
 
 SUFFIX = ".saf.xlsx"
-NEVER = datetime(1980, 1, 1)
+FIXED_DATE = datetime(1980, 1, 1)
 """Date of every workbook, so that equal designs give equal bytes."""
 MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 
 
-def ready() -> None:
+def require_xlsxwriter() -> None:
     """Raise ExportError if XlsxWriter is not installed."""
     if importlib.util.find_spec("xlsxwriter") is None:
         raise ExportError(".xlsx files need the library XlsxWriter; install it with: pip install XlsxWriter")
@@ -265,7 +267,7 @@ def prepare(part: Part) -> Part:
     return part
 
 
-def told(part: Part, refused: Sequence[ExportError]) -> str:
+def agreement_text(part: Part, refused: Sequence[ExportError]) -> str:
     """Return the comparison of beams and sheet, a line for each case."""
     return "\n".join(part.details.records["told"])
 
@@ -276,7 +278,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
     file = io.BytesIO()
     with xlsxwriter.Workbook(file, {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}) as book:
-        book.set_properties({"created": NEVER})
+        book.set_properties({"created": FIXED_DATE})
         strong = book.add_format({"bold": True, "bottom": 1})
         for table in saf_sheets(part.name, part.details.records):
             sheet = book.add_worksheet(table.name)
@@ -292,19 +294,19 @@ def encode(part: Part) -> Iterator[bytes]:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read every sheet back with the standard library's readers: head, number of rows, coordinates of nodes."""
-    found, wanted = workbook_cells(path), saf_sheets(part.name, part.details.records)
-    for sheet in wanted:
-        rows = found.get(sheet.name, [])
+    cells, sheets = workbook_cells(path), saf_sheets(part.name, part.details.records)
+    for sheet in sheets:
+        rows = cells.get(sheet.name, [])
         count = len(sheet.rows) + (1 if sheet.head else 0)
         if len(rows) != count:
-            raise differs(part, f"rows of {sheet.name}", count, len(rows))
+            raise count_error(part, f"rows of {sheet.name}", count, len(rows))
         if sheet.head and tuple(rows[0]) != sheet.head:
             raise ExportError(f"the head of {sheet.name} of {part.name!r} reads back different; write it again")
-    points = _coordinates(found["StructuralPointConnection"][1:])
-    given = _coordinates([list(row) for row in _sheet(wanted, "StructuralPointConnection").rows])
-    if not (np.abs(points - given) <= NUMBERS_READ_BACK * np.abs(given).max()).all():
+    points = _coordinates(cells["StructuralPointConnection"][1:])
+    expected = _coordinates([list(row) for row in _sheet(sheets, "StructuralPointConnection").rows])
+    if not (np.abs(points - expected) <= NUMBERS_READ_BACK * np.abs(expected).max()).all():
         raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write members.json instead")
-    return ReadBack(len(_sheet(wanted, "StructuralCurveMember").rows), "beams")
+    return ReadBack(len(_sheet(sheets, "StructuralCurveMember").rows), "beams")
 
 
 def _sheet(sheets: Sequence[SafSheet], name: str) -> SafSheet:
@@ -326,13 +328,14 @@ def workbook_cells(path: Path) -> dict[str, list[list[Cell | None]]]:
             for item in ElementTree.fromstring(archive.read("xl/sharedStrings.xml"))
         ]
         names = [
-            one.attrib["name"] for one in ElementTree.fromstring(archive.read("xl/workbook.xml")).iter(f"{MAIN}sheet")
+            element.attrib["name"]
+            for element in ElementTree.fromstring(archive.read("xl/workbook.xml")).iter(f"{MAIN}sheet")
         ]
-        found = {}
+        cells = {}
         for number, name in enumerate(names, 1):
             root = ElementTree.fromstring(archive.read(f"xl/worksheets/sheet{number}.xml"))
-            found[name] = [_row(row, shared) for row in root.iter(f"{MAIN}row")]
-    return found
+            cells[name] = [_row(row, shared) for row in root.iter(f"{MAIN}row")]
+    return cells
 
 
 def _row(row: ElementTree.Element, shared: list[str]) -> list[Cell | None]:

@@ -76,11 +76,11 @@ def _array(name: str, values: NDArray[Any]) -> bytes:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the mesh and every field back with an XML parser."""
-    found = dict(_arrays(path))
-    V, F = found.pop("Points"), found.pop("connectivity").astype(np.int64).reshape(-1, 3)
+    arrays = dict(_arrays(path))
+    V, F = arrays.pop("Points"), arrays.pop("connectivity").astype(np.int64).reshape(-1, 3)
     result = check_mesh(replace(part, V=part.V / MM_PER_M), V.reshape(-1, 3), F)
     for name, values in part.details.values.items():
-        if name not in found or not np.array_equal(found[name], np.asarray(values).ravel(), equal_nan=True):
+        if name not in arrays or not np.array_equal(arrays[name], np.asarray(values).ravel(), equal_nan=True):
             raise ExportError(f"the field {name!r} of {part.name!r} reads back different; write .csv or .json instead")
     return result
 

@@ -13,20 +13,20 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
-from dsfab.export.cad.step.entities import Numbered, piece_name, quoted
+from dsfab.export.cad.step.entities import NumberedEntities, piece_name, step_string
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Details, MemberShape, Part
 from dsfab.export.readback import (
     ReadBack,
     check_mesh,
     check_shapes,
-    differs,
+    count_error,
     layer_colour,
     member_entries,
     member_facts,
 )
-from dsfab.export.writing import listed_rows, one_line
-from dsfab.surface import connected, signed_volume, total_area
+from dsfab.export.writing import comma_separated_rows, one_line
+from dsfab.surface import link_components, signed_volume, total_area
 
 PLATE_SETS = {
     "Qto_PlateBaseQuantities": {"Width": "LENGTH", "NetVolume": "VOLUME", "NetWeight": "WEIGHT"},
@@ -52,9 +52,9 @@ class Place(NamedTuple):
     style: int
 
 
-def beginning(name: str, version: str) -> str:
+def file_header(name: str, version: str) -> str:
     """Return the header; its time is fixed, so that equal solids give equal files."""
-    title = quoted(one_line(name))
+    title = step_string(one_line(name))
     return (
         "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('ViewDefinition [ReferenceView_V1.2]'),'2;1');\n"
         f"FILE_NAME('{title}.ifc','1970-01-01T00:00:00',('dsfab'),(''),'dsfab {version}','dsfab {version}','');\n"
@@ -62,69 +62,74 @@ def beginning(name: str, version: str) -> str:
     )
 
 
-def building(new: Numbered, name: str, details: Details, naming: Naming) -> Place:
+def building(entities: NumberedEntities, name: str, details: Details, naming: Naming) -> Place:
     """Add units, project, site and building, and the entities that all elements share; return their numbers."""
-    title, measures = quoted(one_line(name)), details.measures
-    units = ",".join(f"#{k}" for k in _units(new))
-    origin = new.add("IFCCARTESIANPOINT((0.,0.,0.))")
-    axes = new.add(f"IFCAXIS2PLACEMENT3D(#{origin},$,$)")
-    context = new.add(f"IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-05,#{axes},$)")
-    body = new.add(f"IFCGEOMETRICREPRESENTATIONSUBCONTEXT('Body','Model',*,*,*,*,#{context},$,.MODEL_VIEW.,$)")
+    title, measures = step_string(one_line(name)), details.measures
+    units = ",".join(f"#{k}" for k in _units(entities))
+    origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
+    axes = entities.add(f"IFCAXIS2PLACEMENT3D(#{origin},$,$)")
+    context = entities.add(f"IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-05,#{axes},$)")
+    body = entities.add(f"IFCGEOMETRICREPRESENTATIONSUBCONTEXT('Body','Model',*,*,*,*,#{context},$,.MODEL_VIEW.,$)")
     if any(details.origin):
-        _on_site(new, context, details.origin)
-    assignment = new.add(f"IFCUNITASSIGNMENT(({units}))")
-    project = new.add(f"IFCPROJECT('{naming('project')}',$,'{title}',$,$,$,$,(#{context}),#{assignment})")
-    placement = new.add(f"IFCLOCALPLACEMENT($,#{axes})")
-    site = new.add(f"IFCSITE('{naming('site')}',$,'Site',$,$,#{placement},$,$,.ELEMENT.,$,$,$,$,$)")
-    house = new.add(f"IFCBUILDING('{naming('building')}',$,'Building',$,$,#{placement},$,$,.ELEMENT.,$,$,$)")
-    new.add(f"IFCRELAGGREGATES('{naming('sites')}',$,$,$,#{project},(#{site}))")
-    new.add(f"IFCRELAGGREGATES('{naming('buildings')}',$,$,$,#{site},(#{house}))")
-    style = surface_style(new, "structure", (0.62, 0.66, 0.7))
-    made_of = _material(new, measures, details.records.get("material") or "material")
-    part = new.add(f"IFCLOCALPLACEMENT(#{placement},#{axes})")
-    return Place(body, house, placement, part, made_of, _properties(new, measures, naming), style)
+        _on_site(entities, context, details.origin)
+    assignment = entities.add(f"IFCUNITASSIGNMENT(({units}))")
+    project = entities.add(f"IFCPROJECT('{naming('project')}',$,'{title}',$,$,$,$,(#{context}),#{assignment})")
+    placement = entities.add(f"IFCLOCALPLACEMENT($,#{axes})")
+    site = entities.add(f"IFCSITE('{naming('site')}',$,'Site',$,$,#{placement},$,$,.ELEMENT.,$,$,$,$,$)")
+    house = entities.add(f"IFCBUILDING('{naming('building')}',$,'Building',$,$,#{placement},$,$,.ELEMENT.,$,$,$)")
+    entities.add(f"IFCRELAGGREGATES('{naming('sites')}',$,$,$,#{project},(#{site}))")
+    entities.add(f"IFCRELAGGREGATES('{naming('buildings')}',$,$,$,#{site},(#{house}))")
+    style = surface_style(entities, "structure", (0.62, 0.66, 0.7))
+    material = _material(entities, measures, details.records.get("material") or "material")
+    part = entities.add(f"IFCLOCALPLACEMENT(#{placement},#{axes})")
+    return Place(body, house, placement, part, material, _properties(entities, measures, naming), style)
 
 
-def roof(new: Numbered, at: Place, name: str, elements: list[int], naming: Naming) -> None:
+def roof(entities: NumberedEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
     """Add the roof that holds elements, with its placement, and the material and properties of the elements."""
-    title, listed = quoted(one_line(name)), ",".join(f"#{k}" for k in elements)
-    whole = new.add(f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{at.placement},$,$,.FREEFORM.)")
-    new.add(f"IFCRELAGGREGATES('{naming('parts')}',$,$,$,#{whole},({listed}))")
-    new.add(f"IFCRELCONTAINEDINSPATIALSTRUCTURE('{naming('contained')}',$,$,$,(#{whole}),#{at.building})")
-    if at.material:
-        new.add(f"IFCRELASSOCIATESMATERIAL('{naming('made of')}',$,$,$,({listed}),#{at.material})")
-    if at.properties:
-        new.add(f"IFCRELDEFINESBYPROPERTIES('{naming('properties of all')}',$,$,$,({listed}),#{at.properties})")
+    title, listed = step_string(one_line(name)), ",".join(f"#{k}" for k in elements)
+    roof_entity = entities.add(
+        f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{place.placement},$,$,.FREEFORM.)"
+    )
+    entities.add(f"IFCRELAGGREGATES('{naming('parts')}',$,$,$,#{roof_entity},({listed}))")
+    entities.add(f"IFCRELCONTAINEDINSPATIALSTRUCTURE('{naming('contained')}',$,$,$,(#{roof_entity}),#{place.building})")
+    if place.material:
+        entities.add(f"IFCRELASSOCIATESMATERIAL('{naming('made of')}',$,$,$,({listed}),#{place.material})")
+    if place.properties:
+        entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming('properties of all')}',$,$,$,({listed}),#{place.properties})")
 
 
-def _on_site(new: Numbered, context: int, origin: tuple[float, float, float]) -> None:
+def _on_site(entities: NumberedEntities, context: int, origin: tuple[float, float, float]) -> None:
     """Add the position of the model in a survey's coordinates (m); the file cannot name the survey."""
-    metre = new.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
-    survey = new.add(f"IFCPROJECTEDCRS('unknown','that of the mesh file',$,$,$,$,#{metre})")
+    metre = entities.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
+    survey = entities.add(f"IFCPROJECTEDCRS('unknown','that of the mesh file',$,$,$,$,#{metre})")
     east, north, up = map(real, origin)
-    new.add(f"IFCMAPCONVERSION(#{context},#{survey},{east},{north},{up},1.,0.,{real(1 / MM_PER_M)})")
+    entities.add(f"IFCMAPCONVERSION(#{context},#{survey},{east},{north},{up},1.,0.,{real(1 / MM_PER_M)})")
 
 
-def surface_style(new: Numbered, name: str, colour: tuple[float, float, float]) -> int:
+def surface_style(entities: NumberedEntities, name: str, colour: tuple[float, float, float]) -> int:
     """Add a named colour, 0 to 1; return its number."""
     red, green, blue = map(real, colour)
-    rgb = new.add(f"IFCCOLOURRGB($,{red},{green},{blue})")
-    shading = new.add(f"IFCSURFACESTYLESHADING(#{rgb},0.)")
-    return new.add(f"IFCSURFACESTYLE('{quoted(name)}',.BOTH.,(#{shading}))")
+    rgb = entities.add(f"IFCCOLOURRGB($,{red},{green},{blue})")
+    shading = entities.add(f"IFCSURFACESTYLESHADING(#{rgb},0.)")
+    return entities.add(f"IFCSURFACESTYLE('{step_string(name)}',.BOTH.,(#{shading}))")
 
 
-def _units(new: Numbered) -> Iterator[int]:
-    yield new.add("IFCSIUNIT(*,.LENGTHUNIT.,.MILLI.,.METRE.)")
+def _units(entities: NumberedEntities) -> Iterator[int]:
+    yield entities.add("IFCSIUNIT(*,.LENGTHUNIT.,.MILLI.,.METRE.)")
     for kind, unit in (("AREA", "SQUARE_METRE"), ("VOLUME", "CUBIC_METRE"), ("PRESSURE", "PASCAL")):
-        yield new.add(f"IFCSIUNIT(*,.{kind}UNIT.,$,.{unit}.)")
-    yield new.add("IFCSIUNIT(*,.PLANEANGLEUNIT.,$,.RADIAN.)")
-    kilogram, metre = new.add("IFCSIUNIT(*,.MASSUNIT.,.KILO.,.GRAM.)"), new.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
+        yield entities.add(f"IFCSIUNIT(*,.{kind}UNIT.,$,.{unit}.)")
+    yield entities.add("IFCSIUNIT(*,.PLANEANGLEUNIT.,$,.RADIAN.)")
+    kilogram, metre = (
+        entities.add("IFCSIUNIT(*,.MASSUNIT.,.KILO.,.GRAM.)"),
+        entities.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)"),
+    )
     yield kilogram
-    parts = [new.add(f"IFCDERIVEDUNITELEMENT(#{unit},{power})") for unit, power in ((kilogram, 1), (metre, -3))]
-    yield new.add(f"IFCDERIVEDUNIT((#{parts[0]},#{parts[1]}),.MASSDENSITYUNIT.,$)")
+    parts = [entities.add(f"IFCDERIVEDUNITELEMENT(#{unit},{power})") for unit, power in ((kilogram, 1), (metre, -3))]
+    yield entities.add(f"IFCDERIVEDUNIT((#{parts[0]},#{parts[1]}),.MASSDENSITYUNIT.,$)")
 
 
-def _material(new: Numbered, measures: Mapping[str, float], called: str) -> int:
+def _material(entities: NumberedEntities, measures: Mapping[str, float], material_name: str) -> int:
     """Add the material and its values; 0 if none is known."""
     kinds = {
         "density": ("Pset_MaterialCommon", "MassDensity", "IFCMASSDENSITYMEASURE"),
@@ -134,30 +139,30 @@ def _material(new: Numbered, measures: Mapping[str, float], called: str) -> int:
     sets: dict[str, list[int]] = {}
     for key, (group, name, kind) in kinds.items():
         if measures.get(key, 0) > 0:
-            sets.setdefault(group, []).append(single_value(new, name, kind, measures[key]))
+            sets.setdefault(group, []).append(single_value(entities, name, kind, measures[key]))
     if not sets:
         return 0
-    material = new.add(f"IFCMATERIAL('{quoted(one_line(called))}',$,$)")
+    material = entities.add(f"IFCMATERIAL('{step_string(one_line(material_name))}',$,$)")
     for group, values in sets.items():
-        new.add(f"IFCMATERIALPROPERTIES('{group}',$,({','.join(f'#{k}' for k in values)}),#{material})")
+        entities.add(f"IFCMATERIALPROPERTIES('{group}',$,({','.join(f'#{k}' for k in values)}),#{material})")
     return material
 
 
-def _properties(new: Numbered, measures: Mapping[str, float], naming: Naming) -> int:
+def _properties(entities: NumberedEntities, measures: Mapping[str, float], naming: Naming) -> int:
     if measures.get("thickness", 0) <= 0:
         return 0
-    value = single_value(new, "Thickness", "IFCPOSITIVELENGTHMEASURE", measures["thickness"] * MM_PER_M)
-    return new.add(f"IFCPROPERTYSET('{naming('properties')}',$,'Dsfab_Sheet',$,(#{value}))")
+    value = single_value(entities, "Thickness", "IFCPOSITIVELENGTHMEASURE", measures["thickness"] * MM_PER_M)
+    return entities.add(f"IFCPROPERTYSET('{naming('properties')}',$,'Dsfab_Sheet',$,(#{value}))")
 
 
-def single_value(new: Numbered, name: str, kind: str, value: float) -> int:
+def single_value(entities: NumberedEntities, name: str, kind: str, value: float) -> int:
     """Add a property with a number; return its entity number."""
-    return new.add(f"IFCPROPERTYSINGLEVALUE('{name}',$,{kind}({real(value)}),$)")
+    return entities.add(f"IFCPROPERTYSINGLEVALUE('{name}',$,{kind}({real(value)}),$)")
 
 
 def element(
-    new: Numbered,
-    at: Place,
+    entities: NumberedEntities,
+    place: Place,
     which: tuple[str, int],
     mesh: tuple[Floats, Ints],
     amounts: Mapping[str, float],
@@ -167,29 +172,31 @@ def element(
     from 1; return its number.
     """
     (name, i), (V, corners) = which, mesh
-    faces = face_set(new, V, corners, at.style)
-    shape = new.add(f"IFCSHAPEREPRESENTATION(#{at.body},'Body','Tessellation',(#{faces}))")
-    product = new.add(f"IFCPRODUCTDEFINITIONSHAPE($,$,(#{shape}))")
-    made = new.add(
-        f"IFCPLATE('{naming(f'element {i}')}',$,'{quoted(one_line(name))}',$,'diffusion structure',"
-        f"#{at.part},#{product},$,.SHEET.)"
+    faces = face_set(entities, V, corners, place.style)
+    shape = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',(#{faces}))")
+    product = entities.add(f"IFCPRODUCTDEFINITIONSHAPE($,$,(#{shape}))")
+    plate = entities.add(
+        f"IFCPLATE('{naming(f'element {i}')}',$,'{step_string(one_line(name))}',$,'diffusion structure',"
+        f"#{place.part},#{product},$,.SHEET.)"
     )
     for title, keys in PLATE_SETS.items():
-        held = {key: value for key, value in amounts.items() if key in keys}
-        values = [new.add(f"IFCQUANTITY{keys[key]}('{key}',$,$,{real(value)},$)") for key, value in held.items()]
+        set_amounts = {key: value for key, value in amounts.items() if key in keys}
+        values = [
+            entities.add(f"IFCQUANTITY{keys[key]}('{key}',$,$,{real(value)},$)") for key, value in set_amounts.items()
+        ]
         numbers = ",".join(f"#{k}" for k in values)
-        quantities = new.add(f"IFCELEMENTQUANTITY('{naming(f'{title} {i}')}',$,'{title}',$,$,({numbers}))")
-        new.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'{title} measured {i}')}',$,$,$,(#{made}),#{quantities})")
-    return made
+        quantities = entities.add(f"IFCELEMENTQUANTITY('{naming(f'{title} {i}')}',$,'{title}',$,$,({numbers}))")
+        entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'{title} measured {i}')}',$,$,$,(#{plate}),#{quantities})")
+    return plate
 
 
-def face_set(new: Numbered, V: Floats, corners: Ints, style: int) -> int:
+def face_set(entities: NumberedEntities, V: Floats, corners: Ints, style: int) -> int:
     """Add triangles (m, 3), whose corners count from 1, of a closed body V (n, 3) in a style; return their number."""
-    points = "".join(listed_rows("(%.6f,%.6f,%.6f),", *V.T))
-    listed = new.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
-    triangles = "".join(listed_rows("(%d,%d,%d),", *corners.T))
-    faces = new.add(f"IFCTRIANGULATEDFACESET(#{listed},$,.T.,({triangles}),$)")
-    new.add(f"IFCSTYLEDITEM(#{faces},(#{style}),$)")
+    points = "".join(comma_separated_rows("(%.6f,%.6f,%.6f),", *V.T))
+    listed = entities.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
+    triangles = "".join(comma_separated_rows("(%d,%d,%d),", *corners.T))
+    faces = entities.add(f"IFCTRIANGULATEDFACESET(#{listed},$,.T.,({triangles}),$)")
+    entities.add(f"IFCSTYLEDITEM(#{faces},(#{style}),$)")
     return faces
 
 
@@ -205,7 +212,7 @@ PLACE = uuid.uuid5(uuid.NAMESPACE_URL, "dsfab")
 """Namespace of the identifiers."""
 
 
-def ready() -> None:
+def require_ifcopenshell() -> None:
     """Raise ExportError if ifcopenshell is not installed."""
     if importlib.util.find_spec("ifcopenshell") is None:
         raise ExportError('.ifc files need the library ifcopenshell; install it with: pip install "dsfab[ifc]"')
@@ -219,10 +226,10 @@ def prepare(part: Part) -> Part:
 def encode(part: Part) -> Iterator[bytes]:
     """Yield project, site, building and roof, then a plate for each piece; equal parts give equal bytes."""
     shell, solids = solids_of(part)
-    new, measures = Numbered(1), part.details.measures
-    yield beginning(part.name, __version__).encode()
+    entities, measures = NumberedEntities(1), part.details.measures
+    yield file_header(part.name, __version__).encode()
     naming = partial(identifier, part.name)
-    at = building(new, part.name, part.details, naming)
+    place = building(entities, part.name, part.details, naming)
     elements = []
     for i, shells in enumerate(solids):
         used, corner = np.unique(part.F[np.isin(shell, shells)], return_inverse=True)
@@ -233,18 +240,18 @@ def encode(part: Part) -> Iterator[bytes]:
         if "density" in measures:
             amounts["NetWeight"] = amounts["NetVolume"] * measures["density"]
         name = piece_name(part.name, i, len(solids))
-        made = element(new, at, (name, i), (V, F + 1), amounts, naming)
-        elements.append(made)
-        yield from flushed(new)
-    roof(new, at, part.name, elements, naming)
-    yield from flushed(new)
+        plate = element(entities, place, (name, i), (V, F + 1), amounts, naming)
+        elements.append(plate)
+        yield from pending_bytes(entities)
+    roof(entities, place, part.name, elements, naming)
+    yield from pending_bytes(entities)
     yield b"ENDSEC;\nEND-ISO-10303-21;\n"
 
 
-def flushed(new: Numbered) -> Iterator[bytes]:
+def pending_bytes(entities: NumberedEntities) -> Iterator[bytes]:
     """Yield the text of the pending entities and clear it."""
-    yield "".join(new.text).encode("ascii")
-    new.text.clear()
+    yield "".join(entities.text).encode("ascii")
+    entities.text.clear()
 
 
 def identifier(name: str, what: str) -> str:
@@ -258,7 +265,7 @@ def check(part: Part, path: Path) -> ReadBack:
     """Read back with ifcopenshell: lengths in millimetres, every triangle, closed, the part's volume."""
     V, F = _arrays(millimetre_model(part, path))
     if not len(F):
-        raise differs(part, "triangles", len(part.F), 0)
+        raise count_error(part, "triangles", len(part.F), 0)
     return check_mesh(part, V, F)
 
 
@@ -283,11 +290,11 @@ def _arrays(model: Any) -> tuple[Floats, Ints]:
 
 def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
     """Join face sets of ifcopenshell into one mesh, V (n, 3) and F (m, 3)."""
-    points, faces, at = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
+    points, faces, offset = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for item in items:
         points.append(np.array(item.Coordinates.CoordList, dtype=np.float64))
-        faces.append(np.array(item.CoordIndex, dtype=np.int64) - 1 + at)
-        at += len(points[-1])
+        faces.append(np.array(item.CoordIndex, dtype=np.int64) - 1 + offset)
+        offset += len(points[-1])
     return np.concatenate(points), np.concatenate(faces)
 
 
@@ -299,50 +306,50 @@ KINDS |= {"NetWeight": "WEIGHT", "GrossArea": "AREA", "GrossVolume": "VOLUME", "
 
 def encode_members(part: Part) -> Iterator[bytes]:
     """Yield project, site and building, then each member; equal parts give equal bytes."""
-    new, details = Numbered(1), part.details
+    entities, details = NumberedEntities(1), part.details
     naming = partial(identifier, f"{part.name} members")
-    yield beginning(part.name, __version__).encode()
-    at = building(new, part.name, details, naming)
+    yield file_header(part.name, __version__).encode()
+    place = building(entities, part.name, details, naming)
     entries, drawings = member_entries(part), details.records.get("files", {})
     layers = dict.fromkeys(shape.layer for shape in details.shapes)
-    styles = {name: surface_style(new, name, _tint(name)) for name in layers}
+    styles = {name: surface_style(entities, name, _tint(name)) for name in layers}
     shown: dict[str, list[int]] = {name: [] for name in layers}
     elements = []
     for shape in details.shapes:
         name, style = shape.id, styles[shape.layer]
-        items = _listed([face_set(new, V, F + 1, style) for V, F in _shells(shape)])
-        body = new.add(f"IFCSHAPEREPRESENTATION(#{at.body},'Body','Tessellation',({items}))")
+        items = _references([face_set(entities, V, F + 1, style) for V, F in _shells(shape)])
+        body = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',({items}))")
         shown[shape.layer].append(body)
-        made = _element(new, at, shape, body, naming)
-        _measured(new, made, _amounts(shape, entries[name], details.measures), shape, naming)
-        _described(new, made, entries[name], naming)
-        _documented(new, made, (name, drawings.get(name, ())), naming)
-        elements.append(made)
-        yield from flushed(new)
-    roof(new, at, part.name, elements, naming)
+        member = _element(entities, place, shape, body, naming)
+        _add_quantities(entities, member, _amounts(shape, entries[name], details.measures), shape, naming)
+        _add_facts(entities, member, entries[name], naming)
+        _add_documents(entities, member, (name, drawings.get(name, ())), naming)
+        elements.append(member)
+        yield from pending_bytes(entities)
+    roof(entities, place, part.name, elements, naming)
     for name, bodies in shown.items():
-        new.add(f"IFCPRESENTATIONLAYERASSIGNMENT('{quoted(name)}',$,({_listed(bodies)}),$)")
-    yield from flushed(new)
+        entities.add(f"IFCPRESENTATIONLAYERASSIGNMENT('{step_string(name)}',$,({_references(bodies)}),$)")
+    yield from pending_bytes(entities)
     yield b"ENDSEC;\nEND-ISO-10303-21;\n"
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
     """Read back with ifcopenshell: each member by its name, its triangles closed, its volume."""
     model = millimetre_model(part, path)
-    found = {}
+    meshes = {}
     for element in sorted(model.by_type("IfcBuildingElement"), key=lambda one: one.id()):  # by_type sorts by kind
         if element.is_a() in ("IfcMember", "IfcPlate"):
-            found[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
-    return check_shapes(part, found)
+            meshes[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
+    return check_shapes(part, meshes)
 
 
 def _shells(shape: MemberShape) -> Iterator[tuple[Floats, Ints]]:
     F = shape.F
-    count, of = connected(len(shape.V), F.ravel(), np.roll(F, -1, axis=1).ravel())
+    count, component = link_components(len(shape.V), F.ravel(), np.roll(F, -1, axis=1).ravel())
     for k in range(count):
-        mine = F[of[F[:, 0]] == k]
-        if len(mine):
-            used, corner = np.unique(mine, return_inverse=True)
+        shell_faces = F[component[F[:, 0]] == k]
+        if len(shell_faces):
+            used, corner = np.unique(shell_faces, return_inverse=True)
             yield shape.V[used], corner.reshape(-1, 3)
 
 
@@ -351,16 +358,16 @@ def _tint(layer: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _listed(numbers: list[int]) -> str:
+def _references(numbers: list[int]) -> str:
     return ",".join(f"#{k}" for k in numbers)
 
 
-def _element(new: Numbered, at: Place, shape: MemberShape, body: int, naming: Naming) -> int:
-    product = new.add(f"IFCPRODUCTDEFINITIONSHAPE($,$,(#{body}))")
+def _element(entities: NumberedEntities, place: Place, shape: MemberShape, body: int, naming: Naming) -> int:
+    product = entities.add(f"IFCPRODUCTDEFINITIONSHAPE($,$,(#{body}))")
     kind, defined = ("IFCPLATE", "SHEET") if shape.plate else ("IFCMEMBER", "MEMBER")
-    name = quoted(shape.id)
-    return new.add(
-        f"{kind}('{naming(f'member {shape.id}')}',$,'{name}',$,'{quoted(shape.layer)}',#{at.part},#{product},"
+    name = step_string(shape.id)
+    return entities.add(
+        f"{kind}('{naming(f'member {shape.id}')}',$,'{name}',$,'{step_string(shape.layer)}',#{place.part},#{product},"
         f"'{name}',.{defined}.)"
     )
 
@@ -368,19 +375,21 @@ def _element(new: Numbered, at: Place, shape: MemberShape, body: int, naming: Na
 def _amounts(shape: MemberShape, entry: Mapping[str, Any], measures: Mapping[str, float]) -> dict[str, float]:
     """Quantities of a member: millimetres, m2, m3, kg."""
     volume, area = signed_volume(shape.V, shape.F) / MM3, entry["area"] / MM2
-    own = entry["own_area"] / entry["area"] if entry["area"] else 1.0
-    found = {"Length": entry["length"], "Width": entry["width"]["median"]}
-    found = {key: value for key, value in found.items() if value}
+    own_share = entry["own_area"] / entry["area"] if entry["area"] else 1.0
+    amounts = {"Length": entry["length"], "Width": entry["width"]["median"]}
+    amounts = {key: value for key, value in amounts.items() if value}
     if measures.get("thickness", 0) > 0:
-        found["Thickness"] = MM_PER_M * measures["thickness"]
-    for word, share in (("Gross", 1.0), ("Net", own)):
-        found |= {f"{word}Area": share * area, f"{word}Volume": share * volume}
+        amounts["Thickness"] = MM_PER_M * measures["thickness"]
+    for word, share in (("Gross", 1.0), ("Net", own_share)):
+        amounts |= {f"{word}Area": share * area, f"{word}Volume": share * volume}
         if measures.get("density", 0) > 0:
-            found[f"{word}Weight"] = share * volume * measures["density"]
-    return found
+            amounts[f"{word}Weight"] = share * volume * measures["density"]
+    return amounts
 
 
-def _measured(new: Numbered, made: int, amounts: Mapping[str, float], shape: MemberShape, naming: Naming) -> None:
+def _add_quantities(
+    entities: NumberedEntities, member: int, amounts: Mapping[str, float], shape: MemberShape, naming: Naming
+) -> None:
     title = "Qto_PlateBaseQuantities" if shape.plate else "Qto_MemberBaseQuantities"
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
@@ -388,30 +397,40 @@ def _measured(new: Numbered, made: int, amounts: Mapping[str, float], shape: Mem
         usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the standard's word
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
-    for name, some in ((title, usual), ("Dsfab_MemberQuantities", amounts)):
-        values = [new.add(f"IFCQUANTITY{KINDS[key]}('{key}',$,$,{real(value)},$)") for key, value in some.items()]
-        held = naming(f"{name} of {shape.id}")
-        one = new.add(f"IFCELEMENTQUANTITY('{held}',$,'{name}',$,$,({_listed(values)}))")
-        new.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'measured {name} of {shape.id}')}',$,$,$,(#{made}),#{one})")
+    for name, set_amounts in ((title, usual), ("Dsfab_MemberQuantities", amounts)):
+        values = [
+            entities.add(f"IFCQUANTITY{KINDS[key]}('{key}',$,$,{real(value)},$)") for key, value in set_amounts.items()
+        ]
+        set_id = naming(f"{name} of {shape.id}")
+        quantity_set = entities.add(f"IFCELEMENTQUANTITY('{set_id}',$,'{name}',$,$,({_references(values)}))")
+        entities.add(
+            f"IFCRELDEFINESBYPROPERTIES('{naming(f'measured {name} of {shape.id}')}',$,$,$,(#{member}),#{quantity_set})"
+        )
 
 
-def _described(new: Numbered, made: int, entry: Mapping[str, Any], naming: Naming) -> None:
+def _add_facts(entities: NumberedEntities, member: int, entry: Mapping[str, Any], naming: Naming) -> None:
     facts = {key: value for key, value in member_facts(entry).items() if not key.endswith("_mm")}
     if entry["counted_with"]:
         facts["crossings counted with"] = ", ".join(entry["counted_with"])
     values = []
     for key, value in facts.items():
         kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # of any length
-        text = f"{kind}('{quoted(value)}')"
-        values.append(new.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
+        text = f"{kind}('{step_string(value)}')"
+        values.append(entities.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
     name = entry["id"]
-    one = new.add(f"IFCPROPERTYSET('{naming(f'facts of {name}')}',$,'Dsfab_Member',$,({_listed(values)}))")
-    new.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'described {name}')}',$,$,$,(#{made}),#{one})")
+    property_set = entities.add(
+        f"IFCPROPERTYSET('{naming(f'facts of {name}')}',$,'Dsfab_Member',$,({_references(values)}))"
+    )
+    entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'described {name}')}',$,$,$,(#{member}),#{property_set})")
 
 
-def _documented(new: Numbered, made: int, drawings: tuple[str, Any], naming: Naming) -> None:
+def _add_documents(entities: NumberedEntities, member: int, drawings: tuple[str, Any], naming: Naming) -> None:
     name, files = drawings
     for file in files:
-        held = quoted(file)
-        one = new.add(f"IFCDOCUMENTREFERENCE('{held}','{quoted(Path(file).stem)}','{held}','flat part',$)")
-        new.add(f"IFCRELASSOCIATESDOCUMENT('{naming(f'drawing {file} of {name}')}',$,$,$,(#{made}),#{one})")
+        file_name = step_string(file)
+        reference = entities.add(
+            f"IFCDOCUMENTREFERENCE('{file_name}','{step_string(Path(file).stem)}','{file_name}','flat part',$)"
+        )
+        entities.add(
+            f"IFCRELASSOCIATESDOCUMENT('{naming(f'drawing {file} of {name}')}',$,$,$,(#{member}),#{reference})"
+        )

@@ -18,13 +18,21 @@ from numpy.typing import NDArray
 from dsfab import __version__
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
-from dsfab.export.curves import Curve, chains, check_curves, curves_along, joined, sampled, within
+from dsfab.export.curves import (
+    Curve,
+    chains,
+    check_curves,
+    curve_tolerance,
+    curves_along,
+    joined_segments,
+    sample_parameters,
+)
 from dsfab.export.part import Part, in_single_precision
 from dsfab.export.readback import (
     ReadBack,
     check_mesh,
     check_shapes,
-    differs,
+    count_error,
     layer_colour,
     member_entries,
     member_facts,
@@ -49,7 +57,7 @@ _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
 """1 January 1980, a Tuesday, as C's `struct tm`."""
 
 
-def ready(what: str = ".3dm files need") -> None:
+def require_rhino3dm(what: str = ".3dm files need") -> None:
     """Raise ExportError if rhino3dm is not installed; `what` begins the sentence."""
     if importlib.util.find_spec("rhino3dm") is None:
         raise ExportError(f'{what} the library rhino3dm; install it with: pip install "dsfab[rhino]"')
@@ -74,7 +82,7 @@ def encode(part: Part) -> Iterator[bytes]:
     about.Name, about.LayerIndex, about.Id = one_line(part.name), layers[MESH], ids("mesh")
     model.Objects.AddMesh(rhino_mesh(part.V, part.F), about)
     for number, (line, chain) in enumerate(zip(part.details.lines, chains(part), strict=True)):
-        about = _about(line, layers[line.layer], within(part))
+        about = _about(line, layers[line.layer], curve_tolerance(part))
         about.Id = ids(f"line {number}")
         model.Objects.AddCurve(rhino_curve(chain), about)
     yield archive(model)
@@ -111,10 +119,10 @@ def _ids(part: Part) -> Ids:
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
     """Return a function that makes a UUID from a name. Files with other arrays get other ids, so two designs can share
     a model."""
-    held = hashlib.sha256()
+    digest = hashlib.sha256()
     for array in arrays:
-        held.update(np.ascontiguousarray(array).tobytes())
-    return partial(uuid.uuid5, uuid.uuid5(uuid.NAMESPACE_URL, f"dsfab {name} {held.hexdigest()}"))
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return partial(uuid.uuid5, uuid.uuid5(uuid.NAMESPACE_URL, f"dsfab {name} {digest.hexdigest()}"))
 
 
 def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]) -> int:
@@ -127,37 +135,37 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]
     return index
 
 
-def without_times(written: bytes) -> bytes:
+def without_times(data: bytes) -> bytes:
     """Replace both times in the history of an archive by `_TIME` and correct its checksum.
 
     The history holds a byte of version, the author and time of creation, those of the last change, a count, and a
     CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for other archives.
     """
     header = 32  # bytes before the first chunk: its code (4 bytes), its length (8), its content
-    content = bytearray(written)
-    properties = _chunk(written, header, len(written), _PROPERTIES)
-    history = _chunk(written, *properties, _HISTORY) if properties else None
+    content = bytearray(data)
+    properties = _chunk(data, header, len(data), _PROPERTIES)
+    history = _chunk(data, *properties, _HISTORY) if properties else None
     if history is None:
         raise ExportError("rhino3dm writes .3dm files in another way than dsfab knows; write .dxf and .stl instead")
     start, end = history
-    at = start + 1
+    position = start + 1
     for _ in range(2):
-        at += 4 + 2 * int.from_bytes(content[at : at + 4], "little")
-        content[at : at + len(_TIME)] = _TIME
-        at += len(_TIME)
+        position += 4 + 2 * int.from_bytes(content[position : position + 4], "little")
+        content[position : position + len(_TIME)] = _TIME
+        position += len(_TIME)
     content[end - 4 : end] = zlib.crc32(content[start : end - 4]).to_bytes(4, "little")
     return bytes(content)
 
 
-def _chunk(written: bytes, start: int, end: int, wanted: int) -> tuple[int, int] | None:
+def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | None:
     """Return start and end of the content of the first chunk with a code, between `start` and `end`."""
     while start + 12 <= end:
-        code, size = struct.unpack_from("<Iq", written, start)
+        code, size = struct.unpack_from("<Iq", data, start)
         size = 0 if code & _SHORT else size
         start += 12
         if not 0 <= size <= end - start:
             return None
-        if code == wanted:
+        if code == kind:
             return start, start + size
         start += size
     return None
@@ -187,23 +195,23 @@ def rhino_curve(chain: list[Curve]) -> Any:
     """Build one rhino3dm curve from consecutive curves: a NURBS curve, a polyline or a polycurve."""
     import rhino3dm
 
-    made = list[Any]()
-    for run in joined(chain):
+    segments = list[Any]()
+    for run in joined_segments(chain):
         if isinstance(run, Curve):
             curve = rhino3dm.NurbsCurve(3, False, run.degree + 1, len(run.poles))
             for i, pole in enumerate(run.poles.tolist()):
                 curve.Points[i] = rhino3dm.Point4d(*pole, 1.0)
             for i, knot in enumerate(run.knots[1:-1].tolist()):  # openNURBS leaves out the first and the last
                 curve.Knots[i] = knot
-            made.append(curve)
+            segments.append(curve)
         else:
-            made.append(rhino_polyline(run))
-    if len(made) == 1:
-        return made[0]
-    whole = rhino3dm.PolyCurve()
-    for curve in made:
-        whole.AppendSegment(curve)
-    return whole
+            segments.append(rhino_polyline(run))
+    if len(segments) == 1:
+        return segments[0]
+    polycurve = rhino3dm.PolyCurve()
+    for curve in segments:
+        polycurve.AppendSegment(curve)
+    return polycurve
 
 
 def _about(line: StructureLine, layer: int, tolerance: float) -> Any:
@@ -233,10 +241,10 @@ def check(part: Part, path: Path) -> ReadBack:
     if len(meshes) != 1 or not all(shape.IsValid for shape in shapes):
         raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .dxf and .stl instead")
     V, F = rhino_arrays(meshes[0])
-    found = check_mesh(part, V, F[:, :3])
+    result = check_mesh(part, V, F[:, :3])
     curves = [item for item in model.Objects if item.Geometry.ObjectType == rhino3dm.ObjectType.Curve]
     check_curves(part, {item.Attributes.Name: _points(item.Geometry) for item in curves})
-    return found
+    return result
 
 
 def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
@@ -251,10 +259,10 @@ def _points(curve: Any) -> list[Floats]:
         return [points for i in range(curve.SegmentCount) for points in _points(curve.SegmentCurve(i))]
     if hasattr(curve, "Knots"):
         knots = np.array([curve.Knots[i] for i in range(len(curve.Knots))])
-        found = (curve.PointAt(x) for x in sampled(knots).tolist())
+        samples = (curve.PointAt(x) for x in sample_parameters(knots).tolist())
     else:
-        found = (curve.Point(i) for i in range(curve.PointCount))
-    return [np.array([(p.X, p.Y, p.Z) for p in found])]
+        samples = (curve.Point(i) for i in range(curve.PointCount))
+    return [np.array([(p.X, p.Y, p.Z) for p in samples])]
 
 
 NODES = "nodes"
@@ -278,7 +286,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
         model.Objects.AddMesh(rhino_mesh(shape.V, shape.F), about)
         if len(shape.axis):
             about = _members_about(shape.id, layers[f"{shape.layer} axes"], ids(f"axis {shape.id}"))
-            model.Objects.AddCurve(rhino_curve(curves_along(shape.axis, within(part))), about)
+            model.Objects.AddCurve(rhino_curve(curves_along(shape.axis, curve_tolerance(part))), about)
     for node in part.details.records["nodes"]:
         about = _members_about(node["id"], layers[NODES], ids(f"node {node['id']}"))
         about.SetUserString("members", " ".join(node["members"]))
@@ -308,26 +316,26 @@ def check_members(part: Part, path: Path) -> ReadBack:
     kinds = rhino3dm.ObjectType
     names = {kind: [name for name, x in things if x.ObjectType == kind] for kind in (kinds.Curve, kinds.Point)}
     axes = [shape.id for shape in part.details.shapes if len(shape.axis)]
-    for what, kind, wanted in (
+    for what, kind, expected in (
         ("axes", kinds.Curve, axes),
         ("nodes", kinds.Point, [node["id"] for node in part.details.records["nodes"]]),
     ):
-        if names[kind] != wanted:
-            raise differs(part, what, len(wanted), len(names[kind]))
-    found = {name: rhino_arrays(shape) for name, shape in things if shape.ObjectType == kinds.Mesh}
-    return check_shapes(part, {name: (V, np.ascontiguousarray(F[:, :3])) for name, (V, F) in found.items()})
+        if names[kind] != expected:
+            raise count_error(part, what, len(expected), len(names[kind]))
+    meshes = {name: rhino_arrays(shape) for name, shape in things if shape.ObjectType == kinds.Mesh}
+    return check_shapes(part, {name: (V, np.ascontiguousarray(F[:, :3])) for name, (V, F) in meshes.items()})
 
 
 def mesh_json(V: Floats, F: Ints) -> str:
     """Encode a mesh of vertices (n, 3) and triangles (m, 3) as JSON; raises ExportError without rhino3dm."""
-    ready()
+    require_rhino3dm()
     return json.dumps(rhino_mesh(V, F).Encode())
 
 
 def polyline_json(points: Floats) -> str:
     """Encode a polyline through points (k, 3), or (k, 2) in the plane z = 0, as JSON; raises ExportError without
     rhino3dm."""
-    ready()
+    require_rhino3dm()
     full = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
     return json.dumps(rhino_polyline(full).Encode())
 
@@ -338,7 +346,7 @@ def mesh_arrays(text: str) -> tuple[Floats, Ints]:
 
     Raises ExportError if the text holds no mesh.
     """
-    mesh = _decoded(text)
+    mesh = _decode(text)
     if type(mesh).__name__ != "Mesh":
         raise ExportError(f"a mesh is wanted, not {type(mesh).__name__}; turn it into a mesh in Grasshopper first")
     V, corners = rhino_arrays(mesh)
@@ -351,13 +359,13 @@ def _triangles(V: Floats, corners: Ints) -> Ints:
     quad = corners[:, 2] != corners[:, 3]
     a, b, c, d = (V[corners[:, k]] for k in range(4))
     straight = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
-    first = np.where((quad & ~straight)[:, None], corners[:, [0, 1, 3]], corners[:, :3])
-    second = np.where(straight[:, None], corners[:, [0, 2, 3]], corners[:, [1, 2, 3]])
-    return np.concatenate([first, second[quad]])
+    lower = np.where((quad & ~straight)[:, None], corners[:, [0, 1, 3]], corners[:, :3])
+    upper = np.where(straight[:, None], corners[:, [0, 2, 3]], corners[:, [1, 2, 3]])
+    return np.concatenate([lower, upper[quad]])
 
 
-def _decoded(text: str) -> Any:
-    ready()
+def _decode(text: str) -> Any:
+    require_rhino3dm()
     import rhino3dm
 
     try:

@@ -13,10 +13,18 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
-from dsfab.export.curves import Curve, chains, check_curves, curves_along, joined, sampled, within
+from dsfab.export.curves import (
+    Curve,
+    chains,
+    check_curves,
+    curve_tolerance,
+    curves_along,
+    joined_segments,
+    sample_parameters,
+)
 from dsfab.export.drawing.views import DrawingView, views
 from dsfab.export.part import MemberShape, Part
-from dsfab.export.readback import ReadBack, differs, with_lines
+from dsfab.export.readback import ReadBack, count_error, with_lines
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine, polyline_length, simplified_line
 
@@ -34,15 +42,15 @@ def prepare(part: Part) -> Part:
 
 def encode(part: Part) -> Iterator[bytes]:
     """Yield the drawing as text without dates and random identifiers."""
-    with same_bytes():
+    with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
         flat = bool((part.V[:, 2] == part.V[0, 2]).all())
         for line, chain in zip(part.details.lines, chains(part), strict=True):
-            for entity in drawn_curves(space, chain, flat, _layer(document, line)):
+            for entity in add_curves(space, chain, flat, _layer(document, line)):
                 entity.set_xdata(APPLICATION, [(1000, line.id), (1040, line.length)])
         if not flat:
-            _beside(document, part)
+            _add_views(document, part)
         data = dxf_bytes(document)
     yield data
 
@@ -57,7 +65,7 @@ def new_document(part: Part) -> Any:
     document.header["$LTSCALE"] = float(np.ptp(part.box, axis=0).max()) / 1000
     document.header.custom_vars.append("program", f"dsfab {__version__}")
     document.header.custom_vars.append("unit", "millimetre")
-    document.header.custom_vars.append("curves within", f"{within(part):.2g} mm")
+    document.header.custom_vars.append("curves within", f"{curve_tolerance(part):.2g} mm")
     document.appids.add(APPLICATION)
     return document
 
@@ -71,38 +79,38 @@ def dxf_bytes(document: Any) -> bytes:
     return text.getvalue().encode(document.output_encoding, errors="dxfreplace")
 
 
-def _beside(document: Any, part: Part) -> None:
+def _add_views(document: Any, part: Part) -> None:
     """Add the views in a row to the right of the sheet, with their titles."""
     gap = 0.15 * float(np.ptp(part.box, axis=0).max())
-    at = np.array([part.box[1, 0] + 3 * gap, part.box[0, 1]])
+    position = np.array([part.box[1, 0] + 3 * gap, part.box[0, 1]])
     for view in views(part):
-        _placed(document, view, at - view.low, gap / 5, part.details.tolerance, one_line(part.name))
-        at = at + [view.extent[0] + 2 * gap, 0.0]
+        _add_view(document, view, position - view.low, gap / 5, part.details.tolerance, one_line(part.name))
+        position = position + [view.extent[0] + 2 * gap, 0.0]
 
 
-def drawn_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
+def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
     """Add consecutive curves to a drawing and yield their entities: splines, and polylines for straight runs."""
-    for run in joined(chain):
+    for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
             yield space.add_open_spline(poles, run.degree, knots, dxfattribs={"layer": layer})
         else:
-            yield drawn_polyline(space, run, flat, layer)
+            yield add_polyline(space, run, flat, layer)
 
 
-def _placed(document: Any, view: DrawingView, shift: Floats, height: float, tolerance: float, name: str) -> None:
+def _add_view(document: Any, view: DrawingView, shift: Floats, height: float, tolerance: float, name: str) -> None:
     space, prefix = document.modelspace(), view.title.split()[0].upper() + "-"
     for line, run in view.runs:
         run = simplified_line(run, tolerance)
         flat = np.c_[run + shift, np.zeros(len(run))]
-        drawn_polyline(space, flat, True, _layer(document, line, prefix))
+        add_polyline(space, flat, True, _layer(document, line, prefix))
     if prefix + "TEXT" not in document.layers:
         document.layers.add(prefix + "TEXT")
     text = space.add_text(f"{name}: {view.title.lower()}", height=height, dxfattribs={"layer": prefix + "TEXT"})
     text.set_placement(tuple(view.low + shift - [0.0, 2.5 * height]))
 
 
-def drawn_polyline(space: Any, points: Floats, flat: bool, layer: str) -> Any:
+def add_polyline(space: Any, points: Floats, flat: bool, layer: str) -> Any:
     """Add a polyline (k, 3) to a drawing and return its entity."""
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     points = points[:-1] if closed else points
@@ -122,7 +130,7 @@ def _layer(document: Any, line: StructureLine, prefix: str = "") -> str:
 
 
 @contextmanager
-def same_bytes() -> Iterator[None]:
+def reproducible_output() -> Iterator[None]:
     """Stop ezdxf from writing dates and random identifiers in this context."""
     import ezdxf
 
@@ -142,18 +150,18 @@ def check(part: Part, path: Path) -> ReadBack:
     errors = document.audit().errors
     if errors or document.header["$INSUNITS"] != 4:
         raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .svg or .csv instead")
-    found = defaultdict[str, list[Floats]](list)
+    points_by_line = defaultdict[str, list[Floats]](list)
     for entity in document.modelspace():
         if entity.has_xdata(APPLICATION):
-            found[entity.get_xdata(APPLICATION)[0].value].append(points_along(entity))
-    return check_curves(part, found)
+            points_by_line[entity.get_xdata(APPLICATION)[0].value].append(points_along(entity))
+    return check_curves(part, points_by_line)
 
 
 def points_along(entity: Any) -> Floats:
     """Return points (k, 3) along a spline or a polyline; a closed one repeats its first point."""
     if entity.dxftype() == "SPLINE":
         curve = entity.construction_tool()
-        return np.array([tuple(point) for point in curve.points(sampled(np.array(entity.knots)))])
+        return np.array([tuple(point) for point in curve.points(sample_parameters(np.array(entity.knots)))])
     if entity.dxftype() == "LWPOLYLINE":
         flat = np.array([point[:2] for point in entity.get_points()])
         points = np.c_[flat, np.full(len(flat), entity.dxf.elevation)]
@@ -164,15 +172,15 @@ def points_along(entity: Any) -> Floats:
 
 def encode_members(part: Part) -> Iterator[bytes]:
     """Yield the drawing as text without dates and random identifiers."""
-    with same_bytes():
+    with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
         height = 0.008 * float(np.ptp(part.box, axis=0).max())  # of names
         for shape in part.details.shapes:
-            made = list(_member(document, shape, within(part), height))
-            for entity in made:
+            entities = list(_member(document, shape, curve_tolerance(part), height))
+            for entity in entities:
                 entity.set_xdata(APPLICATION, [(1000, shape.id)])
-            document.groups.new(shape.id, description=f"member {shape.id}").set_data(made)
+            document.groups.new(shape.id, description=f"member {shape.id}").set_data(entities)
         for node in part.details.records["nodes"]:
             point = space.add_point(node["point"], dxfattribs={"layer": _members_layer(document, "", "NODES")})
             point.set_xdata(APPLICATION, [(1000, node["id"])])
@@ -184,10 +192,10 @@ def _member(document: Any, shape: MemberShape, tolerance: float, height: float) 
     space = document.modelspace()
     for line in shape.edges:
         layer = _members_layer(document, shape.layer, "EDGES")
-        yield drawn_polyline(space, simplified_line(line, tolerance), False, layer)
+        yield add_polyline(space, simplified_line(line, tolerance), False, layer)
     place = shape.edges[0].mean(axis=0)
     if len(shape.axis):
-        yield from drawn_curves(
+        yield from add_curves(
             space, curves_along(shape.axis, tolerance), False, _members_layer(document, shape.layer, "AXES")
         )
         place = shape.axis[len(shape.axis) // 2]
@@ -214,18 +222,18 @@ def check_members(part: Part, path: Path) -> ReadBack:
         raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .members.json instead")
     groups, shapes = {name: list(group) for name, group in document.groups}, part.details.shapes
     if sorted(groups) != sorted(shape.id for shape in shapes):
-        raise differs(part, "members", len(shapes), len(groups))
-    total = wanted = 0.0
+        raise count_error(part, "members", len(shapes), len(groups))
+    total = total_expected = 0.0
     for shape in shapes:
         lines = defaultdict[bool, list[Floats]](list)
         for entity in groups[shape.id]:
             if entity.dxftype() != "TEXT":
                 lines[entity.dxf.layer.endswith("AXES")].append(points_along(entity))
-        found = sum(map(polyline_length, (*lines[True], *lines[False])))
-        there = polyline_length(shape.axis) + sum(map(polyline_length, shape.edges))
-        if not abs(found - there) <= 10 * READ_BACK * there:
+        length_read = sum(map(polyline_length, (*lines[True], *lines[False])))
+        length_expected = polyline_length(shape.axis) + sum(map(polyline_length, shape.edges))
+        if not abs(length_read - length_expected) <= 10 * READ_BACK * length_expected:
             raise ExportError(
                 f"the lines of {shape.id} in {part.name!r} read back changed; write .members.json instead"
             )
-        total, wanted = total + found, wanted + there
-    return ReadBack(len(shapes), "members", total / wanted - 1, "length")
+        total, total_expected = total + length_read, total_expected + length_expected
+    return ReadBack(len(shapes), "members", total / total_expected - 1, "length")

@@ -18,7 +18,7 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats, lock
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
-from dsfab.export.drawing.dxf import dxf_bytes, same_bytes
+from dsfab.export.drawing.dxf import dxf_bytes, reproducible_output
 from dsfab.export.writing import one_line
 
 COLOURS = {"STOCK": 8, "CUT": 1, "HOLES": 5, "SLOTS": 6, "ENGRAVE": 3, "FOLD": 4, "AXIS": 9}
@@ -103,7 +103,7 @@ class _Frame(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _frame(layers: tuple[str, ...]) -> _Frame:
-    with same_bytes():
+    with reproducible_output():
         import ezdxf
 
         document = ezdxf.new("R2010")
@@ -150,9 +150,9 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
     codes, values = [code.strip() for code in words[::2]], [value.strip() for value in words[1::2]]
     begun = Counter(value for code, value in zip(codes, values, strict=False) if code == "0")
     unit = values[values.index("$INSUNITS") + 1] if "$INSUNITS" in values else ""
-    whole = len(codes) == len(values) and values[-1:] == ["EOF"] and all(map(str.isdecimal, codes))
-    there = begun["LWPOLYLINE"], begun["CIRCLE"]
-    if not whole or there != (len(drawing.lines), len(drawing.circles)) or unit != "4":
+    is_complete = len(codes) == len(values) and values[-1:] == ["EOF"] and all(map(str.isdecimal, codes))
+    counts = begun["LWPOLYLINE"], begun["CIRCLE"]
+    if not is_complete or counts != (len(drawing.lines), len(drawing.circles)) or unit != "4":
         raise ExportError(f"the drawing {drawing.title!r} reads back different; use the .svg files instead")
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from dsfab import __version__
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
-from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, Placed, arranged
+from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, PlacedView, views_on_paper
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, differs, with_lines
+from dsfab.export.readback import ReadBack, count_error, with_lines
 from dsfab.export.writing import one_line
 
 TITLE = (185.0, 34.0)
@@ -44,7 +44,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def _texts(part: Part) -> Iterator[str]:
-    scale, placed = arranged(part, TITLE)
+    scale, placed = views_on_paper(part, TITLE)
     name = one_line(part.name)
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<svg xmlns="http://www.w3.org/2000/svg" '
@@ -57,8 +57,8 @@ def _texts(part: Part) -> Iterator[str]:
         f'<rect class="frame" x="{PAPER_MARGIN:g}" y="{PAPER_MARGIN:g}" width="{PAPER[0] - 2 * PAPER_MARGIN:g}" '
         f'height="{PAPER[1] - 2 * PAPER_MARGIN:g}"/>\n'
     )
-    for one in placed:
-        yield from _view(one, scale)
+    for placed_view in placed:
+        yield from _view(placed_view, scale)
     yield from _title_block(part, name, scale)
     yield "</svg>\n"
 
@@ -68,11 +68,11 @@ def scale_name(scale: float) -> str:
     return f"1:{scale:g}" if scale >= 1 else f"{1 / scale:g}:1"
 
 
-def _view(one: Placed, scale: float) -> Iterator[str]:
-    view = one.view
+def _view(placed: PlacedView, scale: float) -> Iterator[str]:
+    view = placed.view
     yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(view.title)} data-scale="{scale:g}">\n'
     if view.loops:
-        shape = " ".join(_path(one.on_paper(loop)) + "Z" for loop in view.loops)
+        shape = " ".join(_path(placed.on_paper(loop)) + "Z" for loop in view.loops)
         yield f'<path class="fill" fill-rule="evenodd" d="{shape}"/>\n'
     order = {"centre": 0, "edges": 1, "boundary": 2}  # heavy lines cover light ones
     for layer in sorted({line.layer for line, _ in view.runs}, key=lambda layer: (order[layer.split("-")[0]], layer)):
@@ -80,11 +80,11 @@ def _view(one: Placed, scale: float) -> Iterator[str]:
         yield f'<g class="{group} {layer}" inkscape:groupmode="layer" inkscape:label="{layer}">\n'
         for line, run in view.runs:
             if line.layer == layer:
-                yield f'<path data-id="{line.id}" d="{_path(one.on_paper(run))}"/>\n'
+                yield f'<path data-id="{line.id}" d="{_path(placed.on_paper(run))}"/>\n'
         yield "</g>\n"
-    yield from _dimensions(one, scale)
-    x, y = one.corner
-    yield f'<text x="{x:.2f}" y="{y + one.size[1] + 16:.2f}" font-size="4">{view.title}'
+    yield from _dimensions(placed, scale)
+    x, y = placed.corner
+    yield f'<text x="{x:.2f}" y="{y + placed.size[1] + 16:.2f}" font-size="4">{view.title}'
     yield f'<tspan font-size="3" dx="3">{scale_name(scale)}</tspan></text>\n</g>\n'
 
 
@@ -92,25 +92,25 @@ def _path(points: Floats) -> str:
     return "M" + " ".join(f"{x:.3f},{y:.3f}" for x, y in (points + 0.0).tolist())
 
 
-def _dimensions(one: Placed, scale: float) -> Iterator[str]:
-    (x, y), (w, h) = one.corner, one.size
-    wide, high = (f"{value:,.0f}".replace(",", " ") if value >= 100 else f"{value:.3g}" for value in one.view.extent)
-    below, left = y + h + 7, x - 7
+def _dimensions(placed: PlacedView, scale: float) -> Iterator[str]:
+    (x, y), (w, h) = placed.corner, placed.size
+    wide, high = (f"{value:,.0f}".replace(",", " ") if value >= 100 else f"{value:.3g}" for value in placed.view.extent)
+    below, left_x = y + h + 7, x - 7
     yield '<g class="thin" font-size="2.8">'
-    yield _line(x - 2, below, x + w + 2, below) + _line(left, y - 2, left, y + h + 2)
-    for tx, ty in ((x, below), (x + w, below), (left, y), (left, y + h)):
+    yield _line(x - 2, below, x + w + 2, below) + _line(left_x, y - 2, left_x, y + h + 2)
+    for tx, ty in ((x, below), (x + w, below), (left_x, y), (left_x, y + h)):
         yield _line(tx - 1, ty + 1, tx + 1, ty - 1)
     yield _text(x + w / 2, below - 1, 2.8, wide, 'text-anchor="middle"')
-    turned = f'transform="rotate(-90 {left - 1:.2f} {y + h / 2:.2f})" text-anchor="middle"'
-    yield _text(left - 1, y + h / 2, 2.8, high, turned) + "</g>\n"
+    turned = f'transform="rotate(-90 {left_x - 1:.2f} {y + h / 2:.2f})" text-anchor="middle"'
+    yield _text(left_x - 1, y + h / 2, 2.8, high, turned) + "</g>\n"
 
 
 def _line(x1: float, y1: float, x2: float, y2: float) -> str:
     return f'<line x1="{x1:.2f}" y1="{y1:.2f}" x2="{x2:.2f}" y2="{y2:.2f}"/>'
 
 
-def _text(x: float, y: float, size: float, text: str, more: str = "") -> str:
-    return f'<text x="{x:.2f}" y="{y:.2f}" font-size="{size:g}" {more}>{escape(one_line(text))}</text>'
+def _text(x: float, y: float, size: float, text: str, attributes: str = "") -> str:
+    return f'<text x="{x:.2f}" y="{y:.2f}" font-size="{size:g}" {attributes}>{escape(one_line(text))}</text>'
 
 
 def _box(x: float, y: float, wide: float, high: float, kind: str) -> str:
@@ -145,12 +145,12 @@ def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
 def check(part: Part, path: Path) -> ReadBack:
     """Read back as XML: the number of lines that the views show, and the paper's size in millimetres."""
     root = ElementTree.parse(path).getroot()
-    drawn = [element for element in root.iter() if element.get("data-id")]
-    expected = sum(len(one.view.runs) for one in arranged(part, TITLE)[1])
-    if len(drawn) != expected:
-        raise differs(part, "lines", expected, len(drawn))
+    lines = [element for element in root.iter() if element.get("data-id")]
+    expected = sum(len(placed_view.view.runs) for placed_view in views_on_paper(part, TITLE)[1])
+    if len(lines) != expected:
+        raise count_error(part, "lines", expected, len(lines))
     if root.get("width") != f"{PAPER[0]:g}mm":
         raise ExportError(
             f"the drawing of {part.name!r} reads back without its size in millimetres; write .dxf instead"
         )
-    return ReadBack(len(drawn), "lines")
+    return ReadBack(len(lines), "lines")

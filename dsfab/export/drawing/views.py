@@ -41,15 +41,15 @@ def views(part: Part) -> list[DrawingView]:
     """Return plan, front and right elevation of a sheet with its lines, without views that show the sheet edge-on."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
-    found = []
+    drawings = []
     for title, axes in AXES.items():
         right, up, eye = np.array(axes)
         X = part.V @ np.stack([right, up], axis=1)
         used = X[part.F.ravel()]
         low, high = used.min(axis=0), used.max(axis=0)
         if (high - low).min() > 1e-6 * size:  # else the view would be a line
-            found.append(_view(title, sheet, part.details.lines, np.stack([right, up, eye]), low, high, size))
-    return found
+            drawings.append(_view(title, sheet, part.details.lines, np.stack([right, up, eye]), low, high, size))
+    return drawings
 
 
 def _view(
@@ -61,7 +61,7 @@ def _view(
         return DrawingView(title, tuple((line, line.points @ axes[:2].T) for line in lines), loops, low, high)
     cell = float((high - low).max()) / 800
     margin = 0.01 * size  # a surface hides a point if it is in front of it by this much
-    depth = _Depth.of(sheet.V @ axes.T, sheet.F, low, high, cell)
+    depth = _DepthPicture.from_mesh(sheet.V @ axes.T, sheet.F, low, high, cell)
     runs = []
     for line in lines:
         points = _dense(line.points, 2 * cell) @ axes.T
@@ -71,7 +71,7 @@ def _view(
 
 
 @dataclass(frozen=True, eq=False)
-class _Depth:
+class _DepthPicture:
     """Depth picture: (w, h) largest third coordinate in each cell, -inf in empty cells."""
 
     low: Floats
@@ -79,7 +79,7 @@ class _Depth:
     depth: Floats
 
     @classmethod
-    def of(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_Depth":
+    def from_mesh(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_DepthPicture":
         """Sample every triangle of X (n, 3), F (m, 3) on its own grid, no coarser than 0.7 cells."""
         shape = np.ceil((high - low) / cell).astype(np.int64) + 3
         depth = np.full(int(shape.prod()), -np.inf)
@@ -94,17 +94,19 @@ class _Depth:
             group = corners[steps == count]
             for part in np.array_split(group, max(1, len(group) * len(a) // 1_000_000)):
                 points = (weights @ part).reshape(-1, 3)
-                at = ((points[:, :2] - low) / cell).astype(np.int64) + 1
-                np.maximum.at(depth, at[:, 0] * shape[1] + at[:, 1], points[:, 2])
+                cell_index = ((points[:, :2] - low) / cell).astype(np.int64) + 1
+                np.maximum.at(depth, cell_index[:, 0] * shape[1] + cell_index[:, 1], points[:, 2])
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
         """(k,) whether all nine cells around a point (k, 3) are in front of it by the margin."""
-        at = np.clip(((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1, 1, np.array(self.depth.shape) - 2)
+        cell_index = np.clip(
+            ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1, 1, np.array(self.depth.shape) - 2
+        )
         nearest = np.full(len(points), np.inf)
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
-                nearest = np.minimum(nearest, self.depth[at[:, 0] + i, at[:, 1] + j])
+                nearest = np.minimum(nearest, self.depth[cell_index[:, 0] + i, cell_index[:, 1] + j])
         return np.asarray(nearest > points[:, 2] + margin)
 
 
@@ -118,22 +120,22 @@ def _dense(points: Floats, step: float) -> Floats:
 
 
 def _stretches(points: Floats, seen: Bools) -> list[Floats]:
-    at = np.concatenate([[-1], np.flatnonzero(~seen), [len(seen)]])
-    return [points[a + 1 : b] for a, b in pairwise(at) if b - a > 2]
+    hidden = np.concatenate([[-1], np.flatnonzero(~seen), [len(seen)]])
+    return [points[a + 1 : b] for a, b in pairwise(hidden) if b - a > 2]
 
 
 PAPER = (420.0, 297.0)
 """Width and height of A3 paper, millimetres."""
 PAPER_MARGIN = 10.0
 """Distance from the edge of the paper to the frame, millimetres."""
-ROOM = (24.0, 10.0, 12.0, 24.0)
+VIEW_MARGINS = (24.0, 10.0, 12.0, 24.0)
 """Free paper around each view for its dimensions and its title: left, top, right, bottom; millimetres."""
 STEPS = (1.0, 2.0, 2.5, 5.0)
 """Usual scales are these times a power of ten."""
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedView:
     """A view on paper: its upper left corner and its size, millimetres from the paper's upper left corner."""
 
     view: DrawingView
@@ -151,7 +153,7 @@ class Placed:
         return np.stack([self.corner[0] + x, self.corner[1] + self.size[1] - y], axis=1)
 
 
-def arranged(part: Part, title: tuple[float, float]) -> tuple[float, list[Placed]]:
+def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[PlacedView]]:
     """Return the largest usual scale (mm per mm of paper) that fits, and the views in rows.
 
     title : width and height of the block that stays free in the lower right corner, millimetres.
@@ -160,7 +162,7 @@ def arranged(part: Part, title: tuple[float, float]) -> tuple[float, list[Placed
     rows = (("Plan", "Front", "Right"),), (("Front", "Right"), ("Plan",)), (("Plan",), ("Front",), ("Right",))
     choices = [[[by_name[k] for k in row if k in by_name] for row in layout] for layout in rows]
     scale, chosen = min(((_scale(c, title), i) for i, c in enumerate(choices)), key=lambda one: one)
-    return scale, _placed([row for row in choices[chosen] if row], scale, title)
+    return scale, _place_rows([row for row in choices[chosen] if row], scale, title)
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
@@ -179,33 +181,34 @@ def _fits(rows: list[list[DrawingView]], scale: float, title: tuple[float, float
     sizes = [_row_size(row, scale) for row in rows if row]
     if any(width > wide for width, _ in sizes):
         return False
-    beside = sizes[-1][0] <= wide - title[0]
-    return sum(height for _, height in sizes) <= (high if beside else high - title[1])
+    beside_title = sizes[-1][0] <= wide - title[0]
+    return sum(height for _, height in sizes) <= (high if beside_title else high - title[1])
 
 
 def _row_size(row: list[DrawingView], scale: float) -> tuple[float, float]:
-    width = sum(float(view.extent[0]) / scale + ROOM[0] + ROOM[2] for view in row)
-    return width, max(float(view.extent[1]) / scale for view in row) + ROOM[1] + ROOM[3]
+    width = sum(float(view.extent[0]) / scale + VIEW_MARGINS[0] + VIEW_MARGINS[2] for view in row)
+    return width, max(float(view.extent[1]) / scale for view in row) + VIEW_MARGINS[1] + VIEW_MARGINS[3]
 
 
-def _placed(rows: list[list[DrawingView]], scale: float, title: tuple[float, float]) -> list[Placed]:
+def _place_rows(rows: list[list[DrawingView]], scale: float, title: tuple[float, float]) -> list[PlacedView]:
     sizes = [_row_size(row, scale) for row in rows]
     total = sum(height for _, height in sizes)
-    beside = sizes[-1][0] <= PAPER[0] - 2 * PAPER_MARGIN - title[0]
+    beside_title = sizes[-1][0] <= PAPER[0] - 2 * PAPER_MARGIN - title[0]
     gap = max(
-        (PAPER[1] - 2 * PAPER_MARGIN - (0 if beside and len(rows) > 1 else title[1]) - total) / (len(rows) + 1), 0.0
+        (PAPER[1] - 2 * PAPER_MARGIN - (0 if beside_title and len(rows) > 1 else title[1]) - total) / (len(rows) + 1),
+        0.0,
     )
     free = min(
         (PAPER[0] - 2 * PAPER_MARGIN - width) / (len(row) + 1) for row, (width, _) in zip(rows, sizes, strict=True)
     )
     space = max(free if len(rows) == 1 else min(free, 30.0), 0.0)  # equal in all rows, so that views align
-    found, y = list[Placed](), PAPER_MARGIN
+    placed, y = list[PlacedView](), PAPER_MARGIN
     for row, (_, height) in zip(rows, sizes, strict=True):
         y, x = y + gap, PAPER_MARGIN
         for view in row:
             w, h = (view.extent / scale).tolist()
             x += space
-            found.append(Placed(view, (x + ROOM[0], y + height - ROOM[3] - h), scale))
-            x += w + ROOM[0] + ROOM[2]
+            placed.append(PlacedView(view, (x + VIEW_MARGINS[0], y + height - VIEW_MARGINS[3] - h), scale))
+            x += w + VIEW_MARGINS[0] + VIEW_MARGINS[2]
         y += height
-    return found
+    return placed

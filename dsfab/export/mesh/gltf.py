@@ -35,11 +35,11 @@ def encode(part: Part) -> Iterator[bytes]:
     """Yield the header of 12 bytes, a chunk of JSON that describes the buffer, then the buffer with vertices and
     faces.
     """
-    points = upright(part.V / MM_PER_M).astype("<f4")
-    yield from chunked(_scene(part, points), points.tobytes() + part.F.astype("<u4").tobytes())
+    points = y_upwards(part.V / MM_PER_M).astype("<f4")
+    yield from glb_chunks(_scene(part, points), points.tobytes() + part.F.astype("<u4").tobytes())
 
 
-def chunked(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
+def glb_chunks(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
     """Yield the file of a scene and its buffer, whose length is a multiple of four."""
     text = json.dumps(scene, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
@@ -59,7 +59,7 @@ def millimetres(V: Floats) -> Floats:
     return V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M
 
 
-def upright(V: Floats) -> Floats:
+def y_upwards(V: Floats) -> Floats:
     """Turn points (n, 3) about x from z upwards to y upwards."""
     return V[:, [0, 2, 1]] * [1, 1, -1]
 
@@ -95,21 +95,21 @@ def encode_members(part: Part) -> Iterator[bytes]:
     """Yield the file: vertices and faces of all members in one buffer, with two views of it for each member."""
     arrays = list[np.ndarray[Any, Any]]()
     for shape in part.details.shapes:
-        arrays += [upright(shape.V / MM_PER_M).astype("<f4"), shape.F.astype("<u4")]
-    yield from chunked(_members_scene(part, arrays), b"".join(array.tobytes() for array in arrays))
+        arrays += [y_upwards(shape.V / MM_PER_M).astype("<f4"), shape.F.astype("<u4")]
+    yield from glb_chunks(_members_scene(part, arrays), b"".join(array.tobytes() for array in arrays))
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
     """Read back with trimesh, as a scene."""
     import trimesh
 
-    scene, found = trimesh.load_scene(path, process=False), {}
+    scene, meshes = trimesh.load_scene(path, process=False), {}
     for shape in part.details.shapes:
         if shape.id in scene.graph.nodes:
             _, name = scene.graph[shape.id]
             mesh = scene.geometry[name]
-            found[shape.id] = millimetres(np.asarray(mesh.vertices, dtype=np.float64)), np.asarray(mesh.faces)
-    return check_shapes(part, found)
+            meshes[shape.id] = millimetres(np.asarray(mesh.vertices, dtype=np.float64)), np.asarray(mesh.faces)
+    return check_shapes(part, meshes)
 
 
 def _members_scene(part: Part, arrays: list[np.ndarray[Any, Any]]) -> dict[str, Any]:

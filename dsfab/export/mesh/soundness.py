@@ -65,7 +65,7 @@ class Fault:
     place: tuple[float, float, float]
 
     @property
-    def told(self) -> str:
+    def message(self) -> str:
         """Message: the count, and the meaning of the fault."""
         return FAULTS[self.kind].format(self.count)
 

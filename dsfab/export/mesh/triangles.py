@@ -154,12 +154,12 @@ def check_3mf(part: Part, path: Path) -> ReadBack:
         raise ExportError(f"lib3mf finds faults in the 3MF file of {part.name!r}: {'; '.join(faults)}")
     meshes.MoveNext()
     mesh = meshes.GetCurrentMeshObject()
-    found = check_mesh(part, *_arrays(mesh))
+    result = check_mesh(part, *_arrays(mesh))
     if not mesh.IsManifoldAndOriented():
         raise ExportError(
             f"lib3mf says that {part.name!r} is not manifold; look for edges with four triangles, or write STL"
         )
-    return found
+    return result
 
 
 def _model(part: Part) -> Iterator[str]:

@@ -11,9 +11,9 @@ import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
-from dsfab.export.analysis.saf import NEVER, workbook_cells
+from dsfab.export.analysis.saf import FIXED_DATE, workbook_cells
 from dsfab.export.part import Part
-from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, differs
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
 from dsfab.export.writing import rows
 
 UNITS = "units: metres, newtons, newton metres; n and q per metre of section, m per metre of section"
@@ -43,8 +43,8 @@ def prepare_fields(part: Part) -> Part:
 def encode_sheet(part: Part) -> Iterator[bytes]:
     """Yield lines that begin with #, a line of names, then a row per face and case; faces count from 1."""
     records = part.details.records
-    said = (UNITS, *records["convention"], "one row per face and case; " + Q_LESS)
-    yield "".join(f"# {line}\r\n" for line in said).encode()
+    notes = (UNITS, *records["convention"], "one row per face and case; " + Q_LESS)
+    yield "".join(f"# {line}\r\n" for line in notes).encode()
     faces = _scalars(records["faces"])
     head = ["case", "face", *faces, *_names(records)]
     yield _line(head).encode()
@@ -62,20 +62,20 @@ def check_sheet(part: Part, path: Path) -> ReadBack:
     faces, names = _scalars(records["faces"]), _names(records)
     head = len(records["convention"]) + 3
     width = 2 + len(faces) + len(names)
-    found = np.loadtxt(
+    numbers = np.loadtxt(
         path, delimiter=",", comments=None, skiprows=head, quotechar='"', usecols=range(1, width), ndmin=2
     )
-    wanted = len(part.F) * len(records["cases"])
-    if len(found) != wanted:
-        raise differs(part, "rows", wanted, len(found))
-    blocks = found.reshape(len(records["cases"]), len(part.F), width - 1)
+    row_count = len(part.F) * len(records["cases"])
+    if len(numbers) != row_count:
+        raise count_error(part, "rows", row_count, len(numbers))
+    blocks = numbers.reshape(len(records["cases"]), len(part.F), width - 1)
     for block, (case, columns) in zip(blocks, records["cases"].items(), strict=True):
-        given = np.stack([*faces.values(), *_scalars(columns).values()], axis=1)
-        if not (np.abs(block[:, 1:] - given) <= READ * np.abs(given).max(axis=0)).all():
+        expected = np.stack([*faces.values(), *_scalars(columns).values()], axis=1)
+        if not (np.abs(block[:, 1:] - expected) <= READ * np.abs(expected).max(axis=0)).all():
             raise ExportError(
                 f"the section forces of {part.name!r} under {case} read back different; write .forces.vtu"
             )
-    return ReadBack(len(found), "rows")
+    return ReadBack(len(numbers), "rows")
 
 
 def _names(records: Mapping[str, Mapping[str, Mapping[str, Floats]]]) -> list[str]:
@@ -84,14 +84,14 @@ def _names(records: Mapping[str, Mapping[str, Mapping[str, Floats]]]) -> list[st
 
 def _scalars(columns: Mapping[str, Floats]) -> dict[str, Floats]:
     """Split vector columns: `local x [1]` becomes `local x.x [1]`, `local x.y [1]`, `local x.z [1]`."""
-    found: dict[str, Floats] = {}
+    scalars: dict[str, Floats] = {}
     for name, values in columns.items():
         if values.ndim == 1:
-            found[name] = values
+            scalars[name] = values
             continue
         word, unit = name.split(" [")
-        found |= {f"{word}.{axis} [{unit}": np.asarray(values[:, index]) for index, axis in enumerate("xyz")}
-    return found
+        scalars |= {f"{word}.{axis} [{unit}": np.asarray(values[:, index]) for index, axis in enumerate("xyz")}
+    return scalars
 
 
 def _line(words: list[str]) -> str:
@@ -135,16 +135,16 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 def check_members(part: Part, path: Path) -> ReadBack:
     """Read the numbers back with numpy."""
-    found = np.loadtxt(
+    numbers = np.loadtxt(
         path, delimiter=",", comments=None, skiprows=len(MEMBER_NOTES) + 1, quotechar='"', usecols=range(4, 10), ndmin=2
     )
     bars = part.details.records["bars"].values()
-    given = np.concatenate([rows for bar in bars for rows in bar["forces"].values()])
-    if len(found) != len(given):
-        raise differs(part, "rows", len(given), len(found))
-    if not (np.abs(found - given) <= READ * np.abs(given).max(axis=0)).all():
+    expected = np.concatenate([rows for bar in bars for rows in bar["forces"].values()])
+    if len(numbers) != len(expected):
+        raise count_error(part, "rows", len(expected), len(numbers))
+    if not (np.abs(numbers - expected) <= READ * np.abs(expected).max(axis=0)).all():
         raise ExportError(f"the forces of members of {part.name!r} read back different; write forces.csv instead")
-    return ReadBack(len(found), "rows")
+    return ReadBack(len(numbers), "rows")
 
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys("[]:*?/\\'", "_"))
@@ -158,8 +158,8 @@ def encode_workbook(part: Part) -> Iterator[bytes]:
 
     file, records = io.BytesIO(), part.details.records
     with xlsxwriter.Workbook(file, {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}) as book:
-        book.set_properties({"created": NEVER})
-        strong, plain = book.add_format({"bold": True, "bottom": 1}), book.add_format({"num_format": "0.000"})
+        book.set_properties({"created": FIXED_DATE})
+        strong, number_format = book.add_format({"bold": True, "bottom": 1}), book.add_format({"num_format": "0.000"})
         about = book.add_worksheet("about")
         about.set_column(0, 0, 110)
         for k, line in enumerate((f"{part.name}: {MEMBER_NOTES[0]}", *MEMBER_NOTES[1:])):
@@ -175,25 +175,25 @@ def encode_workbook(part: Part) -> Iterator[bytes]:
             sheet.set_column(0, len(head) - 1, 13)
             sheet.write_row(0, 0, head, strong)
             for k, row in enumerate(rows, 1):
-                sheet.write_row(k, 0, row, plain)
+                sheet.write_row(k, 0, row, number_format)
     yield file.getvalue()
 
 
 def check_workbook(part: Part, path: Path) -> ReadBack:
     """Read the numbers back with the standard library's readers of archives and XML."""
-    found, bars = workbook_cells(path), part.details.records["bars"]
-    if len(found) != len(bars) + 2:
-        raise differs(part, "sheets", len(bars) + 2, len(found))
+    cells, bars = workbook_cells(path), part.details.records["bars"]
+    if len(cells) != len(bars) + 2:
+        raise count_error(part, "sheets", len(bars) + 2, len(cells))
     count = 0
     for name, bar in zip(sheet_names(bars), bars.values(), strict=True):
-        numbers = np.array([row[3:] for row in found[name][1:]], dtype=np.float64)
-        given = np.concatenate(list(bar["forces"].values()))
+        numbers = np.array([row[3:] for row in cells[name][1:]], dtype=np.float64)
+        expected = np.concatenate(list(bar["forces"].values()))
         if (
-            numbers.shape != given.shape
-            or not (np.abs(numbers - given) <= NUMBERS_READ_BACK * np.abs(given).max()).all()
+            numbers.shape != expected.shape
+            or not (np.abs(numbers - expected) <= NUMBERS_READ_BACK * np.abs(expected).max()).all()
         ):
             raise ExportError(f"the forces of {name} of {part.name!r} read back different; write member_forces.csv")
-        count += len(given)
+        count += len(expected)
     return ReadBack(count, "rows")
 
 
@@ -246,23 +246,23 @@ def prepare_utilisation(part: Part) -> Part:
 
 def encode_utilisation(part: Part) -> Iterator[bytes]:
     """Yield lines that begin with #, a line of names, then a row for each bay of a member."""
-    found = part.details.records["utilisation"]
+    record = part.details.records["utilisation"]
     text = io.StringIO()
-    text.writelines(f"# {line}\r\n" for line in _lines(found))
+    text.writelines(f"# {line}\r\n" for line in _lines(record))
     writer = csv.writer(text)
-    writer.writerow([*HEAD, *part.details.records["columns"], *found["checks"]])
-    for row in found["rows"]:
+    writer.writerow([*HEAD, *part.details.records["columns"], *record["checks"]])
+    for row in record["rows"]:
         words = row["member"], row["bay"], _number(row["utilisation"]), row["check"], row["clause"], row["case"]
-        sizes = row["along"], row["width"], found["thickness"], row["length"]
+        sizes = row["along"], row["width"], record["thickness"], row["length"]
         writer.writerow([*words, *map(_number, (*sizes, *row["forces"], *row["each"]))])
     yield text.getvalue().encode()
 
 
-def _lines(found: Any) -> Iterator[str]:
+def _lines(record: Any) -> Iterator[str]:
     yield from UTILISATION_NOTES
-    yield f"checked by: {found['standard']}"
-    yield from found["assumed"]
-    yield from (f"not checked: {line}" for line in found["unchecked"])
+    yield f"checked by: {record['standard']}"
+    yield from record["assumed"]
+    yield from (f"not checked: {line}" for line in record["unchecked"])
 
 
 def _number(value: float) -> str:
@@ -271,14 +271,14 @@ def _number(value: float) -> str:
 
 def check_utilisation(part: Part, path: Path) -> ReadBack:
     """Read the numbers back."""
-    found = part.details.records["utilisation"]
+    record = part.details.records["utilisation"]
     lines = path.read_text(encoding="utf-8").splitlines()
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))[1:]
-    given = np.array([[row["utilisation"], *row["forces"], *row["each"]] for row in found["rows"]])
-    if len(rows) != len(given):
-        raise differs(part, "rows", len(given), len(rows))
+    expected = np.array([[row["utilisation"], *row["forces"], *row["each"]] for row in record["rows"]])
+    if len(rows) != len(expected):
+        raise count_error(part, "rows", len(expected), len(rows))
     read = np.array([[float(row[HEAD.index("utilisation")]), *map(float, row[len(HEAD) :])] for row in rows])
-    if not (np.abs(read - given) <= READ * np.maximum(np.abs(given).max(axis=0), 1e-30)).all():
+    if not (np.abs(read - expected) <= READ * np.maximum(np.abs(expected).max(axis=0), 1e-30)).all():
         raise ExportError(f"the table of {part.name!r} reads back different; write member_forces.csv instead")
     return ReadBack(len(rows), "rows")
 

@@ -13,7 +13,7 @@ import numpy as np
 from dsfab import __version__
 from dsfab.core.errors import ExportError
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, check_lines, differs, with_lines
+from dsfab.export.readback import ReadBack, check_lines, count_error, with_lines
 
 HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point", "x_mm", "y_mm", "z_mm")
 
@@ -28,7 +28,7 @@ def encode_csv(part: Part) -> Iterator[bytes]:
     yield (",".join(HEAD) + "\r\n").encode()
     for line in part.details.lines:
         text = io.StringIO()
-        label = (line.id, line.kind, line.family, line.number, line.part, int(line.closed), f"{line.length:.6f}")
+        label = (line.id, line.kind, line.family, line.number, line.part, int(line.is_closed), f"{line.length:.6f}")
         csv.writer(text).writerows(
             (*label, i, *(f"{value + 0.0:.6f}" for value in point)) for i, point in enumerate(line.points.tolist(), 1)
         )
@@ -39,11 +39,11 @@ def check_csv(part: Part, path: Path) -> ReadBack:
     """Read the rows back."""
     with open(path, encoding="utf-8", newline="") as file:
         table = list(csv.DictReader(file))
-    found = [
+    lines = [
         np.array([[float(row[axis]) for axis in HEAD[-3:]] for row in group])
         for _, group in groupby(table, key=lambda row: row["id"])
     ]
-    return check_lines(part, found)
+    return check_lines(part, lines)
 
 
 def prepare_json(part: Part) -> Part:
@@ -60,11 +60,11 @@ def encode_json(part: Part) -> Iterator[bytes]:
         "tolerance": round(part.details.tolerance, 6),
     }
     yield (json.dumps(head, ensure_ascii=False)[:-1] + ', "lines": [\n').encode()
-    last = len(part.details.lines) - 1
+    last_number = len(part.details.lines) - 1
     for i, line in enumerate(part.details.lines):
         entry = {"id": line.id, "kind": line.kind, "family": line.family, "number": line.number, "part": line.part}
-        entry |= {"closed": line.closed, "length": round(line.length, 6), "points": line.points.round(6).tolist()}
-        yield (json.dumps(entry) + ("\n" if i == last else ",\n")).encode()
+        entry |= {"closed": line.is_closed, "length": round(line.length, 6), "points": line.points.round(6).tolist()}
+        yield (json.dumps(entry) + ("\n" if i == last_number else ",\n")).encode()
     yield b"]}\n"
 
 
@@ -96,24 +96,26 @@ def encode_members_json(part: Part) -> Iterator[bytes]:
 
 def check_members_json(part: Part, path: Path) -> ReadBack:
     """Read the object back."""
-    found = json.loads(path.read_text(encoding="utf-8"))
+    content = json.loads(path.read_text(encoding="utf-8"))
     for key in ("members", "nodes"):
-        check_records(part, key, [entry["id"] for entry in found[key]])
-    return length_error(part, sum(entry["length"] for entry in found["members"]))
+        check_records(part, key, [entry["id"] for entry in content[key]])
+    return length_error(part, sum(entry["length"] for entry in content["members"]))
 
 
 def check_records(part: Part, key: str, names: list[str]) -> None:
     """Raise ExportError unless the names are those of the part's members, or nodes."""
-    wanted = [entry["id"] for entry in part.details.records[key]]
-    if names != wanted:
-        raise differs(part, key, len(wanted), len(names))
+    expected = [entry["id"] for entry in part.details.records[key]]
+    if names != expected:
+        raise count_error(part, key, len(expected), len(names))
 
 
-def length_error(part: Part, found: float) -> ReadBack:
+def length_error(part: Part, length_read: float) -> ReadBack:
     """Return the content read back: members whose lengths add up to `length_read` millimetres."""
     members = part.details.records["members"]
-    wanted = sum(entry["length"] for entry in members)
-    return ReadBack(len(members), "members", found / wanted - 1 if wanted else float("nan"), "length")
+    length_expected = sum(entry["length"] for entry in members)
+    return ReadBack(
+        len(members), "members", length_read / length_expected - 1 if length_expected else float("nan"), "length"
+    )
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
@@ -147,7 +149,7 @@ _NO_NODE |= {"normal": [0, 0, 0]}
 def _member_row(entry: Mapping[str, Any]) -> dict[str, Any]:
     axis, nowhere = entry["axis"], (None, None, None)
     ends = entry["ends"] or ["", ""]
-    first, last = (axis["points"][0], axis["points"][-1]) if axis else (nowhere, nowhere)
+    start_point, end_point = (axis["points"][0], axis["points"][-1]) if axis else (nowhere, nowhere)
     largest = {f"largest_{name}_1_per_m": max(map(abs, axis[name])) if axis else None for name in ("kg", "kn", "tg")}
     return {
         **{key: entry[key] for key in ("id", "kind", "family", "stripe", "part")},
@@ -158,8 +160,8 @@ def _member_row(entry: Mapping[str, Any]) -> dict[str, Any]:
         "own_area_mm2": entry["own_area"],
         "nodes": len(entry["nodes"]),
         **{f"{end}": what for end, what in zip(("start", "end"), ends, strict=True)},
-        **{f"start_{axis_name}_mm": x for axis_name, x in zip("xyz", first, strict=True)},
-        **{f"end_{axis_name}_mm": x for axis_name, x in zip("xyz", last, strict=True)},
+        **{f"start_{axis_name}_mm": x for axis_name, x in zip("xyz", start_point, strict=True)},
+        **{f"end_{axis_name}_mm": x for axis_name, x in zip("xyz", end_point, strict=True)},
         **largest,
     }
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, lock, locked
+from dsfab.core.arrays import Floats, Ints, lock, read_only_copy
 from dsfab.members import MemberGraph
 from dsfab.members.frame import STATIONS, MemberForces, torsion_constant
 
@@ -42,14 +42,14 @@ class MemberBays:
         for name in ("s", "width", "curvature"):
             lock(self, name, np.float64, (b, None))
         lock(self, "length", np.float64, (b,))
-        forces = {case: locked(rows, np.float64, (*self.s.shape, 6)) for case, rows in self.forces.items()}
+        forces = {case: read_only_copy(rows, np.float64, (*self.s.shape, 6)) for case, rows in self.forces.items()}
         object.__setattr__(self, "forces", MappingProxyType(forces))
 
     @classmethod
-    def of(cls, graph: MemberGraph, forces: Mapping[str, MemberForces], thickness: float) -> "MemberBays":
+    def from_forces(cls, graph: MemberGraph, forces: Mapping[str, MemberForces], thickness: float) -> "MemberBays":
         """Return the bays of members with forces; thickness in metres."""
-        rows = [_member_bays(graph, one) for one in forces.values()]
-        names = list(dict.fromkeys(case for one in forces.values() for case in one.forces))
+        rows = [_member_bays(graph, member_forces) for member_forces in forces.values()]
+        names = list(dict.fromkeys(case for member_forces in forces.values() for case in member_forces.forces))
         if not rows:
             none = np.zeros((0, STATIONS))
             return cls((), (), none, none, thickness, np.zeros(0), none, {})
@@ -57,28 +57,30 @@ class MemberBays:
         bay = tuple(name for row in rows for name in row[1])
         length, s, width, curvature = (np.concatenate([row[2][k] for row in rows]) for k in range(4))
         by_case = {
-            case: np.concatenate([one.forces[case].reshape(-1, STATIONS, 6) for one in forces.values()])
+            case: np.concatenate(
+                [member_forces.forces[case].reshape(-1, STATIONS, 6) for member_forces in forces.values()]
+            )
             for case in names
         }
         return cls(member, bay, s, width, thickness, length, curvature, by_case)
 
-    def some(self, cases: list[str]) -> "MemberBays":
+    def with_cases(self, cases: list[str]) -> "MemberBays":
         """Return the bays with the forces of these cases only."""
         return replace(self, forces={case: self.forces[case] for case in cases})
 
 
 def _member_bays(
-    graph: MemberGraph, one: MemberForces
+    graph: MemberGraph, forces: MemberForces
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[Floats, Floats, Floats, Floats]]:
-    axis, nodes = graph.by_id[one.member].axis, graph.along[one.member]
+    axis, nodes = graph.by_id[forces.member].axis, graph.nodes_along[forces.member]
     assert axis is not None
-    lengths = graph.bays(one.member).tolist()
-    known = {f"{nodes[k].id} {nodes[(k + 1) % len(nodes)].id}": length for k, length in enumerate(lengths)}
-    names = one.bay[::STATIONS]
-    s = one.s.reshape(-1, STATIONS)
+    lengths = graph.bays(forces.member).tolist()
+    length_by_name = {f"{nodes[k].id} {nodes[(k + 1) % len(nodes)].id}": length for k, length in enumerate(lengths)}
+    names = forces.bay[::STATIONS]
+    s = forces.s.reshape(-1, STATIONS)
     kn = np.interp(s % axis.length if axis.closed else s, axis.s, axis.kn)
-    numbers = np.array([known[name] for name in names]), s, one.width.reshape(-1, STATIONS), kn
-    return (one.member,) * len(names), names, numbers
+    numbers = np.array([length_by_name[name] for name in names]), s, forces.width.reshape(-1, STATIONS), kn
+    return (forces.member,) * len(names), names, numbers
 
 
 class CodeCheck(NamedTuple):
@@ -91,7 +93,7 @@ class CodeCheck(NamedTuple):
         return f"{self.name}, {self.clause}"
 
 
-Found = dict[CodeCheck, Floats]
+CheckRatios = dict[CodeCheck, Floats]
 """Ratios of force to resistance by check: (b, 5) at the stations, or (b, 1) for the whole bay."""
 
 
@@ -118,7 +120,7 @@ class Utilisation:
     def __post_init__(self) -> None:
         shape = (len(self.bays.member), len(self.checks))
         for name, kind in (("values", np.float64), ("station", np.int64)):
-            rows = {case: locked(one, kind, shape) for case, one in getattr(self, name).items()}
+            rows = {case: read_only_copy(array, kind, shape) for case, array in getattr(self, name).items()}
             object.__setattr__(self, name, MappingProxyType(rows))
 
     @cached_property
@@ -154,10 +156,10 @@ class Utilisation:
     @cached_property
     def by_member(self) -> dict[str, float]:
         """Largest utilisation of each member, by name."""
-        found: dict[str, float] = {}
+        by_name: dict[str, float] = {}
         for name, value in zip(self.bays.member, self.largest.tolist(), strict=True):
-            found[name] = max(found.get(name, 0.0), value)
-        return found
+            by_name[name] = max(by_name.get(name, 0.0), value)
+        return by_name
 
     def worst_bays(self, count: int) -> list[int]:
         """Return the worst bay of each of the `count` members with the largest utilisation, worst first."""
@@ -167,7 +169,7 @@ class Utilisation:
         return list(seen.values())[:count]
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """Sentence on the largest utilisation and the number of members above 100 %."""
         bay = int(self.order[0])
         check, case, _ = self.governing(bay)
@@ -250,8 +252,8 @@ def moment_factor(moment: Floats) -> Floats:
     0.6 + 0.4 psi. It depends on the larger end moment, the ratio psi of both, and the moment at the middle.
     """
     ends = moment[:, [0, -1]]
-    first = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
-    large, small = np.where(first, ends[:, 0], ends[:, 1]), np.where(first, ends[:, 1], ends[:, 0])
+    first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
+    large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])
     middle = moment[:, moment.shape[1] // 2]
     tiny = np.finfo(float).tiny
     psi = np.divide(small, large, out=np.zeros_like(large), where=np.abs(large) > tiny)
@@ -267,7 +269,7 @@ def moment_factor(moment: Floats) -> Floats:
 STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = N/A + My/Wy + Mz/Wz")
 
 
-def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> Found:
+def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> CheckRatios:
     """Return the largest von Mises stress of an elastic section over a strength, Pa, for forces (b, 5, 6).
 
     bent : (b, 5) stress from bending members into shape, Pa.

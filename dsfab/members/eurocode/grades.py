@@ -19,7 +19,7 @@ class SteelGrade:
 
     def fy(self, thickness: float) -> float:
         """Return the yield strength (Pa) of a plate of a thickness in metres; beyond the table its last value."""
-        return next((value for most, value in self.yields if thickness <= most * (1 + 1e-9)), self.yields[-1][1])
+        return next((value for limit, value in self.yields if thickness <= limit * (1 + 1e-9)), self.yields[-1][1])
 
     def covers(self, thickness: float) -> bool:
         """Return True if the table covers the thickness (m)."""
@@ -77,7 +77,7 @@ def _solid(name: str, fm: float, ft: float, fc: float, fv: float, E05: float, G0
     return TimberGrade(name, "solid timber", *strengths, E05 * MPA, G05 * MPA, fm * MPA, fv * MPA, 0.0, source)
 
 
-def _glued(name: str, fm: float, ft: float, fc: float, E05: float) -> TimberGrade:
+def _glulam(name: str, fm: float, ft: float, fc: float, E05: float) -> TimberGrade:
     strengths = fm * MPA, ft * MPA, fc * MPA, 3.5 * MPA
     source = "EN 14080:2013, table 5"
     return TimberGrade(name, "glulam", *strengths, E05 * MPA, 540 * MPA, fm * MPA, 3.5 * MPA, 0.0, source)
@@ -88,9 +88,9 @@ TIMBER = {
     for grade in (
         _solid("C24", 24, 14.5, 21, 4.0, 7400, 462),
         _solid("C30", 30, 19, 24, 4.0, 8000, 500),
-        _glued("GL24h", 24, 19.2, 24, 9600),
-        _glued("GL28h", 28, 22.3, 28, 10500),
-        _glued("GL32h", 32, 25.6, 32, 11800),
+        _glulam("GL24h", 24, 19.2, 24, 9600),
+        _glulam("GL28h", 28, 22.3, 28, 10500),
+        _glulam("GL32h", 32, 25.6, 32, 11800),
         TimberGrade(
             *("LVL 48 P", "LVL"),
             *(44 * MPA, 35 * MPA, 29 * MPA, 4.2 * MPA, 11600 * MPA, 400 * MPA, 48 * MPA, 2.3 * MPA, 0.15),

@@ -10,7 +10,7 @@ from dsfab.core.errors import StaticsError
 from dsfab.core.materials import NO_STRENGTH
 from dsfab.core.messages import length
 from dsfab.members.eurocode import steel, timber
-from dsfab.members.eurocode.checks import Found, MemberBays, Utilisation, plain_checks
+from dsfab.members.eurocode.checks import CheckRatios, MemberBays, Utilisation, plain_checks
 from dsfab.members.eurocode.grades import STEEL, TIMBER, Duration, SteelGrade, TimberGrade, k_mod
 from dsfab.members.eurocode.steel import SteelFactors
 from dsfab.members.eurocode.timber import TimberFactors
@@ -55,25 +55,25 @@ def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
         raise StaticsError(
             "no member has a bay between two nodes, so there is none to check; see dsfab export --to csv"
         )
-    check, standard, assumed = _way(rules, bays.thickness)
-    found = {case: check(bays, case) for case in bays.forces}
-    checks = tuple(next(iter(found.values()), {}))
+    check, standard, assumed = _method(rules, bays.thickness)
+    results = {case: check(bays, case) for case in bays.forces}
+    checks = tuple(next(iter(results.values()), {}))
     values, station = {}, {}
-    for case, one in found.items():
-        values[case] = np.stack([one[key].max(axis=1) for key in checks], axis=1)
-        station[case] = np.stack([one[key].argmax(axis=1) for key in checks], axis=1)
-    told = (*((rules.loads,) if rules.loads else ()), *assumed)
-    return Utilisation(bays, checks, standard, values, station, told, UNCHECKED, rules.combined)
+    for case, result in results.items():
+        values[case] = np.stack([result[key].max(axis=1) for key in checks], axis=1)
+        station[case] = np.stack([result[key].argmax(axis=1) for key in checks], axis=1)
+    assumptions = (*((rules.loads,) if rules.loads else ()), *assumed)
+    return Utilisation(bays, checks, standard, values, station, assumptions, UNCHECKED, rules.combined)
 
 
-Way = tuple[Callable[[MemberBays, str], Found], str, Iterator[str]]
+CheckMethod = tuple[Callable[[MemberBays, str], CheckRatios], str, Iterator[str]]
 
 
-def _way(rules: Rules, thickness: float) -> Way:
+def _method(rules: Rules, thickness: float) -> CheckMethod:
     if (grade := STEEL.get(rules.material)) is not None:
-        return _steel_way(grade, rules, thickness)
+        return _steel_method(grade, rules, thickness)
     if (timbers := TIMBER.get(rules.material)) is not None:
-        return _timber_way(timbers, rules)
+        return _timber_method(timbers, rules)
     if not rules.strength:
         raise StaticsError(NO_STRENGTH)
     what = f"{rules.material} is in none of the standards here" if rules.material else "the preset names no material"
@@ -85,7 +85,7 @@ def _way(rules: Rules, thickness: float) -> Way:
     )
 
 
-def _steel_way(grade: SteelGrade, rules: Rules, thickness: float) -> Way:
+def _steel_method(grade: SteelGrade, rules: Rules, thickness: float) -> CheckMethod:
     elastic = rules.young, rules.shear
     return (
         lambda bays, case: steel.steel_checks(bays, bays.forces[case], grade, elastic, rules.steel),
@@ -97,8 +97,8 @@ def _steel_way(grade: SteelGrade, rules: Rules, thickness: float) -> Way:
 def _steel_words(grade: SteelGrade, factors: SteelFactors, thickness: float) -> Iterator[str]:
     yield f"Strengths: {grade.source}, plates of {length(thickness)}."
     if not grade.covers(thickness):
-        most = length(grade.yields[-1][0])
-        yield f"The table ends at {most}: for {length(thickness)} its last strength is taken, which is too high."
+        limit = length(grade.yields[-1][0])
+        yield f"The table ends at {limit}: for {length(thickness)} its last strength is taken, which is too high."
     yield f"Partial factors: gamma_M0 = {factors.gamma_m0:g}, gamma_M1 = {factors.gamma_m1:g} (6.1)."
     yield (
         f"Buckling: {factors.buckling_length:g} times the distance of nodes about both axes, curve {factors.curve} "
@@ -107,8 +107,8 @@ def _steel_words(grade: SteelGrade, factors: SteelFactors, thickness: float) -> 
     yield "Sections are plastic (6.2.9), members elastic (6.3.3, annex B: class 3, table B.2), without holes."
 
 
-def _timber_way(grade: TimberGrade, rules: Rules) -> Way:
-    def check(bays: MemberBays, case: str) -> Found:
+def _timber_method(grade: TimberGrade, rules: Rules) -> CheckMethod:
+    def check(bays: MemberBays, case: str) -> CheckRatios:
         duration = rules.durations.get(case, "medium")
         return timber.timber_checks(bays, bays.forces[case], grade, rules.young, duration, rules.timber)
 

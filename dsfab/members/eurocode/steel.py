@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from dsfab.core.arrays import Floats
-from dsfab.members.eurocode.checks import CodeCheck, Found, MemberBays, Rectangle, moment_factor
+from dsfab.members.eurocode.checks import CheckRatios, CodeCheck, MemberBays, Rectangle, moment_factor
 from dsfab.members.eurocode.grades import SteelGrade
 
 STANDARD = "EN 1993-1-1"
@@ -40,19 +40,19 @@ class SteelFactors:
 
 def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
-) -> Found:
+) -> CheckRatios:
     """Return force over resistance of bays under forces (b, 5, 6).
 
     elastic : Young's modulus and the shear modulus, Pa.
     """
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     fy = grade.fy(bays.thickness)
-    found = section_checks(section, forces, fy / factors.gamma_m0)
+    ratios = section_checks(section, forces, fy / factors.gamma_m0)
     length = bays.length[:, None] * factors.buckling_length
-    return found | member_checks(section, forces, length, (fy, *elastic), factors)
+    return ratios | member_checks(section, forces, length, (fy, *elastic), factors)
 
 
-def section_checks(section: Rectangle, forces: Floats, fd: float) -> Found:
+def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
     """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
 
     Shear is that of the elastic distribution, 1.5 V / A, plus St. Venant's torsion. Where V exceeds half of its plastic
@@ -65,13 +65,13 @@ def section_checks(section: Rectangle, forces: Floats, fd: float) -> Found:
     nearly = 0.95  # above it the shear check governs
     plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
     rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
-    n, left = N / (section.area * fd), 1 - rho
+    n, strength_share = N / (section.area * fd), 1 - rho
     bent = np.abs(My) / (1.5 * section.Wy * fd) + np.abs(Mz) / (1.5 * section.Wz * fd)
     return {
         TENSION: np.maximum(n, 0.0),
         COMPRESSION: np.maximum(-n, 0.0),
         SHEAR: (1.5 * V + torsion) / tau,
-        BENDING: np.asarray((n / left) ** 2 + bent / left),
+        BENDING: np.asarray((n / strength_share) ** 2 + bent / strength_share),
     }
 
 
@@ -84,7 +84,7 @@ def reduction(slenderness: Floats, curve: Curve) -> Floats:
 
 def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
-) -> Found:
+) -> CheckRatios:
     """(b, 1) checks of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
 
     The largest compression and the largest moments of a bay act together on its narrowest section. Moments are over
@@ -96,23 +96,23 @@ def member_checks(
     by_axis = [length / i / np.pi * np.sqrt(fy / young) for i in (slim.iy, slim.iz)]
     n = [N * factors.gamma_m1 / (reduction(lam, factors.curve) * slim.area * fy) for lam in by_axis]
     M = [np.abs(forces[:, :, k]).max(axis=1, keepdims=True) for k in (4, 5)]
-    m = [one * factors.gamma_m1 / (W * fy) for one, W in zip(M, (slim.Wy, slim.Wz), strict=True)]
+    m = [moment * factors.gamma_m1 / (W * fy) for moment, W in zip(M, (slim.Wy, slim.Wz), strict=True)]
     C = [moment_factor(forces[:, :, k]) for k in (4, 5)]
-    strong, weak = ([_by(slim.lying, *pair[::way]) for pair in (by_axis, n, m, C)] for way in (-1, 1))
+    strong, weak = ([_by(slim.lying, *pair[::step]) for pair in (by_axis, n, m, C)] for step in (-1, 1))
     W = _by(slim.lying, slim.Wz, slim.Wy)
     sideways = np.sqrt(W * fy / slim.torsional(length, young, shear))
     tilted = strong[2] / reduction(sideways, SIDEWAYS)
-    both = _interaction(strong, weak, tilted)
+    combined = _interaction(strong, weak, tilted)
     return {
         OUT_OF_SURFACE: n[0],
         IN_SURFACE: n[1],
         TORSIONAL: tilted,
-        BOTH: np.where(N > 0, both, 0.0),
+        BOTH: np.where(N > 0, combined, 0.0),
     }
 
 
-def _by(lying: Floats, one: Floats, other: Floats) -> Floats:
-    return np.asarray(np.where(lying > 0, one, other))
+def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
+    return np.asarray(np.where(lying > 0, if_lying, if_upright))
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.core.arrays import Floats
-from dsfab.members.eurocode.checks import CodeCheck, Found, MemberBays, Rectangle
+from dsfab.members.eurocode.checks import CheckRatios, CodeCheck, MemberBays, Rectangle
 from dsfab.members.eurocode.grades import Duration, Product, ServiceClass, TimberGrade, k_mod
 
 STANDARD = "EN 1995-1-1"
@@ -49,7 +49,7 @@ class TimberFactors:
 
 def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
-) -> Found:
+) -> CheckRatios:
     """Return force over resistance of bays under forces (b, 5, 6), for the duration of the shortest load.
 
     elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2.
@@ -59,12 +59,12 @@ def timber_checks(
     bent = elastic * factors.layer * np.abs(bays.curvature) / 2
     stress = stresses(section, forces, bent, grade)
     lengthy = np.maximum(bays.length[:, None] / LVL_LENGTH, 1.0) ** (grade.size / 2)
-    found = section_checks(section, stress, over, lengthy, grade)
-    found |= stability_checks(section.slimmest(), stress, over, bays.length[:, None] * factors.buckling_length, grade)
+    ratios = section_checks(section, stress, over, lengthy, grade)
+    ratios |= stability_checks(section.slimmest(), stress, over, bays.length[:, None] * factors.buckling_length, grade)
     if factors.layer:
         always = (factors.gamma_m or GAMMA[grade.product]) / k_mod("permanent", factors.service_class)
-        found[BENT_IN] = bent * always / grade.fm_flat
-    return found
+        ratios[BENT_IN] = bent * always / grade.fm_flat
+    return ratios
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +84,13 @@ def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrad
     My.
     """
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
-    whole = K_CR[grade.product] * section.area
+    shear_area = K_CR[grade.product] * section.area
     return Stresses(
         N / section.area,
         np.abs(My) / section.Wy + bent,
         np.abs(Mz) / section.Wz,
-        1.5 * np.abs(Vy) / whole,
-        1.5 * np.abs(Vz) / whole,
+        1.5 * np.abs(Vy) / shear_area,
+        1.5 * np.abs(Vz) / shear_area,
         np.abs(Mt) / section.Wt,
     )
 
@@ -101,9 +101,11 @@ def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[
     return stress.my / grade.fm_flat, stress.mz * deep / grade.fm
 
 
-def section_checks(section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade) -> Found:
+def section_checks(
+    section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade
+) -> CheckRatios:
     """Check sections (b, 5). over : gamma_M / k_mod.    lengthy : (b, 1) reduction of tension for long LVL [3.4]."""
-    y, z = (over * one for one in _bending(section, stress, grade))
+    y, z = (over * ratio for ratio in _bending(section, stress, grade))
     bent = np.maximum(y + K_M * z, K_M * y + z)
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
     pressed = over * np.maximum(-stress.axial, 0.0) / grade.fc
@@ -133,13 +135,13 @@ def beam_factor(slenderness: Floats) -> Floats:
     return np.asarray(np.select([slenderness <= 0.75, slenderness <= 1.4], [1.0, line], 1 / slenderness**2))
 
 
-def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> Found:
+def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
     """(b, 1) checks of whole bays with the narrowest section, under their largest stresses; length : (b, 1), metres."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
-    most = Stresses(*(np.max(one, axis=1, keepdims=True) for one in vars(stress).values()))
-    y, z = (over * one for one in _bending(slim, most, grade))
+    largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
+    y, z = (over * value for value in _bending(slim, largest, grade))
     lam = [length / i / np.pi * np.sqrt(grade.fc / grade.E05) for i in (slim.iy, slim.iz)]
-    c_y, c_z = (pressed / column_factor(one, grade) for one in lam)
+    c_y, c_z = (pressed / column_factor(value, grade) for value in lam)
     stocky = (lam[0] <= STRAIGHT) & (lam[1] <= STRAIGHT)
     column = np.maximum(c_y + y + K_M * z, c_z + K_M * y + z)
     column = np.where(stocky, pressed**2 + np.maximum(y + K_M * z, K_M * y + z), column)

@@ -18,7 +18,7 @@ SHORT = 1e-3
 """Nodes of a member that are nearer than this share of its width are equal."""
 
 
-class Row(NamedTuple):
+class BeamRow(NamedTuple):
     """A beam: its nodes, local z, width and shift in metres, member, and the member's width over the length of its
     bay.
     """
@@ -46,17 +46,17 @@ class Beams:
     stout: Floats
 
     @classmethod
-    def of(cls, rows: list[Row]) -> "Beams":
+    def from_rows(cls, rows: list[BeamRow]) -> "Beams":
         """Return the rows as columns."""
         ends = np.array([row.ends for row in rows], dtype=np.int64).reshape(-1, 2)
         normal = np.array([row.normal for row in rows]).reshape(-1, 3)
         width, shift, stout = (np.array([row[k] for row in rows], dtype=np.float64) for k in (2, 3, 5))
         return cls(ends, normal, width, shift, np.array([row.member for row in rows], dtype=np.int64), stout)
 
-    def some(self, kept: Ints, ends: Ints) -> "Beams":
+    def subset(self, chosen: Ints, ends: Ints) -> "Beams":
         """Return the chosen beams (k,), with new node numbers `ends` (b, 2)."""
-        shape = self.normal[kept], self.width[kept], self.shift[kept]
-        return Beams(ends[kept], *shape, self.member[kept], self.stout[kept])
+        shape = self.normal[chosen], self.width[chosen], self.shift[chosen]
+        return Beams(ends[chosen], *shape, self.member[chosen], self.stout[chosen])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
         """Return the beams with links (k, 2) of a width (k,)."""
@@ -73,53 +73,58 @@ class Beams:
 
 def beams_along(joints: AxisJoints) -> Beams:
     """Return beams along all axes, and links; the nodes within bays are added to the joints."""
-    rows = list[Row]()
-    for number, member in enumerate(joints.lined):
+    rows = list[BeamRow]()
+    for number, member in enumerate(joints.members_with_axis):
         stations = _stations(joints, member)
         for begin, end in pairwise(stations):
             rows += _bay(joints, member, number, begin, end)
-    for one, other, width in joints.links:
-        rows.append(Row((one, other), joints.normal_at(one), width, 0.0, -1, 0.0))
-    return Beams.of(rows)
+    for node_a, node_b, width in joints.links:
+        rows.append(BeamRow((node_a, node_b), joints.normal_at(node_a), width, 0.0, -1, 0.0))
+    return Beams.from_rows(rows)
 
 
 def _stations(joints: AxisJoints, member: Member) -> list[tuple[float, int]]:
     """Arc lengths and nodes along a member, in order; a closed member repeats the first at the end."""
     axis = member.axis
     assert axis is not None
-    found = sorted(joints.on[member.id])
+    stations = sorted(joints.on[member.id])
     if axis.closed:
-        found = found or [(0.0, joints.node(axis.P[0], f"{member.id} 0"))]
-        return [*found, (found[0][0] + member.length, found[0][1])]
+        stations = stations or [(0.0, joints.node(axis.P[0], f"{member.id} 0"))]
+        return [*stations, (stations[0][0] + member.length, stations[0][1])]
     begin, end = joints.ends[member.id]
-    near = SHORT * member.mean_width
-    found = [one for one in found if begin - near <= one[0] <= end + near]
-    for s, first in ((begin, True), (end, False)):
-        if not any(abs(at - s) < near for at, _ in found):
-            new = (s, joints.node(axis.at(np.array([s]))[0][0], f"{member.id} {'begin' if first else 'end'}"))
-            found = [new, *found] if first else [*found, new]
-    return found
+    tolerance = SHORT * member.mean_width
+    stations = [entry for entry in stations if begin - tolerance <= entry[0] <= end + tolerance]
+    for s, is_first in ((begin, True), (end, False)):
+        if not any(abs(place - s) < tolerance for place, _ in stations):
+            station = (
+                s,
+                joints.node(axis.frames_at(np.array([s]))[0][0], f"{member.id} {'begin' if is_first else 'end'}"),
+            )
+            stations = [station, *stations] if is_first else [*stations, station]
+    return stations
 
 
 def _bay(
     joints: AxisJoints, member: Member, number: int, begin: tuple[float, int], end: tuple[float, int]
-) -> list[Row]:
-    (s, one), (t, other) = begin, end
+) -> list[BeamRow]:
+    (s, node_a), (t, node_b) = begin, end
     axis = member.axis
     assert axis is not None
-    if t - s < (0.5 if one == other else SHORT) * member.mean_width:
+    if t - s < (0.5 if node_a == node_b else SHORT) * member.mean_width:
         return []
     around = member.length if axis.closed else np.inf
-    widths = joints.other_width(member, one), joints.other_width(member, other)
-    at, spread = _divided(member, (s, t), widths, 3 if one == other else 1)
-    inner, middle = at[1:-1] % around, ((at[:-1] + at[1:]) / 2) % around
+    widths = joints.other_width(member, node_a), joints.other_width(member, node_b)
+    cuts, spread = _divide_bay(member, (s, t), widths, 3 if node_a == node_b else 1)
+    inner, middle = cuts[1:-1] % around, ((cuts[:-1] + cuts[1:]) / 2) % around
     names = [f"{member.id} {x:.3f}" for x in inner]
-    nodes = [one, *(joints.node(p, name) for p, name in zip(axis.at(inner)[0], names, strict=True)), other]
-    left, right = (np.interp(middle, axis.s, side) for side in _sides(member).T)
-    stout = 1.0 if joints.grazed & {one, other} else min(member.mean_width / (t - s), 1.0)
+    nodes = [node_a, *(joints.node(p, name) for p, name in zip(axis.frames_at(inner)[0], names, strict=True)), node_b]
+    left_reach, right_reach = (np.interp(middle, axis.s, side) for side in _sides(member).T)
+    stout = 1.0 if joints.grazed & {node_a, node_b} else min(member.mean_width / (t - s), 1.0)
     return [
-        Row(ends, normal, float(a + b + more), float(a - b) / 2, number, stout)
-        for ends, normal, a, b, more in zip(pairwise(nodes), axis.at(middle)[2], left, right, spread, strict=True)
+        BeamRow(ends, normal, float(a + b + extra), float(a - b) / 2, number, stout)
+        for ends, normal, a, b, extra in zip(
+            pairwise(nodes), axis.frames_at(middle)[2], left_reach, right_reach, spread, strict=True
+        )
     ]
 
 
@@ -132,13 +137,13 @@ def _sides(member: Member) -> Floats:
     return np.maximum(member.sides, member.area / member.length / 2)
 
 
-def _divided(
-    member: Member, span: tuple[float, float], other: tuple[float, float], least: int
+def _divide_bay(
+    member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
     """(k + 1,) arc lengths that divide a bay into joints and nearly straight beams, and (k,) extra widths at joints."""
     (s, t), axis = span, member.axis
     assert axis is not None
-    half = fitting(np.array(other) / 2, t - s)
+    half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # shorter joints are none
     fine, clear = np.linspace(s, t, 17), np.linspace(s + half[0], t - half[1], 17)
     if axis.closed:
@@ -148,20 +153,20 @@ def _divided(
     # a beam turns by at most 5 degrees, tapers by at most 1.25, and is at least half as long as wide
     parts = max(np.degrees(bent) / 5.0, np.log(width.max() / width.min()) / np.log(1.25))
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
-    at = np.linspace(s + half[0], t - half[1], count + 1)
+    cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
     # a joint is wider by half of the other member, into which forces spread by 45 degrees; without this the compliances
     # of tower, vaults and gridshell are 1.10, 1.02 and 1.06 times the sheet's, with all of it .96, 1.00 and .98
     into = 0.5
     if half[0]:
-        at, spread = np.concatenate([[s], at]), np.concatenate([[into * other[0]], spread])
+        cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
     if half[1]:
-        at, spread = np.concatenate([at, [t]]), np.concatenate([spread, [into * other[1]]])
-    return at, spread
+        cuts, spread = np.concatenate([cuts, [t]]), np.concatenate([spread, [into * joint_widths[1]]])
+    return cuts, spread
 
 
 @dataclass(frozen=True, eq=False)
-class OnBeams:
+class BeamPlaces:
     """Places near beams.    beam : (q,) the nearest.    along : (q,) 0 at its first node to 1.    foot : (q, 3)
     point on it.
     """
@@ -171,38 +176,41 @@ class OnBeams:
     foot: Floats
 
 
-def nearest_beams(places: Floats, points: Floats, beams: Beams) -> OnBeams:
+def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
     count = 9  # points along each beam, which select six candidates
     t = np.linspace(0, 1, count)
     samples = (a[:, None] + t[:, None] * (b - a)[:, None]).reshape(-1, 3)
-    near = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
-    way = b - a
-    along = np.einsum("qki,qki->qk", places[:, None] - a[near], way[near]) / np.einsum("bi,bi->b", way, way)[near]
+    candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
+    direction = b - a
+    along = (
+        np.einsum("qki,qki->qk", places[:, None] - a[candidates], direction[candidates])
+        / np.einsum("bi,bi->b", direction, direction)[candidates]
+    )
     along = np.clip(along, 0, 1)
-    foot = a[near] + along[..., None] * way[near]
-    best = np.linalg.norm(places[:, None] - foot, axis=2).argmin(axis=1)
+    foot = a[candidates] + along[..., None] * direction[candidates]
+    nearest = np.linalg.norm(places[:, None] - foot, axis=2).argmin(axis=1)
     row = np.arange(len(places))
-    return OnBeams(near[row, best], along[row, best], foot[row, best])
+    return BeamPlaces(candidates[row, nearest], along[row, nearest], foot[row, nearest])
 
 
-def nodal_loads(load: LoadCase, V: Floats, at: OnBeams, points: Floats, beams: Beams) -> Floats:
+def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """(n, 6) newtons and newton metres on nodes, from forces on the vertices V (v, 3) of a sheet.
 
     Each force acts at the nearest point on the axes, with its moment about that point. The two nodes of the beam take
     it as supports of a simple beam. The sums of forces and moments are those of the sheet.
     """
-    found = np.zeros((len(points), 6))
-    ends, moment = beams.ends[at.beam], np.cross(V - at.foot, load.force)
-    for side, share in ((0, 1 - at.along), (1, at.along)):
-        both = np.concatenate([load.force, moment], axis=1) * share[:, None]
-        found += group_sums(ends[:, side], both, len(points))
-    return found
+    loads = np.zeros((len(points), 6))
+    ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
+    for side, share in ((0, 1 - places.along), (1, places.along)):
+        forces = np.concatenate([load.force, moment], axis=1) * share[:, None]
+        loads += group_sums(ends[:, side], forces, len(points))
+    return loads
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class NodeSupports:
     """Supports at nodes.
 
     node  : (h,) supported node on the axes, or the node of a link.    place : (h, 3) middle of the supported vertices.
@@ -217,40 +225,40 @@ class Held:
     width: Floats
 
 
-def held_places(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> Held:
+def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
     """Return the supports of a sheet, each at the node that is nearest along the nearest beam of nodes (n, 3).
 
     Where whole faces are fixed, for instance at column heads, the sheet cannot turn, and neither can the node.
     """
-    V, clamped = surface.V, _clamped(surface, load)
-    held = np.flatnonzero(load.held | clamped)
-    at = nearest_beams(V[held], points, beams)
-    node = np.where(at.along < 0.5, beams.ends[at.beam, 0], beams.ends[at.beam, 1])
+    V, clamped = surface.V, _clamped_vertices(surface, load)
+    vertices = np.flatnonzero(load.supported | clamped)
+    places = nearest_beams(V[vertices], points, beams)
+    node = np.where(places.along < 0.5, beams.ends[places.beam, 0], beams.ends[places.beam, 1])
     which, group = np.unique(node, return_inverse=True)
     count = np.bincount(group)
-    place = group_sums(group, V[held], len(which)) / count[:, None]
+    place = group_sums(group, V[vertices], len(which)) / count[:, None]
     fixed = np.zeros((len(which), 6), dtype=bool)
-    np.logical_or.at(fixed[:, :3], group, load.fixed[held])
+    np.logical_or.at(fixed[:, :3], group, load.fixed[vertices])
     spring = np.zeros((len(which), 6))
-    np.add.at(spring[:, :3], group, load.spring[held])
+    np.add.at(spring[:, :3], group, load.spring[vertices])
     around = np.array([beams.width[(beams.ends == k).any(axis=1)].max() for k in which])
-    reach = _reach(V[held], group)[:, 0]
+    reach = _reach(V[vertices], group)[:, 0]
     least = np.zeros(len(which))
-    np.maximum.at(least, group, _blocks(load, surface)[held])
+    np.maximum.at(least, group, _blocks(load, surface)[vertices])
     turned = np.zeros(len(which), dtype=bool)
-    np.logical_or.at(turned, group, clamped[held])
+    np.logical_or.at(turned, group, clamped[vertices])
     block = least > 0.2 * around  # a fixed patch as wide as this share of the beams cannot turn
     still = turned | (block & fixed[:, :3].all(axis=1))
     fixed[:, 3:] |= still[:, None]
     apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # farther supports need a link
-    return Held(which, place, apart & ~block, fixed, spring, np.maximum(reach, 0.25 * around))
+    return NodeSupports(which, place, apart & ~block, fixed, spring, np.maximum(reach, 0.25 * around))
 
 
-def _clamped(surface: Surface, load: LoadCase) -> Bools:
-    found = np.zeros(surface.n, dtype=bool)
+def _clamped_vertices(surface: Surface, load: LoadCase) -> Bools:
+    clamped = np.zeros(surface.n, dtype=bool)
     if len(load.clamped):
-        found[surface.edges.ends[load.clamped].ravel()] = True
-    return found
+        clamped[surface.edges.ends[load.clamped].ravel()] = True
+    return clamped
 
 
 def _blocks(load: LoadCase, surface: Surface) -> Floats:
@@ -262,22 +270,22 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))
     vertices = np.unique(faces)
     group = np.unique(connected_components(joined, directed=False)[1][vertices], return_inverse=True)[1]
-    found = np.zeros(surface.n)
+    widths = np.zeros(surface.n)
     if len(vertices):
-        found[vertices] = _reach(surface.V[vertices], group)[group, 1]
-    return found
+        widths[vertices] = _reach(surface.V[vertices], group)[group, 1]
+    return widths
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
     """(h, 2) length and width (m) of each group of points: root twelve of their spread along two axes."""
     count = np.bincount(group)
-    off = V - (group_sums(group, V, len(count)) / count[:, None])[group]
+    offset = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))
-    np.add.at(spread, group, off[:, :, None] * off[:, None, :])
+    np.add.at(spread, group, offset[:, :, None] * offset[:, None, :])
     return np.asarray(np.sqrt(12 * np.maximum(np.linalg.eigvalsh(spread / count[:, None, None]), 0))[:, :0:-1])
 
 
-def in_plane(fixed: Bools, axis: int) -> Bools:
+def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
     """Fix the supports (n, 6) of a frame in a plane against leaving that plane, along `axis`."""
     still = fixed.copy()
     still[:, axis] = True

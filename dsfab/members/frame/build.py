@@ -10,8 +10,16 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import StaticsError
 from dsfab.members import MemberGraph
-from dsfab.members.frame.beams import Beams, Held, beams_along, held_places, in_plane, nearest_beams, nodal_loads
-from dsfab.members.frame.joints import add_hubs, found_joints, join_ends
+from dsfab.members.frame.beams import (
+    Beams,
+    NodeSupports,
+    beams_along,
+    fixed_in_plane,
+    nearest_beams,
+    nodal_loads,
+    supports_at_nodes,
+)
+from dsfab.members.frame.joints import add_hubs, join_ends, joints_at_nodes
 from dsfab.members.frame.model import BeamMaterial, Combinations, Frame
 from dsfab.statics import flat_axis
 from dsfab.surface import LoadCase, Surface
@@ -35,29 +43,29 @@ def frame_of(
     """
     if not any(member.axis for member in graph.members):
         raise StaticsError("the structure has no members with an axis, so there is no beam model of it: it is a sheet")
-    joints = found_joints(graph)
+    joints = joints_at_nodes(graph)
     join_ends(joints)
     add_hubs(joints)
     beams = beams_along(joints)
-    points, beams, names = _merged(np.array(joints.points), beams, joints.names)
-    beams = _whole(points, beams)
-    first = next(iter(loads.values()))
-    held = held_places(first, surface, points, beams)
-    at = nearest_beams(surface.V, points, beams)
-    forces = {name: nodal_loads(load, surface.V, at, points, beams) for name, load in loads.items()}
-    points, beams, names, fixed, spring = _with_supports(points, beams, names, held)
-    forces = {name: np.concatenate([one, np.zeros((len(points) - len(one), 6))]) for name, one in forces.items()}
+    points, beams, names = _merge_nodes(np.array(joints.points), beams, joints.names)
+    beams = _connect_parts(points, beams)
+    any_load = next(iter(loads.values()))
+    supports = supports_at_nodes(any_load, surface, points, beams)
+    places = nearest_beams(surface.V, points, beams)
+    forces = {name: nodal_loads(load, surface.V, places, points, beams) for name, load in loads.items()}
+    points, beams, names, fixed, spring = _with_supports(points, beams, names, supports)
+    forces = {name: np.concatenate([force, np.zeros((len(points) - len(force), 6))]) for name, force in forces.items()}
     axis = flat_axis(surface, *loads.values())
-    fixed = fixed if axis is None else in_plane(fixed, axis)
+    fixed = fixed if axis is None else fixed_in_plane(fixed, axis)
     return Frame(
         points,
-        distinct(names),
+        distinct_names(names),
         beams.ends,
-        _upright(points, beams),
+        _local_z(points, beams),
         beams.width,
         np.full(len(beams.width), thickness),
         beams.member,
-        tuple(member.id for member in joints.lined),
+        tuple(member.id for member in joints.members_with_axis),
         fixed,
         spring,
         forces,
@@ -68,34 +76,34 @@ def frame_of(
     )
 
 
-def distinct(names: list[str]) -> tuple[str, ...]:
+def distinct_names(names: list[str]) -> tuple[str, ...]:
     """Return the names; repeated ones get a number."""
     seen: dict[str, int] = {}
-    found = []
+    unique = []
     for name in names:
         seen[name] = seen.get(name, 0) + 1
-        found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
-    return tuple(found)
+        unique.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return tuple(unique)
 
 
-def _merged(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
+def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
     tolerance = 0.01  # of the median width
     pairs = cKDTree(points).query_pairs(tolerance * float(np.median(beams.width)), output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     label = connected_components(links, directed=False)[1]
-    used, first = np.unique(label, return_index=True)
+    used, first_node = np.unique(label, return_index=True)
     ends = np.searchsorted(used, label[beams.ends])
-    kept = np.flatnonzero(ends[:, 0] != ends[:, 1])
-    return _used(points[first], beams.some(kept, ends), [names[k] for k in first])
+    chosen = np.flatnonzero(ends[:, 0] != ends[:, 1])
+    return _used_nodes(points[first_node], beams.subset(chosen, ends), [names[k] for k in first_node])
 
 
-def _used(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
+def _used_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
     used, ends = np.unique(beams.ends, return_inverse=True)
     every = np.arange(len(beams.ends))
-    return points[used], beams.some(every, ends.reshape(-1, 2)), [names[k] for k in used]
+    return points[used], beams.subset(every, ends.reshape(-1, 2)), [names[k] for k in used]
 
 
-def _whole(points: Floats, beams: Beams) -> Beams:
+def _connect_parts(points: Floats, beams: Beams) -> Beams:
     """Link parts without a common node at their nearest nodes, because the sheet is connected there."""
     while True:
         n = len(points)
@@ -104,39 +112,39 @@ def _whole(points: Floats, beams: Beams) -> Beams:
         if count == 1:
             return beams
         part = np.bincount(label).argmin()
-        own, rest = np.flatnonzero(label == part), np.flatnonzero(label != part)
-        distance, near = (np.asarray(x) for x in cKDTree(points[rest]).query(points[own]))
+        inside, rest = np.flatnonzero(label == part), np.flatnonzero(label != part)
+        distance, nearest = (np.asarray(x) for x in cKDTree(points[rest]).query(points[inside]))
         k = int(distance.argmin())
-        ends = np.array([[own[k], rest[near[k]]]])
+        ends = np.array([[inside[k], rest[nearest[k]]]])
         normal = beams.normal[(beams.ends == ends[0, 1]).any(axis=1)][:1]
         beams = beams.and_links(ends, normal, np.array([np.median(beams.width)]))
 
 
 def _with_supports(
-    points: Floats, beams: Beams, names: list[str], held: Held
+    points: Floats, beams: Beams, names: list[str], supports: NodeSupports
 ) -> tuple[Floats, Beams, list[str], Bools, Floats]:
     """Add a node on a link for each support beside the axes; return fixed directions (n, 6) and springs (n, 6) too."""
-    count, apart = len(points), np.flatnonzero(held.apart)
-    where = held.node.copy()
+    count, apart = len(points), np.flatnonzero(supports.apart)
+    where = supports.node.copy()
     where[apart] = count + np.arange(len(apart))
-    points = np.concatenate([points, held.place[apart]])
+    points = np.concatenate([points, supports.place[apart]])
     names = [*names, *(f"support {k + 1}" for k in range(len(apart)))]
     normal = np.zeros((len(apart), 3))
-    for row, node in enumerate(held.node[apart]):
+    for row, node in enumerate(supports.node[apart]):
         normal[row] = beams.normal[(beams.ends == node).any(axis=1)].sum(axis=0)
-    ends = np.stack([held.node[apart], where[apart]], axis=1)
-    beams = beams.and_links(ends, normal, held.width[apart])
+    ends = np.stack([supports.node[apart], where[apart]], axis=1)
+    beams = beams.and_links(ends, normal, supports.width[apart])
     fixed, spring = np.zeros((len(points), 6), dtype=bool), np.zeros((len(points), 6))
-    fixed[where], spring[where] = held.fixed, held.spring
+    fixed[where], spring[where] = supports.fixed, supports.spring
     return points, beams, names, fixed, spring
 
 
-def _upright(points: Floats, beams: Beams) -> Floats:
+def _local_z(points: Floats, beams: Beams) -> Floats:
     """(b, 3) unit vectors across each beam, as near to its normal as possible."""
     x = points[beams.ends[:, 1]] - points[beams.ends[:, 0]]
     x /= np.linalg.norm(x, axis=1)[:, None]
-    other = np.eye(3)[np.abs(x).argmin(axis=1)]
+    axis = np.eye(3)[np.abs(x).argmin(axis=1)]
     normal = beams.normal - np.einsum("bi,bi->b", beams.normal, x)[:, None] * x
     short = np.linalg.norm(normal, axis=1) < 0.1 * np.maximum(np.linalg.norm(beams.normal, axis=1), 1e-9)
-    normal[short] = np.cross(x[short], other[short])
+    normal[short] = np.cross(x[short], axis[short])
     return np.asarray(normal / np.linalg.norm(normal, axis=1)[:, None])

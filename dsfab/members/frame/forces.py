@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, Ints, group_sums, lock, locked
+from dsfab.core.arrays import Floats, Ints, group_sums, lock, read_only_copy
 from dsfab.members import Member, MemberAxis, MemberGraph, Node
 from dsfab.members.frame.joints import fitting
 from dsfab.statics import SectionForces
@@ -49,12 +49,12 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
     """Return the lines in which planes at arc lengths (k,) of an axis cut the cells (c,) of a member; metres."""
     edge = surface.mean_edge
     offsets = edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
-    at = (stations[:, None] + offsets).ravel()
-    P = axis.at(at % axis.length if axis.closed else np.clip(at, 0, axis.length))[0]
+    lengths = (stations[:, None] + offsets).ravel()
+    P = axis.frames_at(lengths % axis.length if axis.closed else np.clip(lengths, 0, axis.length))[0]
     s = _places(surface, cells, axis)
-    plane, row = _crossed(s, at, axis.length if axis.closed else np.inf)
+    plane, row = _cut_cells(s, lengths, axis.length if axis.closed else np.inf)
     corner = surface.V[surface.F[cells[row]]]
-    level = at[plane][:, None] - s[row]
+    level = lengths[plane][:, None] - s[row]
     if axis.closed:
         level = (level + axis.length / 2) % axis.length - axis.length / 2
     return _as_sections(surface, cells[row], plane, P[plane], corner, level)
@@ -62,26 +62,26 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
     """(c, 3) arc lengths of the corners of cells; along a closed axis the three of a cell stay together."""
-    used, of = np.unique(surface.F[cells], return_inverse=True)
+    used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
-    P, T, _ = axis.at(t)
+    P, T, _ = axis.frames_at(t)
     V = surface.V[used]
-    near = np.asarray(cKDTree(P).query(V)[1])
-    s = (t[near] + np.einsum("vi,vi->v", V - P[near], T[near]))[of.reshape(-1, 3)]
+    nearest = np.asarray(cKDTree(P).query(V)[1])
+    s = (t[nearest] + np.einsum("vi,vi->v", V - P[nearest], T[nearest]))[vertex_row.reshape(-1, 3)]
     if axis.closed:
         half = axis.length / 2
         s = s[:, :1] + (s - s[:, :1] + half) % axis.length - half
     return np.asarray(s)
 
 
-def _crossed(s: Floats, at: Floats, period: float) -> tuple[Ints, Ints]:
+def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
     """Pairs of planes and rows of cells (c, 3) that they cut."""
     low, high = s.min(axis=1), s.max(axis=1)
-    hits = np.zeros((len(at), len(s)), dtype=bool)
+    hits = np.zeros((len(lengths), len(s)), dtype=bool)
     for turn in (0.0,) if np.isinf(period) else (-period, 0.0, period):
-        there = at[:, None] + turn
-        hits |= (low < there) & (there < high)
+        level = lengths[:, None] + turn
+        hits |= (low < level) & (level < high)
     plane, row = np.nonzero(hits)
     return plane.astype(np.int64), row.astype(np.int64)
 
@@ -102,16 +102,16 @@ def _line(level: Floats) -> tuple[Floats, Ints]:
 
 
 def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: Floats, level: Floats) -> Sections:
-    weight, on = _line(level)
+    weight, edges = _line(level)
     a, b = np.moveaxis(np.einsum("cek,cki->cei", weight, corner), 1, 0)
-    way = b - a
-    length = np.linalg.norm(way, axis=1)
-    along = way / np.maximum(length, np.finfo(float).tiny)[:, None]
+    direction = b - a
+    length = np.linalg.norm(direction, axis=1)
+    along = direction / np.maximum(length, np.finfo(float).tiny)[:, None]
     across = np.cross(along, surface.normals[face])
     ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # the corner that lies farthest along the axis
     across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
     free = surface.edges.boundary[surface.edges.of[face]]
-    rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, on)])
+    rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, edges)])
     point = np.where(ends[:, None] == 0, a[rows], b[rows])
     out = along[rows] * np.where(ends == 0, -1.0, 1.0)[:, None]
     station = plane // PLANES
@@ -133,9 +133,11 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
 
 def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
     """(c, 2) position in `edges.of` of the edge that begins at each corner (c, 2)."""
-    wanted = np.sort(np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1))
-    given = np.sort(surface.edges.ends[surface.edges.of[face]], axis=-1)
-    return np.asarray((wanted[:, :, None] == given[:, None]).all(axis=-1).argmax(axis=-1))
+    side_vertices = np.sort(
+        np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1)
+    )
+    edge_vertices = np.sort(surface.edges.ends[surface.edges.of[face]], axis=-1)
+    return np.asarray((side_vertices[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
 
 
 def _corner(surface: Surface, face: Ints, which: Ints) -> Ints:
@@ -170,7 +172,7 @@ class MemberForces:
     def __post_init__(self) -> None:
         for name in ("s", "width"):
             lock(self, name, np.float64, (len(self.bay),))
-        forces = {name: locked(rows, np.float64, (len(self.s), 6)) for name, rows in self.forces.items()}
+        forces = {name: read_only_copy(rows, np.float64, (len(self.s), 6)) for name, rows in self.forces.items()}
         object.__setattr__(self, "forces", MappingProxyType(forces))
 
     @property
@@ -182,12 +184,12 @@ class MemberForces:
 
 def member_forces(graph: MemberGraph, forces: Mapping[str, SectionForces]) -> dict[str, MemberForces]:
     """Return the forces of members with an axis and a bay, by name, from section forces of the design's sheet."""
-    found = {}
+    by_member = {}
     for member in graph.members:
         s, bays = _stations(graph, member)
         if len(s):
-            found[member.id] = forces_along(graph, member, s, bays, forces)
-    return found
+            by_member[member.id] = forces_along(graph, member, s, bays, forces)
+    return by_member
 
 
 def forces_along(
@@ -197,41 +199,46 @@ def forces_along(
     assert member.axis is not None
     surface, axis = graph.sheet.surface, member.axis
     cut = sections(surface, member.cells, axis, s)
-    _, T, N = axis.at(s % axis.length if axis.closed else s)
+    _, T, N = axis.frames_at(s % axis.length if axis.closed else s)
     axes = np.stack([T, np.cross(N, T), N], axis=1)
     return MemberForces(
         member.id,
         s,
         bays,
         group_sums(cut.station, cut.length[:, None], len(s))[:, 0],
-        {name: _summed(cut, axes, one, graph, surface.normals) for name, one in forces.items()},
+        {
+            name: _force_sums(cut, axes, section_forces, graph, surface.normals)
+            for name, section_forces in forces.items()
+        },
     )
 
 
-def _summed(cut: Sections, axes: Floats, given: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
+def _force_sums(
+    cut: Sections, axes: Floats, section_forces: SectionForces, graph: MemberGraph, normals: Floats
+) -> Floats:
     """(k, 6) components of F and M along local axes (k, 3, 3)."""
     source, z = graph.source[cut.face], normals[cut.face]
-    frame = given.frame[source]
+    frame = section_forces.frame[source]
     v = np.einsum("cai,ci->ca", frame, cut.across)
-    n = np.einsum("cek,cka->cea", cut.weight, given.corners[source])
+    n = np.einsum("cek,cka->cea", cut.weight, section_forces.corners[source])
     ends = [np.einsum("ca,cai->ci", _times(n[:, k], v), frame) for k in (0, 1)]
-    m = np.einsum("ca,cai->ci", _times(given.m[source], v), frame)
-    p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", given.q[source], v)[:, None] * z)[:, None]
+    m = np.einsum("ca,cai->ci", _times(section_forces.m[source], v), frame)
+    p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", section_forces.q[source], v)[:, None] * z)[:, None]
     F = group_sums(cut.station, cut.length[:, None] * p.mean(axis=1), len(axes))
     moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # linear along a line
     M = group_sums(cut.station, cut.length[:, None] * moment, len(axes))
-    f = _edge_forces(cut, given, graph, normals)
+    f = _edge_forces(cut, section_forces, graph, normals)
     F = F + group_sums(cut.end_station, f, len(axes))
     M = M + group_sums(cut.end_station, np.cross(cut.end_arm, f), len(axes))
     return np.concatenate([np.einsum("kai,ki->ka", axes, F), np.einsum("kai,ki->ka", axes, M)], axis=1)
 
 
-def _edge_forces(cut: Sections, given: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
+def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
     """(e, 3) newtons at ends of lines on free edges, the mean over the planes of a station."""
     source = graph.source[cut.end_face]
-    frame = given.frame[source]
+    frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))
-    m = np.einsum("ck,cka->ca", cut.end_weight, given.corner_moments[source])
+    m = np.einsum("ck,cka->ca", cut.end_weight, section_forces.corner_moments[source])
     twist = np.einsum("ca,ca->c", s, _times(m, v))
     return np.asarray(twist[:, None] * normals[cut.end_face] / PLANES)
 
@@ -243,23 +250,23 @@ def _times(tensor: Floats, v: Floats) -> Floats:
 
 
 def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ...]]:
-    nodes = graph.along[member.id]
+    nodes = graph.nodes_along[member.id]
     if member.axis is None or len(nodes) < 2:
         return np.zeros(0), ()
     bays = graph.bays(member.id)
     s, names = [], list[str]()
     for k, length in enumerate(bays.tolist()):
-        one, other = nodes[k], nodes[(k + 1) % len(nodes)]
-        begin = one.at[one.members.index(member.id)]
-        half = np.array([_half(graph, member, node) for node in (one, other)]) + graph.sheet.surface.mean_edge / 2
+        node_a, node_b = nodes[k], nodes[(k + 1) % len(nodes)]
+        begin = node_a.at[node_a.members.index(member.id)]
+        half = np.array([_half(graph, member, node) for node in (node_a, node_b)]) + graph.sheet.surface.mean_edge / 2
         half = fitting(half, length)
         if length > member.mean_width:
             s.append(begin + half[0] + np.array(SHARES) * (length - half.sum()))
-            names += [f"{one.id} {other.id}"] * len(SHARES)
+            names += [f"{node_a.id} {node_b.id}"] * len(SHARES)
     return np.concatenate(s) if s else np.zeros(0), tuple(names)
 
 
 def _half(graph: MemberGraph, member: Member, node: Node) -> float:
-    other = graph.by_id[node.members[1 - node.members.index(member.id)]]
+    neighbour = graph.by_id[node.members[1 - node.members.index(member.id)]]
     slant = np.sin(np.radians(node.angle)) if node.angle == node.angle else 1.0
-    return float(other.mean_width / 2 / max(slant, 0.3))
+    return float(neighbour.mean_width / 2 / max(slant, 0.3))

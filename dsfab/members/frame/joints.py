@@ -40,7 +40,7 @@ class AxisJoints:
     grazed: set[int] = field(default_factory=set)
 
     @cached_property
-    def lined(self) -> list[Member]:
+    def members_with_axis(self) -> list[Member]:
         """Members with an axis."""
         return [member for member in self.graph.members if member.axis is not None]
 
@@ -53,49 +53,49 @@ class AxisJoints:
     def place(self, member: Member, s: float, name: str) -> int:
         """Return the node of a member at an arc length; add it if it does not exist."""
         assert member.axis is not None
-        near = SAME * member.mean_width
-        for at, number in self.on[member.id]:
-            if _apart(member, at, s) < near:
+        tolerance = SAME * member.mean_width
+        for station, number in self.on[member.id]:
+            if _distance(member, station, s) < tolerance:
                 return number
-        number = self.node(member.axis.at(np.array([s]))[0][0], name)
+        number = self.node(member.axis.frames_at(np.array([s]))[0][0], name)
         self.on[member.id].append((s, number))
         return number
 
-    def others(self, number: int, member: Member | None = None) -> list[Member]:
+    def other_members(self, number: int, member: Member | None = None) -> list[Member]:
         """Return the members at a node, without `member`."""
-        return [one for one in self._at.get(number, []) if one is not member]
+        return [candidate for candidate in self._members_by_node.get(number, []) if candidate is not member]
 
     def other_width(self, member: Member, number: int) -> float:
         """Return the width (m) of the widest other member at a node; 0 without one."""
-        return max((one.mean_width for one in self.others(number, member)), default=0.0)
+        return max((neighbour.mean_width for neighbour in self.other_members(number, member)), default=0.0)
 
     def normal_at(self, number: int) -> Floats:
         """(3,) normal of the surface at a node of some member."""
-        for member in self.others(number):
+        for member in self.other_members(number):
             for s, k in self.on[member.id]:
                 if k == number and member.axis is not None:
-                    return np.asarray(member.axis.at(np.array([s]))[2][0])
+                    return np.asarray(member.axis.frames_at(np.array([s]))[2][0])
         return np.zeros(3)
 
     @cached_property
-    def _at(self) -> dict[int, list[Member]]:
-        found: dict[int, list[Member]] = {}
-        for member in self.lined:
+    def _members_by_node(self) -> dict[int, list[Member]]:
+        by_node: dict[int, list[Member]] = {}
+        for member in self.members_with_axis:
             for number in dict.fromkeys(number for _, number in self.on[member.id]):
-                found.setdefault(number, []).append(member)
-        return found
+                by_node.setdefault(number, []).append(member)
+        return by_node
 
 
-def found_joints(graph: MemberGraph) -> AxisJoints:
+def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
     """Return the joints of a graph without those of ends; members without an axis have none."""
     joints = AxisJoints(graph)
-    joints.on = {member.id: [] for member in joints.lined}
+    joints.on = {member.id: [] for member in joints.members_with_axis}
     for node in graph.nodes:
         members = [graph.by_id[name] for name in node.members]
         if any(member.axis is None for member in members):
             continue
         if node.kind == "grazing":
-            joints.grazed.update(linked(joints, members, node.at, node.id))
+            joints.grazed.update(link_members(joints, members, node.at, node.id))
             continue
         number = joints.node(node.point, node.id)
         for member, s in zip(members, node.at, strict=True):
@@ -103,18 +103,18 @@ def found_joints(graph: MemberGraph) -> AxisJoints:
     return joints
 
 
-def linked(joints: AxisJoints, members: list[Member], at: tuple[float, float], name: str) -> tuple[int, int]:
+def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
     """Join two members at arc lengths of their axes: in one node if these are near, else by a link as wide as the
     narrower member. Return the nodes of both.
     """
-    one, other = (joints.place(member, s, name) for member, s in zip(members, at, strict=True))
-    if one != other:
-        joints.links.append((one, other, min(member.mean_width for member in members)))
-    return one, other
+    node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
+    if node_a != node_b:
+        joints.links.append((node_a, node_b, min(member.mean_width for member in members)))
+    return node_a, node_b
 
 
-def _apart(member: Member, one: float, other: float) -> float:
-    gap = abs(one - other)
+def _distance(member: Member, s: float, t: float) -> float:
+    gap = abs(s - t)
     assert member.axis is not None
     return min(gap, member.length - gap) if member.axis.closed else gap
 
@@ -125,26 +125,26 @@ Trees = Mapping[str, tuple[cKDTree, Floats]]
 
 def join_ends(joints: AxisJoints) -> None:
     """Cut members beyond their last nodes, and join ends without a node to the nearest axis and to adjacent members."""
-    samples = [(member, *_samples(member)) for member in joints.lined]
+    samples = [(member, *_samples(member)) for member in joints.members_with_axis]
     trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
-    open_ended = [member for member in joints.lined if member.axis and not member.axis.closed]
+    open_ended = [member for member in joints.members_with_axis if member.axis and not member.axis.closed]
     for member in open_ended:
         for s, what in zip((0.0, member.length), member.ends, strict=True):
             if what in joints.graph.by_id:
                 _join_end(joints, member, s, trees)
-    _join_met(joints, trees)
+    _join_touching(joints, trees)
     for member in open_ended:
         span = [0.0, member.length]
         for side, what in enumerate(member.ends):
-            near = _nearest(joints, member, span[side])
+            nearest = _nearest(joints, member, span[side])
             # a rest shorter than the other member's width belongs to the joint
-            beyond = near and abs(near[0] - span[side]) < joints.other_width(member, near[1])
-            if near and beyond and what not in ("edge", "free"):
-                span[side] = near[0]
+            beyond = nearest and abs(nearest[0] - span[side]) < joints.other_width(member, nearest[1])
+            if nearest and beyond and what not in ("edge", "free"):
+                span[side] = nearest[0]
         joints.ends[member.id] = span[0], span[1]
 
 
-def _join_met(joints: AxisJoints, trees: Trees) -> None:
+def _join_touching(joints: AxisJoints, trees: Trees) -> None:
     """Join ends without a node to the members that continue their material: free ends to all of them, others to those
     that end there too. So the arms of a star hang together, also across a few faces without an axis.
 
@@ -153,40 +153,56 @@ def _join_met(joints: AxisJoints, trees: Trees) -> None:
     """
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
-    borders = [np.unique(surface.edges.of[member.cells]) for member in joints.lined]
-    patches = [np.unique(surface.edges.of[one.cells]) for one in joints.graph.members if one.axis is None]
-    lined, patched = _owners(borders, len(middle)), _owners(patches, len(middle))
-    for member, own in zip(joints.lined, borders, strict=True):
+    borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
+    patches = [
+        np.unique(surface.edges.of[candidate.cells]) for candidate in joints.graph.members if candidate.axis is None
+    ]
+    with_axis, patched = _owners(borders, len(middle)), _owners(patches, len(middle))
+    for member, border in zip(joints.members_with_axis, borders, strict=True):
         for s, what, width in _loose_ends(joints, member):
             point = _point(member, s)
             around = np.flatnonzero(np.linalg.norm(middle - point, axis=1) < width)
-            between = np.unique(patched[np.intersect1d(own, around)].indices)
-            near = np.intersect1d(np.concatenate([own, *(patches[k] for k in between)]), around)
-            met = (joints.lined[k] for k in np.unique(lined[near].indices))
-            _join_to(joints, (member, s, width), point, [one for one in met if one is not member], what, trees)
+            between = np.unique(patched[np.intersect1d(border, around)].indices)
+            near_edges = np.intersect1d(np.concatenate([border, *(patches[k] for k in between)]), around)
+            neighbours = (joints.members_with_axis[k] for k in np.unique(with_axis[near_edges].indices))
+            _join_to(
+                joints,
+                (member, s, width),
+                point,
+                [candidate for candidate in neighbours if candidate is not member],
+                what,
+                trees,
+            )
 
 
 def _owners(edges: list[Ints], count: int) -> csr_array:
     """(count, k) incidence of edges and members, from the edges of each member."""
-    columns = np.repeat(np.arange(len(edges)), [len(one) for one in edges])
+    columns = np.repeat(np.arange(len(edges)), [len(group) for group in edges])
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *edges])
     return csr_array((np.ones(len(rows)), (rows, columns)), shape=(count, len(edges)))
 
 
 def _join_to(
-    joints: AxisJoints, end: tuple[Member, float, float], point: Floats, met: list[Member], what: str, trees: Trees
+    joints: AxisJoints,
+    end: tuple[Member, float, float],
+    point: Floats,
+    neighbours: list[Member],
+    what: str,
+    trees: Trees,
 ) -> None:
     """Join an end (member, arc length, width) to its neighbours, unless a node or a link does."""
     member, s, width = end
-    for other in met:
-        here = {number for at, number in joints.on[member.id] if abs(at - s) < width}
-        there = {number for _, number in joints.on[other.id]}
-        tree, at = trees[other.id]
-        t = float(at[tree.query(point)[1]])
-        ends = [place for place, _, _ in _loose_ends(joints, other) if abs(place - t) < width]
-        linked_there = any({one, two} & here and {one, two} & there for one, two, _ in joints.links)
-        if not (here & there or linked_there) and (ends or what == "free"):
-            linked(joints, [member, other], (s, ends[0] if ends else t), f"{member.id} end")
+    for neighbour in neighbours:
+        own_nodes = {number for along, number in joints.on[member.id] if abs(along - s) < width}
+        other_nodes = {number for _, number in joints.on[neighbour.id]}
+        tree, along = trees[neighbour.id]
+        t = float(along[tree.query(point)[1]])
+        ends = [place for place, _, _ in _loose_ends(joints, neighbour) if abs(place - t) < width]
+        linked_there = any(
+            {node_a, node_b} & own_nodes and {node_a, node_b} & other_nodes for node_a, node_b, _ in joints.links
+        )
+        if not (own_nodes & other_nodes or linked_there) and (ends or what == "free"):
+            link_members(joints, [member, neighbour], (s, ends[0] if ends else t), f"{member.id} end")
 
 
 def _nearest(joints: AxisJoints, member: Member, s: float) -> tuple[float, int] | None:
@@ -195,20 +211,20 @@ def _nearest(joints: AxisJoints, member: Member, s: float) -> tuple[float, int] 
 
 def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> None:
     assert member.axis is not None
-    near = _nearest(joints, member, s)
-    if near and abs(near[0] - s) < SAME * member.mean_width:
+    nearest = _nearest(joints, member, s)
+    if nearest and abs(nearest[0] - s) < SAME * member.mean_width:
         return
     point = _point(member, s)
-    found = []
-    for name, (tree, at) in trees.items():
+    candidates = []
+    for name, (tree, along) in trees.items():
         if name != member.id:
             distance, k = tree.query(point)
-            found.append((float(distance), name, float(at[k])))
-    distance, name, at_other = min(found, default=(np.inf, "", 0.0))
-    other = joints.graph.by_id.get(name)
-    if other is None or distance > 2.0 * max(member.mean_width, other.mean_width):
+            candidates.append((float(distance), name, float(along[k])))
+    distance, name, at_other = min(candidates, default=(np.inf, "", 0.0))
+    neighbour = joints.graph.by_id.get(name)
+    if neighbour is None or distance > 2.0 * max(member.mean_width, neighbour.mean_width):
         return
-    linked(joints, [member, other], (s, at_other), f"{member.id} end")
+    link_members(joints, [member, neighbour], (s, at_other), f"{member.id} end")
 
 
 def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str, float]]:
@@ -222,7 +238,7 @@ def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str
 
 def _point(member: Member, s: float) -> Floats:
     assert member.axis is not None
-    return np.asarray(member.axis.at(np.array([s]))[0][0])
+    return np.asarray(member.axis.frames_at(np.array([s]))[0][0])
 
 
 def _samples(member: Member) -> tuple[Floats, Floats]:
@@ -230,7 +246,7 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
     assert member.axis is not None
     count = int(np.clip(4 * member.length / max(member.mean_width, 1e-9), 8, 400))
     s = np.linspace(0, member.length, count + 1)
-    return s, member.axis.at(s)[0]
+    return s, member.axis.frames_at(s)[0]
 
 
 def add_hubs(joints: AxisJoints) -> None:
@@ -240,7 +256,7 @@ def add_hubs(joints: AxisJoints) -> None:
     clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko, Woinowsky-Krieger
     1959, 19].
     """
-    for member in joints.lined:
+    for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:
             hub = joints.node(_middle(member), f"{member.id} hub")

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
-from dsfab.core.arrays import Bools, Floats, Ints, lock, locked
+from dsfab.core.arrays import Bools, Floats, Ints, lock, read_only_copy
 from dsfab.core.errors import StaticsError
 from dsfab.statics import Equilibrium
 
@@ -101,7 +101,7 @@ class Frame:
             lock(self, name, np.float64, (b,))
         lock(self, "fixed", np.bool_, (n, 6))
         lock(self, "spring", np.float64, (n, 6))
-        loads = {name: locked(values, np.float64, (n, 6)) for name, values in self.loads.items()}
+        loads = {name: read_only_copy(values, np.float64, (n, 6)) for name, values in self.loads.items()}
         object.__setattr__(self, "loads", MappingProxyType(loads))
 
     @cached_property
@@ -175,7 +175,7 @@ def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
     Raises StaticsError for a frame that is free to move.
     """
     k, turn = local_stiffness(frame, shear), _turn(frame)
-    K = _assembled(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
+    K = _stiffness_matrix(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
     free = ~frame.fixed.ravel()
     solve = _factor(K, free, frame)
     return {name: _answer(frame, load, K, solve(load.ravel()), (k, turn)) for name, load in frame.all_loads.items()}
@@ -186,9 +186,9 @@ def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
     L, E, G = frame.length, frame.material.young, frame.material.shear
     torsion, about_y, about_z = frame.inertia.T
     k = np.zeros((len(L), 12, 12))
-    for at, stiff in ((0, E * frame.area / L), (3, G * torsion / L)):
-        k[:, at, at] = k[:, at + 6, at + 6] = stiff
-        k[:, at, at + 6] = k[:, at + 6, at] = -stiff
+    for row, stiff in ((0, E * frame.area / L), (3, G * torsion / L)):
+        k[:, row, row] = k[:, row + 6, row + 6] = stiff
+        k[:, row, row + 6] = k[:, row + 6, row] = -stiff
     sheared = G * frame.shear_area * L**2 if shear else np.full(len(L), np.inf)
     for across, turn, inertia, sign in ((1, 5, about_z, 1.0), (2, 4, about_y, -1.0)):
         phi = 12 * E * inertia / sheared
@@ -201,12 +201,12 @@ def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
 
 def _bending(L: Floats, phi: Floats) -> Floats:
     """(b, 4, 4) stiffness for deflection and rotation at both ends, over EI / (L^3 (1 + phi))."""
-    one, far, near = np.full_like(L, 12.0), (2 - phi) * L**2, (4 + phi) * L**2
+    twelve, far_end, near_end = np.full_like(L, 12.0), (2 - phi) * L**2, (4 + phi) * L**2
     rows = [
-        [one, 6 * L, -one, 6 * L],
-        [6 * L, near, -6 * L, far],
-        [-one, -6 * L, one, -6 * L],
-        [6 * L, far, -6 * L, near],
+        [twelve, 6 * L, -twelve, 6 * L],
+        [6 * L, near_end, -6 * L, far_end],
+        [-twelve, -6 * L, twelve, -6 * L],
+        [6 * L, far_end, -6 * L, near_end],
     ]
     return np.moveaxis(np.array(rows), -1, 0)
 
@@ -224,16 +224,16 @@ def _unknowns(frame: Frame) -> Ints:
     return np.asarray((6 * frame.ends[:, :, None] + np.arange(6)).reshape(-1, 12))
 
 
-def _assembled(frame: Frame, k: Floats) -> csr_array:
-    at, size = _unknowns(frame), 6 * len(frame.points)
-    rows, columns = np.repeat(at, 12, axis=1).ravel(), np.tile(at, (1, 12)).ravel()
+def _stiffness_matrix(frame: Frame, k: Floats) -> csr_array:
+    unknowns, size = _unknowns(frame), 6 * len(frame.points)
+    rows, columns = np.repeat(unknowns, 12, axis=1).ravel(), np.tile(unknowns, (1, 12)).ravel()
     return csr_array(coo_array((k.ravel(), (rows, columns)), shape=(size, size)))
 
 
 def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Floats]:
     """Return a function from loads to displacements, both (6 n,)."""
-    whole = csr_array(K + diags_array(frame.spring.ravel()))
-    inside = csc_array(whole[free][:, free])
+    matrix = csr_array(K + diags_array(frame.spring.ravel()))
+    inside = csc_array(matrix[free][:, free])
     scale = 1 / np.sqrt(np.maximum(inside.diagonal(), np.finfo(float).tiny))
     try:
         factor = splu(csc_array(diags_array(scale) @ inside @ diags_array(scale)), options={"SymmetricMode": True})
@@ -244,9 +244,9 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
         u, f = np.zeros(len(free)), load[free]
         u[free] = scale * factor.solve(scale * f)
         u[free] += scale * factor.solve(scale * (f - inside @ u[free]))
-        left = np.abs(inside @ u[free] - f).max()
+        residual = np.abs(inside @ u[free] - f).max()
         loose = 1e-5  # residual over loads of a frame that moves freely
-        if not left <= loose * max(np.abs(f).max(), np.finfo(float).tiny):
+        if not residual <= loose * max(np.abs(f).max(), np.finfo(float).tiny):
             raise StaticsError(_moves(frame))
         return u
 
@@ -254,9 +254,10 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
 
 
 def _moves(frame: Frame) -> str:
-    held = int(frame.fixed.any(axis=1).sum())
+    held_nodes = int(frame.fixed.any(axis=1).sum())
     return (
-        f"the beam model of {len(frame.members)} members moves freely, held at {held} of {len(frame.points)} nodes; "
+        f"the beam model of {len(frame.members)} members moves freely, held at {held_nodes} of "
+        f"{len(frame.points)} nodes; "
         "hold more of the surface, or join the members that hang loose (see the nodes in members.json)"
     )
 
@@ -299,29 +300,29 @@ class FrameAgreement:
         return self.stout <= few
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """Sentence on the agreement."""
-        said = (
+        sentence = (
             f"beams against the sheet, {self.case}: {self.compliance:.2f} of its compliance, {self.displacement:.2f} "
             "of its largest displacement"
         )
         if self.twist > 1.02:
-            said += f", which is {self.twist:.2f} times that of a thin sheet, since ribs twist as bars"
+            sentence += f", which is {self.twist:.2f} times that of a thin sheet, since ribs twist as bars"
         if abs(self.compliance - 1) <= 0.1 and abs(self.displacement - 1) <= 0.1:
-            return said
+            return sentence
         where = (
             f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and where "
             "members graze"
         )
         why = "though its bays are slender" if self.slender else f"{where}, where beams are a rough model"
-        return f"{said}: {why}; take displacements from the sheet"
+        return f"{sentence}: {why}; take displacements from the sheet"
 
 
 def agreement(
     frame: Frame,
     answers: Mapping[str, FrameAnswer],
     sheet: Mapping[str, Equilibrium],
-    beside: Mapping[str, float],
+    other_energy: Mapping[str, float],
     twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
     """Compare the solutions of the frame and the sheet for each case and combination of both.
@@ -330,18 +331,18 @@ def agreement(
     twist        : by case, see `FrameAgreement`.
     """
     stout = (frame.member < 0) | (frame.stout > STOUT)
-    found = []
+    agreements = []
     for name in (name for name in answers if name in sheet):
         ours, theirs = answers[name], sheet[name]
         moved = float(np.linalg.norm(ours.u[:, :3], axis=1).max())
         energy = ours.energy[stout].sum() / ours.energy.sum()
-        found.append(
+        agreements.append(
             FrameAgreement(
                 name,
                 ours.compliance / theirs.compliance,
                 moved / theirs.largest_displacement,
-                max(float(energy), beside[name]),
+                max(float(energy), other_energy[name]),
                 twist[name],
             )
         )
-    return found
+    return agreements

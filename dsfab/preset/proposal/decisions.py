@@ -16,7 +16,7 @@ from dsfab.preset.file import preset_from
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.feet import Foot, feet, stems, tips, turns
 from dsfab.preset.proposal.marks import drawn_feet, drawn_marks, mark_decisions
-from dsfab.preset.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
+from dsfab.preset.proposal.reading import Decision, UserMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.preset.proposal.sizes import Sizes, is_figure, shorter_side, sizes
 from dsfab.preset.proposal.text import SHARE, SNOW, proposal_text, snow_on_top, wind_lines
 from dsfab.surface import Marks, RawMesh, Surface
@@ -29,7 +29,7 @@ OWN = "roof"
 class Proposal:
     """A preset for a mesh, as text with comments, and its decisions."""
 
-    given: GivenMesh
+    given: UserMesh
     size: Sizes
     stands: tuple[Foot, ...]
     snow: bool
@@ -45,10 +45,10 @@ class Proposal:
     @property
     def lines(self) -> tuple[str, ...]:
         """A line for each decision: topic, choice, and how to change it."""
-        width = max(len(each.topic) for each in self.decisions)
+        width = max(len(decision.topic) for decision in self.decisions)
         return tuple(
-            f"{each.topic:<{width}}  {each.choice}" + (f"; change {each.change}" if each.change else "")
-            for each in self.decisions
+            f"{decision.topic:<{width}}  {decision.choice}" + (f"; change {decision.change}" if decision.change else "")
+            for decision in self.decisions
         )
 
     def text(self, file: Path | None = None) -> str:
@@ -57,7 +57,7 @@ class Proposal:
         file : the mesh relative to the preset's folder; default: the user's path.
         """
         keys = self.given.keys | ({"file": str(file)} if file else {})
-        notes = {each.topic: each.choice for each in self.decisions}
+        notes = {decision.topic: decision.choice for decision in self.decisions}
         return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
 
     @cached_property
@@ -100,15 +100,15 @@ def propose(
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):
-        given = mesh_in_file(Path(mesh), unit, axis, max_triangles, raw)
+        user_mesh = mesh_in_file(Path(mesh), unit, axis, max_triangles, raw)
     else:
-        given = mesh_in_memory(mesh, unit, axis)
-    size = sizes(given.surface, name)
-    marks = drawn_marks(given)
-    stands = drawn_feet(marks) or feet(given.surface, size.span)
-    snow = takes_snow(given.surface)
-    size = size.on(given.surface, [foot.points for foot in stands], roof=snow)
-    return Proposal(given, size, stands, snow, marks)
+        user_mesh = mesh_in_memory(mesh, unit, axis)
+    size = sizes(user_mesh.surface, name)
+    marks = drawn_marks(user_mesh)
+    stands = drawn_feet(marks) or feet(user_mesh.surface, size.span)
+    snow = takes_snow(user_mesh.surface)
+    size = size.with_feet(user_mesh.surface, [foot.points for foot in stands], roof=snow)
+    return Proposal(user_mesh, size, stands, snow, marks)
 
 
 def takes_snow(surface: Surface) -> bool:
@@ -134,12 +134,12 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     else:
         yield Decision("stands on", where + free + _unsteady(surface, stands), "surface.support")
     yield from mark_decisions(proposal.marks)
-    yield from _unheld(surface, stands)
-    yield Decision("carries", _carried(surface, proposal.snow), "surface.load")
+    yield from _unsupported_pieces(surface, stands)
+    yield Decision("carries", _load_words(surface, proposal.snow), "surface.load")
     figure = is_figure(surface)
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
-    made = f"{size.material}, {length(size.thickness)} thick{over}"
-    yield Decision("made of", made, "statics.material, statics.thickness")
+    material = f"{size.material}, {length(size.thickness)} thick{over}"
+    yield Decision("made of", material, "statics.material, statics.thickness")
     across = f", about {round(size.span / size.spacing)} across" if not figure and _fills(surface, size) else ""
     members = f"members every {length(size.spacing)}{across}, along the stress"
     yield Decision("pattern", members, "pattern.major.spacing, pattern.minor.spacing")
@@ -149,14 +149,14 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
 
 
-def _carried(surface: Surface, roof: bool) -> str:
+def _load_words(surface: Surface, roof: bool) -> str:
     top = None if roof else snow_on_top(surface)
     snow = (
         f" and snow of {SNOW / 1000:g} kPa on the plan{' of its top' if top else ''}, a placeholder for your local code"
     )
     wind = "; dsfab new writes the lines for wind, too, which it does not carry yet"
-    told = "its own weight" + (snow if roof or top else "")
-    return told + (wind if not roof and wind_lines(surface) else "")
+    words = "its own weight" + (snow if roof or top else "")
+    return words + (wind if not roof and wind_lines(surface) else "")
 
 
 def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
@@ -175,19 +175,22 @@ def _fills(surface: Surface, size: Sizes) -> bool:
     return size.span != side or side > x or plan > 0.5 * x * y
 
 
-def _unheld(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:
+def _unsupported_pieces(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:
     """Report pieces without a support; `dsfab build` refuses such a surface."""
     count, piece = surface.pieces
     if count == 1 or not stands:
         return
-    of = np.empty(surface.n, dtype=np.int64)
-    of[surface.F] = piece[:, None]
+    piece_of_vertex = np.empty(surface.n, dtype=np.int64)
+    piece_of_vertex[surface.F] = piece[:, None]
     _, vertex = cKDTree(surface.V).query(np.concatenate([foot.points for foot in stands]))
-    free = np.setdiff1d(np.arange(count), of[vertex])
+    free = np.setdiff1d(np.arange(count), piece_of_vertex[vertex])
     if not len(free):
         return
-    first = piece == free[0]
-    x, y, z = (np.round(surface.areas[first] @ surface.centroids[first] / surface.areas[first].sum(), 2) + 0.0).tolist()
+    first_piece = piece == free[0]
+    x, y, z = (
+        np.round(surface.areas[first_piece] @ surface.centroids[first_piece] / surface.areas[first_piece].sum(), 2)
+        + 0.0
+    ).tolist()
     stand = f"{len(free)} of {count} pieces {'stand' if len(free) > 1 else 'stands'} on nothing"
     which = f"{'the first' if len(free) > 1 else 'it'} is around ({x:g}, {y:g}, {z:g}) m"
     yield Decision("pieces", f"{stand}, which cannot be built: join them in the file, or support each; {which}")
@@ -198,5 +201,5 @@ def _mesh(surface: Surface, size: Sizes) -> Decision:
     if not size.edge:
         return Decision("mesh", f"kept as it is, with edges of {mean}", "surface.edge")
     smooth = ", on the smooth surface through its vertices" if size.coarse else ""
-    made = f"made anew with edges of {length(size.edge)} (they are {mean}){smooth}; creases stay"
-    return Decision("mesh", made, "surface.edge, surface.smooth")
+    words = f"made anew with edges of {length(size.edge)} (they are {mean}){smooth}; creases stay"
+    return Decision("mesh", words, "surface.edge, surface.smooth")

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, closed_length, lengths
+from dsfab.core.arrays import Bools, Floats, Ints, lengths, polygon_perimeter
 from dsfab.preset.proposal.reading import SOLE, is_nearly_closed
-from dsfab.surface import Boundary, Box, Surface, connected
+from dsfab.surface import Boundary, Box, Surface, link_components
 
 LINE = 1 / 12
 """Feet are in line if their plan is narrower than this share of the surface's width across the line."""
@@ -45,12 +45,15 @@ def mast_corners(P: Floats, arm: float, height: float) -> Ints:
     saddle's is straight in plan.
     arm : metres along the edge for measuring a corner's directions.     height : of the whole sheet, metres.
     """
-    at = _corners(P, arm)
-    if len(at) < 3:
-        return at[:0]
-    middle = P[at].mean(axis=0)
-    arcs = [P[np.arange(a, b + 1) % len(P)] for a, b in zip(at, np.append(at[1:], at[0] + len(P)), strict=True)]
-    return at if all(_masts_hangs(arc, middle, height) for arc in arcs) else at[:0]
+    corners = _corners(P, arm)
+    if len(corners) < 3:
+        return corners[:0]
+    middle = P[corners].mean(axis=0)
+    arcs = [
+        P[np.arange(a, b + 1) % len(P)]
+        for a, b in zip(corners, np.append(corners[1:], corners[0] + len(P)), strict=True)
+    ]
+    return corners if all(_masts_hangs(arc, middle, height) for arc in arcs) else corners[:0]
 
 
 def _masts_hangs(arc: Floats, middle: Floats, height: float) -> bool:
@@ -72,16 +75,16 @@ def _corners(P: Floats, arm: float) -> Ints:
     step = lengths(np.roll(P, -1, axis=0) - P)
     along = np.concatenate([[0], np.cumsum(step)])
     total, n = float(along[-1]), len(P)
-    before, after = (np.searchsorted(along, (along[:-1] + way) % total) % n for way in (-arm, arm))
+    before, after = (np.searchsorted(along, (along[:-1] + shift) % total) % n for shift in (-arm, arm))
     p, q = (P - P[before])[:, :2], (P[after] - P)[:, :2]
     turn = np.abs(np.arctan2(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0], np.einsum("ni,ni->n", p, q)))
     turn[turn < np.radians(45.0)] = 0
-    most: Bools = turn > 0
-    for i in np.flatnonzero(most):
+    is_sharpest: Bools = turn > 0
+    for i in np.flatnonzero(is_sharpest):
         gap = np.abs(along[:-1] - along[i])
-        near = np.minimum(gap, total - gap) <= arm
-        most[i] = int(np.flatnonzero(near)[turn[near].argmax()]) == i
-    return np.flatnonzero(most)
+        in_reach = np.minimum(gap, total - gap) <= arm
+        is_sharpest[i] = int(np.flatnonzero(in_reach)[turn[in_reach].argmax()]) == i
+    return np.flatnonzero(is_sharpest)
 
 
 LEVEL = 0.05
@@ -133,52 +136,56 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     """
     height = float(np.ptp(surface.V[:, 2]))
     if is_nearly_closed(surface) or _has_sheet_below(surface, height):
-        return _named(surface, soles(surface, height), span)
+        return _name_feet(surface, soles(surface, height), span)
     if height < 0.02 * surface.size:
         outline = surface.V[surface.loops[0]]
-        return (Foot("edge", outline, closed_length(outline), loop=0),)
+        return (Foot("edge", outline, polygon_perimeter(outline), loop=0),)
     ground = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
     outer = _outer(surface)
-    found = _masts(surface, outer, height, span)
-    if found:
-        return _named(surface, found, span)
+    low_feet = _masts(surface, outer, height, span)
+    if low_feet:
+        return _name_feet(surface, low_feet, span)
     low = ground + LOW * height
     standing = [k for k, loop in enumerate(surface.loops) if outer[k] or _stands(surface, loop, low)]
-    lines = {k: _resampled(surface.V[surface.loops[k]], STEP * span) for k in standing}
-    found = [foot for k in standing for foot in _stretches(k, lines[k], height, low, span)]
-    if tips(surface, [foot.points for foot in found]):
-        found = _propped(surface, lines, found, ground, span)
-    return _named(surface, _on_a_slope(surface, lines, found, span), span)
+    lines = {k: _densified_line(surface.V[surface.loops[k]], STEP * span) for k in standing}
+    low_feet = [foot for k in standing for foot in _stretches(k, lines[k], height, low, span)]
+    if tips(surface, [foot.points for foot in low_feet]):
+        low_feet = _with_higher_feet(surface, lines, low_feet, ground, span)
+    return _name_feet(surface, _on_a_slope(surface, lines, low_feet, span), span)
 
 
-def _propped(surface: Surface, lines: dict[int, Floats], found: list[Foot], ground: float, span: float) -> list[Foot]:
+def _with_higher_feet(
+    surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], ground: float, span: float
+) -> list[Foot]:
     """Add the next higher low points of the outer edges, up to `HIGHEST`, until it does not tip; unchanged without
     success.
     """
     height = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
-    places = sorted({float(P[at, 2]) for k, P in lines.items() if outer[k] for at in _valleys(P[:, 2], DIP * height)})
+    places = sorted(
+        {float(P[valley, 2]) for k, P in lines.items() if outer[k] for valley in _valleys(P[:, 2], DIP * height)}
+    )
     for z in places:
         if ground + LOW * height < z <= ground + HIGHEST * height:
             highest = z + LEVEL * height
-            more = [foot for k, P in lines.items() for foot in _stretches(k, P, height, highest, span)]
-            if not tips(surface, [foot.points for foot in more]):
-                return more
-    return found
+            more_feet = [foot for k, P in lines.items() for foot in _stretches(k, P, height, highest, span)]
+            if not tips(surface, [foot.points for foot in more_feet]):
+                return more_feet
+    return low_feet
 
 
-def _on_a_slope(surface: Surface, lines: dict[int, Floats], found: list[Foot], span: float) -> list[Foot]:
+def _on_a_slope(surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], span: float) -> list[Foot]:
     """The feet on the plane through the lowest points, if they are more: a shell on four feet on a slope needs the
     fourth.
     """
-    lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in found])
-    if len(found) < 3:
-        return found
+    lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in low_feet])
+    if len(low_feet) < 3:
+        return low_feet
     middle = lowest.mean(axis=0)
     plan = (lowest - middle)[:, :2]
     across, along = np.linalg.svd(plan, compute_uv=False)[::-1]
     if across < 0.1 * along:  # feet in line do not define a plane
-        return found
+        return low_feet
     slope, *_ = np.linalg.lstsq(plan, lowest[:, 2] - middle[2])
 
     def ground(P: Floats) -> Floats:
@@ -187,9 +194,9 @@ def _on_a_slope(surface: Surface, lines: dict[int, Floats], found: list[Foot], s
 
     height = float(np.ptp((surface.V - ground(surface.V))[:, 2]))
     level = {k: P - ground(P) for k, P in lines.items()}
-    more = [foot for k, P in level.items() for foot in _stretches(k, P, height, 0.1 * height, span)]
-    on_it = [replace(foot, points=foot.points + ground(foot.points)) for foot in more]
-    return on_it if len(on_it) > len(found) else found
+    more_feet = [foot for k, P in level.items() for foot in _stretches(k, P, height, 0.1 * height, span)]
+    on_it = [replace(foot, points=foot.points + ground(foot.points)) for foot in more_feet]
+    return on_it if len(on_it) > len(low_feet) else low_feet
 
 
 def _hangs(surface: Surface, loop: int) -> bool:
@@ -210,37 +217,37 @@ def _has_sheet_below(surface: Surface, height: float) -> bool:
 
 
 def _masts(surface: Surface, outer: list[bool], height: float, span: float) -> list[Foot]:
-    found = []
+    masts = []
     for loop in (loop for k, loop in enumerate(surface.loops) if outer[k]):
-        line = _resampled(surface.V[loop], STEP * span)
-        for at in mast_corners(line, SHORTEST * span, height):
-            stretch = line[_widened(line, np.arange(len(line)) == at, SHORTEST * span)]
-            found.append(Foot("mast", stretch, _length(stretch)))
-    return found
+        line = _densified_line(surface.V[loop], STEP * span)
+        for corner in mast_corners(line, SHORTEST * span, height):
+            stretch = line[_widen_stretch(line, np.arange(len(line)) == corner, SHORTEST * span)]
+            masts.append(Foot("mast", stretch, _length(stretch)))
+    return masts
 
 
 def _outer(surface: Surface) -> list[bool]:
-    of = np.full(surface.n, -1)
-    of[surface.F] = surface.pieces[1][:, None]
+    piece = np.full(surface.n, -1)
+    piece[surface.F] = surface.pieces[1][:, None]
     met: set[int] = set()
-    first = []
+    is_longest = []
     for loop in surface.loops:
-        first.append(int(of[loop[0]]) not in met)
-        met.add(int(of[loop[0]]))
-    return first
+        is_longest.append(int(piece[loop[0]]) not in met)
+        met.add(int(piece[loop[0]]))
+    return is_longest
 
 
 def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
     z, edges = surface.V[:, 2], surface.edges
-    on = np.zeros(surface.n, dtype=bool)
-    on[loop] = True
+    on_loop = np.zeros(surface.n, dtype=bool)
+    on_loop[loop] = True
     lowest = float(z[loop].min())
     if lowest > ground:
         return False
     height = float(np.ptp(z))
     even = 0.005  # a ring may be out of level by this share; of a window the lower half is its lowest part
-    on &= z <= lowest + min(LEVEL * height, max(float(np.ptp(z[loop])) / 2, even * height))
-    low = on[edges.ends].all(axis=1) & edges.boundary
+    on_loop &= z <= lowest + min(LEVEL * height, max(float(np.ptp(z[loop])) / 2, even * height))
+    low = on_loop[edges.ends].all(axis=1) & edges.boundary
     faces = np.flatnonzero(low[edges.of].any(axis=1))
     rises = [z[surface.F[f]].sum() - 1.5 * z[edges.ends[e]].sum() for f in faces for e in edges.of[f] if low[e]]
     return bool(rises) and float(np.mean(rises)) > 0
@@ -253,13 +260,13 @@ def soles(surface: Surface, height: float) -> list[Foot]:
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * height
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
-    _, part = connected(surface.n, ends[:, 0], ends[:, 1])
+    _, part = link_components(surface.n, ends[:, 0], ends[:, 1])
     groups = [np.flatnonzero(low & (part == k)) for k in np.unique(part[low])]
     enough = 0.1 * max(map(len, groups))
     return [Foot("", surface.V[group], 0.0) for group in groups if len(group) >= enough]
 
 
-def _resampled(P: Floats, step: float) -> Floats:
+def _densified_line(P: Floats, step: float) -> Floats:
     """The closed line through P (k, 3) with extra points, no further apart than `step`."""
     onward = np.roll(P, -1, axis=0) - P
     parts = np.maximum(np.ceil(np.linalg.norm(onward, axis=1) / step).astype(int), 1)
@@ -274,14 +281,16 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
     if z.min() > highest:
         return []
     if np.ptp(z) < DIP * height:
-        return [Foot("", P, closed_length(P), loop)]
-    found = []
-    for at in _valleys(z, DIP * height):
-        if z[at] <= highest:
-            low = _bridged(_around(z <= z[at] + 2 * LEVEL * height, at), z <= z[at] + LEVEL * height)
-            stretch = P[_widened(P, low, SHORTEST * span)]
-            found.append(Foot("", stretch, _length(stretch)))
-    return found
+        return [Foot("", P, polygon_perimeter(P), loop)]
+    result = []
+    for valley in _valleys(z, DIP * height):
+        if z[valley] <= highest:
+            low = _bridge_gaps(
+                _stretch_around(z <= z[valley] + 2 * LEVEL * height, valley), z <= z[valley] + LEVEL * height
+            )
+            stretch = P[_widen_stretch(P, low, SHORTEST * span)]
+            result.append(Foot("", stretch, _length(stretch)))
+    return result
 
 
 def _valleys(z: Floats, depth: float) -> list[int]:
@@ -302,27 +311,27 @@ def _valleys(z: Floats, depth: float) -> list[int]:
 
     for i in np.argsort(z, kind="stable").tolist():
         pool[i] = i
-        for other in ((i - 1) % k, (i + 1) % k):
-            if pool[other] < 0 or bottom(other) == bottom(i):
+        for neighbour in ((i - 1) % k, (i + 1) % k):
+            if pool[neighbour] < 0 or bottom(neighbour) == bottom(i):
                 continue
-            deep, shallow = sorted((bottom(i), bottom(other)), key=lambda b: (z[b], b))
+            deep, shallow = sorted((bottom(i), bottom(neighbour)), key=lambda b: (z[b], b))
             if z[i] - z[shallow] >= depth:
                 lasting.add(shallow)
             pool[shallow] = deep
     return sorted(lasting)
 
 
-def _around(low: Bools, at: int) -> Bools:
+def _stretch_around(low: Bools, place: int) -> Bools:
     if low.all():
         return low
-    turned = np.roll(low, -at)
+    turned = np.roll(low, -place)
     stretch = np.zeros(len(low), dtype=bool)
     stretch[: int(turned.argmin())] = True
     stretch[len(low) - int(turned[::-1].argmin()) :] = True
-    return np.roll(stretch, at)
+    return np.roll(stretch, place)
 
 
-def _bridged(reach: Bools, low: Bools) -> Bools:
+def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
     """(k,) the stretch from the first to the last place of a connected `reach` of a closed line that is `low`."""
     begin = int(np.flatnonzero(reach & ~np.roll(reach, 1))[0]) if not reach.all() else 0
     turned = np.roll(reach & low, -begin)
@@ -331,18 +340,18 @@ def _bridged(reach: Bools, low: Bools) -> Bools:
     return np.roll(turned, begin)
 
 
-def _widened(P: Floats, stretch: Bools, shortest: float) -> Ints:
+def _widen_stretch(P: Floats, stretch: Bools, shortest: float) -> Ints:
     """Indices of a stretch of a closed line P (k, 3), extended on its lower side until long enough; on both sides at
     equal heights, so that a mirrored roof stays a mirror image.
     """
     k, z = len(P), P[:, 2]
-    same = 1e-4 * float(np.ptp(z))
+    tolerance = 1e-4 * float(np.ptp(z))
     begin = int(np.flatnonzero(stretch & ~np.roll(stretch, 1))[0])
     run = [(begin + j) % k for j in range(int(stretch.sum()))]
     while _length(P[run]) < shortest and len(run) < k // 3:
         before, after = (run[0] - 1) % k, (run[-1] + 1) % k
-        left, right = z[before] <= z[after] + same, z[after] <= z[before] + same
-        run = [before] * int(left) + run + [after] * int(right)
+        add_before, add_after = z[before] <= z[after] + tolerance, z[after] <= z[before] + tolerance
+        run = [before] * int(add_before) + run + [after] * int(add_after)
     return np.array(run)
 
 
@@ -350,11 +359,11 @@ def _length(P: Floats) -> float:
     return float(lengths(P[1:] - P[:-1]).sum())
 
 
-def _named(surface: Surface, found: Sequence[Foot], span: float) -> tuple[Foot, ...]:
-    kinds = [foot.name or _kind(surface, foot, span) for foot in found]
+def _name_feet(surface: Surface, unnamed: Sequence[Foot], span: float) -> tuple[Foot, ...]:
+    kinds = [foot.name or _kind(surface, foot, span) for foot in unnamed]
     several = [kinds.count(kind) > 1 for kind in kinds]
     names = [f"{kind} {kinds[: i + 1].count(kind)}" if several[i] else kind for i, kind in enumerate(kinds)]
-    return tuple(replace(foot, name=name) for name, foot in zip(names, found, strict=True))
+    return tuple(replace(foot, name=name) for name, foot in zip(names, unnamed, strict=True))
 
 
 def _kind(surface: Surface, foot: Foot, span: float) -> str:
@@ -370,10 +379,10 @@ def stems(surface: Surface, stands: Sequence[Foot], span: float) -> tuple[Foot, 
     if not stands or not all(foot.name.startswith(RIM) for foot in stands):
         return ()
     x, y = surface.V[:, 0], surface.V[:, 1]
-    found = []
+    result = []
     for sole in soles(surface, float(np.ptp(surface.V[:, 2]))):
-        (left, front), (right, back) = sole.points[:, :2].min(axis=0), sole.points[:, :2].max(axis=0)
+        (x_min, front), (x_max, back) = sole.points[:, :2].min(axis=0), sole.points[:, :2].max(axis=0)
         reach = max(1 / 20 * span, 2 * surface.mean_edge)
-        near = (x >= left - reach) & (x <= right + reach) & (y >= front - reach) & (y <= back + reach)
-        found.append(Foot("stem", surface.V[near], 0.0))
-    return tuple(found)
+        is_near = (x >= x_min - reach) & (x <= x_max + reach) & (y >= front - reach) & (y <= back + reach)
+        result.append(Foot("stem", surface.V[is_near], 0.0))
+    return tuple(result)

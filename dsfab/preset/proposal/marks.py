@@ -9,7 +9,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import SurfaceError
 from dsfab.core.units import metres_per
 from dsfab.preset.proposal.feet import Foot
-from dsfab.preset.proposal.reading import Decision, GivenMesh
+from dsfab.preset.proposal.reading import Decision, UserMesh
 from dsfab.preset.proposal.sizes import Sizes
 from dsfab.surface import Marks, marks_on_layers
 
@@ -20,22 +20,23 @@ FORCE = 1000.0
 TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 
-def drawn_marks(given: GivenMesh) -> dict[str, Marks]:
+def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
     """Return the marks on the four layers of the surface's file, by layer; {} for files without layers.
 
     Raises SurfaceError for marks in a file whose z does not point to the sky.
     """
-    path = Path(str(given.keys.get("file", "")))
+    path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
         return {}
-    found = marks_on_layers(path, LAYERS, metres_per(str(given.keys["unit"])))
-    if found and given.keys.get("up", "z") != "z":
+    by_layer = marks_on_layers(path, LAYERS, metres_per(str(user_mesh.keys["unit"])))
+    if by_layer and user_mesh.keys.get("up", "z") != "z":
         raise SurfaceError(
-            f"{path} has marks on layer {next(iter(found))!r}, and its surface stands on its side; turn all of it so "
+            f"{path} has marks on layer {next(iter(by_layer))!r}, and its surface stands on its side; turn all of "
+            "it so "
             "that z points up, and save it again"
         )
-    origin = given.keys.get("origin")
-    return {word: drawn.about(origin) for word, drawn in found.items()} if origin else found
+    origin = user_mesh.keys.get("origin")
+    return {word: layer_marks.about(origin) for word, layer_marks in by_layer.items()} if origin else by_layer
 
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
@@ -44,49 +45,53 @@ def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, e
     file : relative to the preset's folder, or "" to write curves into the preset.    edge : metres, of the triangles.
     """
     radius = round(0.6 * edge, 3)
-    for word, drawn in marks.items():
+    for word, layer_marks in marks.items():
         head = TABLES.get(word, "[[pattern.region]]")
-        areas = drawn.closed if word != "support" else []
-        lines = drawn.open if word != "support" else drawn.curves
-        if len(drawn.points) and word != "void":
-            reach = f"points = {_points(drawn.points)}"
+        areas = layer_marks.closed_runs if word != "support" else []
+        lines = layer_marks.open_runs if word != "support" else layer_marks.curves
+        if len(layer_marks.points) and word != "void":
+            reach = f"points = {_points(layer_marks.points)}"
             dots = f'pick = "nearest", {reach}' if word in TABLES else f'pick = "brush", {reach}, radius = {size.keep}'
-            yield [head, *_what(word, drawn, FORCE * len(drawn.points)), f"at = {{ {dots} }}"]
+            yield [head, *_kind_lines(word, layer_marks, FORCE * len(layer_marks.points)), f"at = {{ {dots} }}"]
         for line in lines if word != "void" else ():
-            stroke = f'pick = "brush", points = {_points(_resampled(line, 1.5 * radius))}, radius = {radius}'
-            yield [head, *_what(word, drawn, FORCE * _length(line)), f"at = {{ {stroke} }}"]
+            stroke = f'pick = "brush", points = {_points(_evenly_spaced(line, 1.5 * radius))}, radius = {radius}'
+            yield [head, *_kind_lines(word, layer_marks, FORCE * _length(line)), f"at = {{ {stroke} }}"]
         if areas and (word in TABLES or not file):
             for area in areas:
                 curve = f'pick = "curve", curves = [{_points(area[:-1])}]'
-                yield [head, *_what(word, drawn, FORCE * _plan_area(area)), f"at = {{ {curve} }}"]
+                yield [head, *_kind_lines(word, layer_marks, FORCE * _plan_area(area)), f"at = {{ {curve} }}"]
         elif areas:
-            at = f'pick = "curve", file = {_word(file)}, layer = {_word(drawn.layer)}, unit = {_word(unit)}'
-            yield [head, *_what(word, drawn, 0.0), f"at = {{ {at} }}"]
+            picker = f'pick = "curve", file = {_word(file)}, layer = {_word(layer_marks.layer)}, unit = {_word(unit)}'
+            yield [head, *_kind_lines(word, layer_marks, 0.0), f"at = {{ {picker} }}"]
 
 
 def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
     """Yield the decision on each layer."""
     changes = {"support": "surface.support", "load": "surface.load"}
-    for word, drawn in marks.items():
-        parts = [(len(drawn.points), "point"), (len(drawn.closed), "closed curve"), (len(drawn.open), "line")]
-        told = ", ".join(f"{count} {thing}{'s' if count > 1 else ''}" for count, thing in parts if count)
+    for word, layer_marks in marks.items():
+        parts = [
+            (len(layer_marks.points), "point"),
+            (len(layer_marks.closed_runs), "closed curve"),
+            (len(layer_marks.open_runs), "line"),
+        ]
+        counts = ", ".join(f"{count} {thing}{'s' if count > 1 else ''}" for count, thing in parts if count)
         value = "; 1 kN a point, 1 kN/m along a line, 1 kPa within a curve: placeholders" if word == "load" else ""
-        lost = len(drawn.points) + len(drawn.open) if word == "void" else 0
+        lost = len(layer_marks.points) + len(layer_marks.open_runs) if word == "void" else 0
         value += f"; {lost} of them enclose nothing and are passed over" if lost else ""
-        yield Decision(f"layer {drawn.layer}", told + value, changes.get(word, "pattern.region"))
+        yield Decision(f"layer {layer_marks.layer}", counts + value, changes.get(word, "pattern.region"))
 
 
 def drawn_feet(marks: Mapping[str, Marks]) -> tuple[Foot, ...]:
     """Return the supports that the file marks; empty without marks."""
     if "support" not in marks:
         return ()
-    drawn = marks["support"]
-    return (Foot("support as drawn", np.concatenate([drawn.points, *drawn.curves]), 0.0),)
+    layer_marks = marks["support"]
+    return (Foot("support as drawn", np.concatenate([layer_marks.points, *layer_marks.curves]), 0.0),)
 
 
-def _what(word: str, drawn: Marks, newtons: float) -> list[str]:
+def _kind_lines(word: str, layer_marks: Marks, newtons: float) -> list[str]:
     if word == "support":
-        return [f"name = {_word(drawn.layer)}", 'hold = "xyz"']
+        return [f"name = {_word(layer_marks.layer)}", 'hold = "xyz"']
     if word == "load":
         return ['kind = "force"', f"force = [0.0, 0.0, {-newtons:.6g}]  # N, a placeholder"]
     return [f'do = "{word}"']
@@ -109,7 +114,7 @@ def _plan_area(curve: Floats) -> float:
     return float(np.linalg.norm(np.cross(middle[:-1], middle[1:]).sum(axis=0)) / 2)
 
 
-def _resampled(line: Floats, step: float) -> Floats:
+def _evenly_spaced(line: Floats, step: float) -> Floats:
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    at = np.linspace(0.0, along[-1], max(2, int(np.ceil(along[-1] / step)) + 1))
-    return np.stack([np.interp(at, along, line[:, axis]) for axis in range(3)], axis=1)
+    lengths = np.linspace(0.0, along[-1], max(2, int(np.ceil(along[-1] / step)) + 1))
+    return np.stack([np.interp(lengths, along, line[:, axis]) for axis in range(3)], axis=1)

@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from dsfab.core.arrays import Floats, closed_length
+from dsfab.core.arrays import Floats, polygon_perimeter
 from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import coordinates, length
 from dsfab.core.units import metres_per
@@ -21,14 +21,14 @@ from dsfab.surface import (
     Up,
     finite_faces,
     is_scan,
-    mended,
-    mended_raw,
+    mended_mesh,
+    mended_raw_mesh,
+    parallel_remarks,
     raw_mesh,
     repaired_scan,
     surface_of_file,
-    twin_remarks,
     unit_guess,
-    upright,
+    upright_vertices,
 )
 
 CLEAR_IN = {".3mf": np.inf, ".3dm": np.inf, ".dxf": np.inf, ".glb": np.inf, ".gltf": np.inf}
@@ -61,25 +61,27 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
     if usual == "y" and _stands_on_ground(surface, "y"):
         return "y"
     below = surface.V[:, 1].min() < -GROUND * surface.size  # else -y would put all of it under the ground
-    others: tuple[Up, ...] = ("y", "-y") if below else ("y",)
-    score = {axis: _standing(surface, axis) for axis in others}
-    best = max(others, key=lambda axis: score[axis])
-    return best if score[best] > _standing(surface, "z") + CLEAR_IN.get(suffix.lower(), 0.1) else "z"
+    axes: tuple[Up, ...] = ("y", "-y") if below else ("y",)
+    score = {axis: _standing(surface, axis) for axis in axes}
+    best_axis = max(axes, key=lambda axis: score[axis])
+    return best_axis if score[best_axis] > _standing(surface, "z") + CLEAR_IN.get(suffix.lower(), 0.1) else "z"
 
 
 def _stands_on_ground(surface: Surface, up: Up) -> bool:
     """True for a wall or screen: it stands with a long edge on the plane through the origin, and its face crosses or
     touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it.
     """
-    V = upright(surface.V, up)
+    V = upright_vertices(surface.V, up)
     level, through = V[:, 2], V[:, 1]  # the other axis of the two
-    near = GROUND * surface.size
-    if abs(level.min()) > near or not (through.min() < -near < near < through.max() or np.ptp(through) < near):
+    tolerance = GROUND * surface.size
+    if abs(level.min()) > tolerance or not (
+        through.min() < -tolerance < tolerance < through.max() or np.ptp(through) < tolerance
+    ):
         return False
     ends = surface.edges.ends[surface.edges.boundary]
-    on = (np.abs(level[ends]) <= near).all(axis=1)
+    on_ground = (np.abs(level[ends]) <= tolerance).all(axis=1)
     length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
-    return bool(length[on].sum() > 0.7 * np.ptp(V[:, 0]))
+    return bool(length[on_ground].sum() > 0.7 * np.ptp(V[:, 0]))
 
 
 def _ends_in_level_rings(surface: Surface) -> bool:
@@ -87,14 +89,14 @@ def _ends_in_level_rings(surface: Surface) -> bool:
         return False
     flat = SLICE * float(np.ptp(surface.V[:, 2]))
     rings = [surface.V[loop] for loop in surface.loops]
-    length = np.array([closed_length(ring) for ring in rings])
+    length = np.array([polygon_perimeter(ring) for ring in rings])
     level = np.array([np.ptp(ring[:, 2]) <= flat for ring in rings])
     return bool(length[level].sum() > 0.8 * length.sum())  # the rest are doors and windows
 
 
 def _standing(surface: Surface, up: Up) -> float:
     """Score of a surface with that axis up; about 0 to 2 for an open one, -0.2 to 0.4 for a closed one."""
-    V = upright(surface.V, up)
+    V = upright_vertices(surface.V, up)
     stability = _stability(V, surface)
     if is_nearly_closed(surface):
         return stability
@@ -120,10 +122,10 @@ def _stability(V: Floats, surface: Surface) -> float:
     V : (n, 3) its vertices with z up. Between -0.2, it falls over, and 0.4.
     """
     height = np.ptp(V[:, 2])
-    on = V[V[:, 2] <= V[:, 2].min() + SOLE * height, :2]
+    base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * height, :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     try:
-        plane = ConvexHull(on).equations  # a point is inside where all of them are negative
+        plane = ConvexHull(base_points).equations  # a point is inside where all of them are negative
     except (QhullError, ValueError):
         return -0.2  # a point or a line: it stands on no area
     inside = -(plane[:, :2] @ middle + plane[:, 2]).max()
@@ -156,7 +158,7 @@ class Decision:
 
 
 @dataclass(frozen=True, eq=False)
-class GivenMesh:
+class UserMesh:
     """A mesh as a surface, metres, z up, with the keys of [surface] that produce it.
 
     repaired : differences from its file.
@@ -171,7 +173,7 @@ class GivenMesh:
 
 def mesh_in_file(
     path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None, raw: RawMesh | None = None
-) -> GivenMesh:
+) -> UserMesh:
     """Return the mesh in a file; unit and vertical axis are guessed by default.
 
     max_triangles : limit of the file. raw : its content, if read before.
@@ -180,30 +182,30 @@ def mesh_in_file(
     """
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
-    given, unit = unit is not None, unit or unit_guess(raw)
+    unit_is_given, unit = unit is not None, unit or unit_guess(raw)
     keys: dict[str, Any] = {"file": str(path), "unit": unit}
     if max_triangles is not None:
         keys["max_triangles"] = max_triangles
     scan = is_scan(raw.V, raw.F)
-    better = mended_raw(raw, scan, unit)
+    better = mended_raw_mesh(raw, scan, unit)
     mends = better.record.repaired[len(raw.record.repaired) :]
-    found = surface_of_file(path, better, unit)
-    surface = found.surface
-    known = raw.unit is not None or given
-    told = f"{unit}{', as the file says' if raw.unit == unit else ''}: it is {_box(surface)}"
+    file_surface = surface_of_file(path, better, unit)
+    surface = file_surface.surface
+    unit_is_known = raw.unit is not None or unit_is_given
+    unit_words = f"{unit}{', as the file says' if raw.unit == unit else ''}: it is {_box(surface)}"
     doubt = size_doubt(np.ptp(surface.V, axis=0).tolist(), unit)
-    told += doubt or ("" if known else _others(surface, unit))
-    decisions = [Decision("unit", told, "surface.unit, or --unit cm")]
+    unit_words += doubt or ("" if unit_is_known else _alternative_units(surface, unit))
+    decisions = [Decision("unit", unit_words, "surface.unit, or --unit cm")]
     for remark in raw.record.remarks:
         decisions.append(Decision("file", remark))
     if mends:
         key = "repair" if scan else "mend"
         keys[key] = True
         decisions.append(Decision("mended", ("as a raw scan: " if scan else "") + "; ".join(mends), f"surface.{key}"))
-    for remark in found.record.repaired[len(better.record.repaired) :]:
+    for remark in file_surface.record.repaired[len(better.record.repaired) :]:
         decisions.append(Decision("file", f"repaired: {remark}"))
-    decisions += [Decision("sheets", remark) for remark in twin_remarks(surface.V, surface.F)]
-    surface, up, turned = _turned(surface, up, path.suffix, raw.up)
+    decisions += [Decision("sheets", remark) for remark in parallel_remarks(surface.V, surface.F)]
+    surface, up, turned = _with_z_up(surface, up, path.suffix, raw.up)
     if up != "z":
         keys["up"] = up
     decisions.append(turned)
@@ -214,17 +216,17 @@ def mesh_in_file(
         where = f"{coordinates(origin)} m of the file"
         why = "it lies so far away that other programs have too few digits; move what is written back by that"
         decisions.append(Decision("origin", f"{where}: {why}", "surface.origin"))
-    return GivenMesh(surface, preset_name(path), keys, tuple(decisions), found.record.repaired)
+    return UserMesh(surface, preset_name(path), keys, tuple(decisions), file_surface.record.repaired)
 
 
 def preset_name(mesh: str | Path) -> str:
     """Return a preset's name for a mesh file: letters without accents, umlauts as two letters."""
-    plain = unicodedata.normalize("NFC", Path(mesh).stem).translate(UMLAUTS)
-    plain = "".join(letter for letter in unicodedata.normalize("NFKD", plain) if not unicodedata.combining(letter))
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("_.-") or "mesh"
+    stem = unicodedata.normalize("NFC", Path(mesh).stem).translate(UMLAUTS)
+    stem = "".join(letter for letter in unicodedata.normalize("NFKD", stem) if not unicodedata.combining(letter))
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).strip("_.-") or "mesh"
 
 
-def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
+def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> UserMesh:
     """Return the mesh from Python: a `Surface`, or an object that `Surface.of` takes; metres by default.
 
     Raises SurfaceError for an invalid mesh.
@@ -233,22 +235,22 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
         surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
     else:
         surface = Surface.of(mesh, unit)
-    better = (repaired_scan if is_scan(surface.V, surface.F) else mended)(surface.V, surface.F)
+    better = (repaired_scan if is_scan(surface.V, surface.F) else mended_mesh)(surface.V, surface.F)
     decisions = [Decision("unit", f"metres: it is {_box(surface)}", "the argument unit")]
     if better.repairs:
         surface = Surface.from_mesh(better.V, better.F)
         decisions.append(Decision("mended", "; ".join(better.repairs)))
-    surface, _, turned = _turned(surface, up)
-    return GivenMesh(surface, "roof", {"mesh": surface}, (*decisions, turned))
+    surface, _, turned = _with_z_up(surface, up)
+    return UserMesh(surface, "roof", {"mesh": surface}, (*decisions, turned))
 
 
-def _turned(
+def _with_z_up(
     surface: Surface, up: Up | None, suffix: str = "", usual: str | None = None
 ) -> tuple[Surface, Up, Decision]:
     guess = likely_up(surface, suffix, usual) if up is None else up
-    turned = surface if guess == "z" else Surface(upright(surface.V, guess), surface.F)
-    other = "y" if guess == "z" else "z"
-    change = f"surface.up, or --up {other}"
+    turned = surface if guess == "z" else Surface(upright_vertices(surface.V, guess), surface.F)
+    other_axis = "y" if guess == "z" else "z"
+    change = f"surface.up, or --up {other_axis}"
     if up is not None:
         return turned, guess, Decision("up", f"{up}, as you say", change)
     if guess != "z":
@@ -256,8 +258,8 @@ def _turned(
         return turned, guess, Decision("up", lies, change)
     low, _, high = np.sort(np.ptp(turned.V, axis=0))
     stands = np.ptp(turned.V[:, 2]) == high and high > 1.5 * low
-    told = f"z; it stands upright, {length(high)} high: if it should lie, another axis is up" if stands else "z"
-    return turned, guess, Decision("up", told, change)
+    words = f"z; it stands upright, {length(high)} high: if it should lie, another axis is up" if stands else "z"
+    return turned, guess, Decision("up", words, change)
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
@@ -266,8 +268,8 @@ def _origin(surface: Surface) -> tuple[float, ...]:
     """
     low = surface.V.min(axis=0)
     # single precision (STL) is coarser there than a hundred-thousandth, and CAD programs lose digits
-    far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
-    return tuple(np.where(far, np.floor(low), 0.0).tolist())
+    is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
+    return tuple(np.where(is_far, np.floor(low), 0.0).tolist())
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
@@ -280,21 +282,21 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
     return f" ({'; '.join([doubt, *sizes_in_other_units(sides, unit, USUAL)])})"
 
 
-def _others(surface: Surface, unit: str) -> str:
+def _alternative_units(surface: Surface, unit: str) -> str:
     """Sizes in other units, if the unit is a guess with an unusual size and another unit gives a usual one."""
     sides = np.ptp(surface.V, axis=0).tolist()
-    found = [] if USUAL[0] <= max(sides) <= USUAL[1] else sizes_in_other_units(sides, unit, USUAL)
-    return f" (the file does not say; {'; '.join(found)})" if found else ""
+    alternatives = [] if USUAL[0] <= max(sides) <= USUAL[1] else sizes_in_other_units(sides, unit, USUAL)
+    return f" (the file does not say; {'; '.join(alternatives)})" if alternatives else ""
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
     """Return '--unit in: 8 m x 6 m x 3 m' for each other unit in which the longest of these sides (m) is in a range
     (m).
     """
-    metres = {other: metres_per(other) / metres_per(unit) for other in GUESSED if other != unit}
+    metres = {name: metres_per(name) / metres_per(unit) for name in GUESSED if name != unit}
     return [
-        f"--unit {other}: {' x '.join(length(times * side) for side in sides)}"
-        for other, times in metres.items()
+        f"--unit {name}: {' x '.join(length(times * side) for side in sides)}"
+        for name, times in metres.items()
         if between[0] <= times * max(sides) <= between[1]
     ]
 
@@ -307,8 +309,8 @@ def vertical_axis(up: str | None) -> Up | None:
     """Return the axis, None for None; raises SurfaceError for words other than x, y, z, -x, -y, -z."""
     for axis in get_args(Up):
         if axis == up:
-            known: Up = axis
-            return known
+            result: Up = axis
+            return result
     if up is not None:
         raise SurfaceError(f"up = {up!r} is no axis; use one of {', '.join(get_args(Up))}")
     return None

@@ -55,7 +55,7 @@ class Sizes:
         """Span over thickness."""
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
-    def on(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
+    def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
         """Return the sizes for a surface on feet (k, 3): thicker for a span far beyond the shorter side of its plan;
         for a roof with a far smaller span, as around a courtyard, those of its span.
 
@@ -68,8 +68,8 @@ class Sizes:
         """
         if is_figure(surface) or not feet:
             return self
-        way, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
-        span = 2 * float(np.max(way))
+        distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
+        span = 2 * float(np.max(distance))
         if roof and LONG * span < self.span:
             return sizes(surface, self.material, span)
         if span <= LONG * self.span:

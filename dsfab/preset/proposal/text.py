@@ -10,7 +10,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.messages import length
 from dsfab.preset.proposal.feet import Foot, stems
 from dsfab.preset.proposal.marks import TABLES, mark_tables
-from dsfab.preset.proposal.reading import GivenMesh, is_nearly_closed
+from dsfab.preset.proposal.reading import UserMesh, is_nearly_closed
 from dsfab.preset.proposal.sizes import MODEL, Sizes, is_figure
 from dsfab.surface import Boundary, Marks, Surface, one_sided_pieces
 
@@ -37,9 +37,9 @@ def wind_lines(surface: Surface) -> list[str]:
         return []
     seen: Floats = surface.areas @ np.abs(surface.normals)
     direction = [0.0, 1.0, 0.0] if seen[1] > seen[0] else [1.0, 0.0, 0.0]
-    told = "# Wind, which decides for much that stands upright; take these lines with your local code's numbers:"
+    comment = "# Wind, which decides for much that stands upright; take these lines with your local code's numbers:"
     load = ('kind = "wind"', "pressure = 500.0", f"direction = {direction}")
-    return [told, "# [[surface.load]]", *(f"# {line}" for line in load)]
+    return [comment, "# [[surface.load]]", *(f"# {line}" for line in load)]
 
 
 def _one_sided(surface: Surface) -> bool:
@@ -53,7 +53,7 @@ SHARE = 0.45
 
 
 def proposal_text(
-    given: GivenMesh,
+    user_mesh: UserMesh,
     keys: Mapping[str, Any],
     notes: Mapping[str, str],
     size: Sizes,
@@ -66,13 +66,13 @@ def proposal_text(
     keys : of [surface], which define the mesh.  notes : topic -> choice.  marks : marks of the file, which take the
     place of proposed feet.
     """
-    surface, stand = given.surface, () if "support" in marks else stands
+    surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # a drawing in a file is about that file's origin
-    drawn = mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge)
-    tables = list(drawn)
+    mark_lines = mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge)
+    tables = list(mark_lines)
     head = [
-        f"# {given.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
-        _entry("name", given.name),
+        f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
+        _entry("name", user_mesh.name),
         _entry("description", _description(surface, size, stands, snow)),
     ]
     parts = (
@@ -127,12 +127,12 @@ def _supports(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterat
 
 def _support(surface: Surface, size: Sizes, foot: Foot) -> list[str]:
     digits = max(0, 4 - int(np.floor(np.log10(surface.size))))
-    at = foot.picker(0.25 * (size.edge or surface.mean_edge), digits)
-    if isinstance(at, Boundary):
-        pick = f'pick = "boundary", loop = {at.loop}'
+    picker = foot.picker(0.25 * (size.edge or surface.mean_edge), digits)
+    if isinstance(picker, Boundary):
+        pick = f'pick = "boundary", loop = {picker.loop}'
     else:
-        pick = f'pick = "box", min = {list(at.min)}, max = {list(at.max)}'
-        pick += ", boundary = true" if at.boundary else ""
+        pick = f'pick = "box", min = {list(picker.min)}, max = {list(picker.max)}'
+        pick += ", boundary = true" if picker.boundary else ""
     metres = f"{length(foot.length)} of free edge" if foot.length else ""
     return ["[[surface.support]]", _entry("name", foot.name, metres), f"at = {{ {pick} }}", _entry("hold", "xyz")]
 
@@ -187,10 +187,12 @@ def _entry(key: str, value: Any, note: str = "") -> str:
 def _description(surface: Surface, size: Sizes, stands: tuple[Foot, ...], snow: bool) -> str:
     x, y, z = (length(float(side)) for side in np.ptp(surface.V, axis=0))
     loads = "its own weight and snow" if snow or snow_on_top(surface) else "its own weight"
-    return f"{x} x {y}, {z} high, {size.material} of {length(size.thickness)}, on {_on(stands)}, under {loads}."
+    return (
+        f"{x} x {y}, {z} high, {size.material} of {length(size.thickness)}, on {_support_words(stands)}, under {loads}."
+    )
 
 
-def _on(stands: tuple[Foot, ...]) -> str:
+def _support_words(stands: tuple[Foot, ...]) -> str:
     """The supports in words: 'its base ring', '4 feet', '2 springing lines'."""
     kinds = {foot.name.rstrip("0123456789 ") for foot in stands}
     if len(stands) == 1:

@@ -10,10 +10,10 @@ from dsfab.members import Member, MemberGraph
 from dsfab.render import Palette
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers, placed_parts
 
-PIECES = 90
+DRAWN_PIECES = 90
 """Pieces of a member as long as the whole structure."""
 
-PLATE = (150, 146, 140)
+PLATE_COLOUR = (150, 146, 140)
 """Colour of the plates of nodes."""
 LEAST_ELEVATION, AZIMUTH = 28.0, -58.0
 """Direction of the usual view, degrees."""
@@ -24,23 +24,23 @@ class Axonometry:
     """A view direction: unit vectors (3,) to the right, upwards and to the eye."""
 
     right: Floats
-    above: Floats
+    upwards: Floats
     eye: Floats
 
     @classmethod
-    def of(cls, up: Floats, azimuth: float = AZIMUTH, elevation: float = LEAST_ELEVATION) -> Self:
+    def from_angles(cls, up: Floats, azimuth: float = AZIMUTH, elevation: float = LEAST_ELEVATION) -> Self:
         """Return the view from an azimuth about `up` and an elevation over the ground, degrees; 90 is a plan."""
         x = np.array([1.0, 0.0, 0.0])
         y = np.cross(up, x)
         a, e = np.radians(azimuth), np.radians(elevation)
-        out = np.cos(a) * x + np.sin(a) * y
-        eye = np.cos(e) * out + np.sin(e) * up
-        above = -np.sin(e) * out + np.cos(e) * up
-        return cls(np.cross(above, eye), above, eye)
+        outwards = np.cos(a) * x + np.sin(a) * y
+        eye = np.cos(e) * outwards + np.sin(e) * up
+        upwards = -np.sin(e) * outwards + np.cos(e) * up
+        return cls(np.cross(upwards, eye), upwards, eye)
 
-    def flat(self, points: Floats) -> Floats:
+    def projected(self, points: Floats) -> Floats:
         """Project points (..., 3) to (..., 2), metres."""
-        return np.asarray(points @ np.stack([self.right, self.above], axis=1))
+        return np.asarray(points @ np.stack([self.right, self.upwards], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,27 +60,27 @@ class MemberFaces:
 def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> list[MemberFaces]:
     """Return the faces of all members but fills, in their colours, each in its uppermost layer; metres."""
     V = graph.sheet.surface.V
-    piece = float(np.linalg.norm(np.ptp(V, axis=0))) / PIECES
-    found = []
+    piece = float(np.linalg.norm(np.ptp(V, axis=0))) / DRAWN_PIECES
+    faces = []
     for member in graph.members:
         if member.kind != "fill":
-            red, green, blue = (x / 255 for x in _tint(member, palette))
-            height = layering.height(layer_numbers(layering, member)[0])
-            quads = _bands(member, piece, height) if is_strip(member) else _cells(graph, member)
-            found.append(MemberFaces(member.id, (red, green, blue), quads))
-    return found
+            red, green, blue = (x / 255 for x in _member_colour(member, palette))
+            height = layering.layer_height(layer_numbers(layering, member)[0])
+            quads = _strip_quads(member, piece, height) if is_strip(member) else _cell_quads(graph, member)
+            faces.append(MemberFaces(member.id, (red, green, blue), quads))
+    return faces
 
 
 def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     """Return the faces of all bars, in the colours of their members, and of all plates of nodes, by name; metres."""
     assert plan.bars is not None
     assert plan.graph is not None
-    members, found = plan.graph.by_id, []
-    for one in placed_parts(plan.bars):
-        tint = _tint(members[one.member], palette) if one.member else PLATE
+    members, faces = plan.graph.by_id, []
+    for part in placed_parts(plan.bars):
+        tint = _member_colour(members[part.member], palette) if part.member else PLATE_COLOUR
         red, green, blue = (x / 255 for x in tint)
-        found.append(MemberFaces(one.id, (red, green, blue), one.quads))
-    return found
+        faces.append(MemberFaces(part.id, (red, green, blue), part.quads))
+    return faces
 
 
 def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
@@ -88,7 +88,7 @@ def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     assert plan.graph is not None
     built = {part.member for part in plan.parts}
     faces = member_faces(plan.graph, palette, Layering(0.0, 2, 0.0))
-    return [one for one in faces if one.id in built]
+    return [face for face in faces if face.id in built]
 
 
 def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
@@ -98,58 +98,63 @@ def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     assert plan.graph is not None
     assert plan.planks is not None
     graph, stock, built = plan.graph, plan.planks.stock, {part.member for part in plan.parts}
-    piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / PIECES
-    found = []
+    piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / DRAWN_PIECES
+    faces = []
     for member in graph.members:
         if member.id in built:
-            red, green, blue = (x / 255 for x in _tint(member, palette))
-            quads = _ribs(member, piece, stock.thickness, stock.depth) if is_strip(member) else _cells(graph, member)
-            found.append(MemberFaces(member.id, (red, green, blue), quads))
-    return found
+            red, green, blue = (x / 255 for x in _member_colour(member, palette))
+            quads = (
+                _plank_quads(member, piece, stock.thickness, stock.depth)
+                if is_strip(member)
+                else _cell_quads(graph, member)
+            )
+            faces.append(MemberFaces(member.id, (red, green, blue), quads))
+    return faces
 
 
-def _ribs(member: Member, piece: float, thickness: float, depth: float) -> Floats:
+def _plank_quads(member: Member, piece: float, thickness: float, depth: float) -> Floats:
     axis = member.axis
     assert axis is not None
-    P, T, N = axis.at(np.linspace(0, axis.length, max(int(np.ceil(axis.length / piece)), 2) + 1))
+    P, T, N = axis.frames_at(np.linspace(0, axis.length, max(int(np.ceil(axis.length / piece)), 2) + 1))
     aside, up = thickness / 2 * np.cross(N, T), depth / 2 * N
     pairs = ((P - up - aside, P + up - aside), (P - up + aside, P + up + aside), (P + up - aside, P + up + aside))
-    sides = [np.stack([one[:-1], one[1:], two[1:], two[:-1]], axis=1) for one, two in pairs]
+    sides = [np.stack([lower[:-1], lower[1:], upper[1:], upper[:-1]], axis=1) for lower, upper in pairs]
     return np.stack(sides, axis=1).reshape(-1, 4, 3)
 
 
-def joined_faces(faces: list[MemberFaces], plan: WorkshopPlan) -> list[MemberFaces]:
+def faces_by_member(faces: list[MemberFaces], plan: WorkshopPlan) -> list[MemberFaces]:
     """Merge the faces of bars by member; drop the plates."""
     member = {part.id: part.member for part in plan.parts}
-    found: dict[str, list[MemberFaces]] = {}
-    for one in faces:
-        if member[one.id]:
-            found.setdefault(member[one.id], []).append(one)
+    faces_of: dict[str, list[MemberFaces]] = {}
+    for face in faces:
+        if member[face.id]:
+            faces_of.setdefault(member[face.id], []).append(face)
     return [
-        MemberFaces(name, some[0].colour, np.concatenate([one.quads for one in some])) for name, some in found.items()
+        MemberFaces(name, parts[0].colour, np.concatenate([face.quads for face in parts]))
+        for name, parts in faces_of.items()
     ]
 
 
-def _tint(member: Member, palette: Palette) -> tuple[int, int, int]:
+def _member_colour(member: Member, palette: Palette) -> tuple[int, int, int]:
     families = {"major": 0, "minor": 1}
     return palette.tints[families.get(member.family, 2) if member.kind in ("strip", "stub") else 2]
 
 
-def _cells(graph: MemberGraph, member: Member) -> Floats:
+def _cell_quads(graph: MemberGraph, member: Member) -> Floats:
     corners = graph.sheet.surface.V[graph.sheet.surface.F[member.cells]]
     return np.concatenate([corners, corners[:, 2:]], axis=1)
 
 
-def _bands(member: Member, piece: float, height: float) -> Floats:
+def _strip_quads(member: Member, piece: float, height: float) -> Floats:
     axis = member.axis
     assert axis is not None
     count = max(int(np.ceil(axis.length / piece)), 2)
     s = np.linspace(0, axis.length, count + 1)
-    P, T, N = axis.at(s)
+    P, T, N = axis.frames_at(s)
     B = np.cross(N, T)
-    left, right = (np.interp(s, axis.s, side)[:, None] for side in member.sides.T)
-    one, two = P + height * N - right * B, P + height * N + left * B
-    return np.stack([one[:-1], one[1:], two[1:], two[:-1]], axis=1)
+    left_side, right_side = (np.interp(s, axis.s, side)[:, None] for side in member.sides.T)
+    right_edge, left_edge = P + height * N - right_side * B, P + height * N + left_side * B
+    return np.stack([right_edge[:-1], right_edge[1:], left_edge[1:], left_edge[:-1]], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,14 +165,16 @@ class FaceList:
     colours: Floats
 
 
-def painted(faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]) -> FaceList:
+def painted_faces(
+    faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]
+) -> FaceList:
     """Return all faces from the farthest to the nearest; `colours` replaces the colours of the members that it
     names.
     """
-    quads = np.concatenate([one.quads for one in faces])
-    tints = np.concatenate([np.tile(colours.get(one.id, one.colour), (len(one.quads), 1)) for one in faces])
+    quads = np.concatenate([face.quads for face in faces])
+    tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
     facing = np.abs(n @ view.eye) / np.maximum(np.linalg.norm(n, axis=1), 1e-30)
     tints = tints * (0.7 + 0.3 * facing)[:, None]  # a face seen edge-on is darker
     order = (quads.mean(axis=1) @ view.eye).argsort(kind="stable")
-    return FaceList(view.flat(quads[order]), tints[order])
+    return FaceList(view.projected(quads[order]), tints[order])

@@ -8,10 +8,10 @@ from dsfab.core.arrays import Floats
 from dsfab.core.messages import length
 from dsfab.core.units import MM_PER_M
 from dsfab.design import Design
-from dsfab.report.assembly.flat_parts import Page, sheet_figures
-from dsfab.report.assembly.paper import INK, PAGE, QUIET, RED, Fitted, Paper, PaperBox, usual_scale
-from dsfab.report.assembly.sequence import MOST, AssemblyStep
-from dsfab.workshop import CLEAR, FlatPart, PlateArm, WorkshopPlan, bar_table, half_plane_clip, plate_arms
+from dsfab.report.assembly.flat_parts import PartsPage, sheet_figures
+from dsfab.report.assembly.paper import INK, PAGE, QUIET, RED, DrawingTransform, Paper, PaperBox, usual_scale
+from dsfab.report.assembly.sequence import STEP_PICTURES, AssemblyStep
+from dsfab.workshop import BAR_CLEARANCE, FlatPart, PlateArm, WorkshopPlan, bar_table, half_plane_clip, plate_arms
 
 ROWS, COLUMNS = 58, 2
 """Bars on a page."""
@@ -36,17 +36,17 @@ def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
     """Return the key figures of a structure of bars, for the cover."""
     assert plan.bars is not None
     assert plan.graph is not None
-    statics, found, stock = design.preset.statics, plan.bars.found.bars, plan.bars.stock
+    statics, bars_found, stock = design.preset.statics, plan.bars.bar_lattice.bars, plan.bars.stock
     size = np.ptp(plan.graph.sheet.surface.V, axis=0)
     bars = [part for part in plan.parts if not part.thickness]
     plates = [part for part in plan.parts if part.thickness]
-    different = {plan.parts[some[0]].id for some in plan.same}
-    long = [bar.length for bar in found]
+    different = {plan.parts[group[0]].id for group in plan.equal_parts}
+    lengths = [bar.length for bar in bars_found]
     return [
         ("Size over all", " x ".join(f"{x:.2f}" for x in size) + " m"),
-        ("Bars", f"{len(found)} of {length(stock.bar)}, together {sum(long):,.0f} m"),
+        ("Bars", f"{len(bars_found)} of {length(stock.bar)}, together {sum(lengths):,.0f} m"),
         ("Different bars", str(sum(part.id in different for part in bars))),
-        ("Shortest and longest", f"{MM_PER_M * min(long):,.0f} and {MM_PER_M * max(long):,.0f} mm"),
+        ("Shortest and longest", f"{MM_PER_M * min(lengths):,.0f} and {MM_PER_M * max(lengths):,.0f} mm"),
         ("Plates", f"{len(plates)} of {length(stock.plate)}, {sum(part.id in different for part in plates)} different"),
         ("Bolts", f"{sum(len(part.holes) for part in bars)} of {length(stock.bolt)}"),
         *sheet_figures(plan),
@@ -55,19 +55,19 @@ def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
     ]
 
 
-def bar_pages(plan: WorkshopPlan) -> list[Page]:
+def bar_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages with the nodes, lengths and angles of all bars."""
     rows = bar_table(plan).rows
     per_page = ROWS * COLUMNS
     return [
-        (f"Bars {some[0][0]} to {some[-1][0]}", _bar_page(some))
-        for some in (rows[k : k + per_page] for k in range(0, len(rows), per_page))
+        (f"Bars {page_rows[0][0]} to {page_rows[-1][0]}", _bar_page(page_rows))
+        for page_rows in (rows[k : k + per_page] for k in range(0, len(rows), per_page))
     ]
 
 
-HEADS = ("bar", "from", "to", "length", "along", "dip", "along", "dip", "twist", "bow")
-PLACES = (0.0, 20.0, 46.0, 92.0, 107.0, 120.0, 136.0, 149.0, 164.0, 178.0)
-SAID = (
+BAR_TABLE_HEADS = ("bar", "from", "to", "length", "along", "dip", "along", "dip", "twist", "bow")
+BAR_TABLE_PLACES = (0.0, 20.0, 46.0, 92.0, 107.0, 120.0, 136.0, 149.0, 164.0, 178.0)
+BAR_TABLE_NOTE = (
     "Length: of the bar as it is cut, millimetres. At its first, then at its second node: along, degrees from the "
     "first arm of the plate, counter-clockwise from outside; dip, degrees below the plate. Twist: degrees from one end "
     "to the other, right-handed. Bow: millimetres to the curved axis."
@@ -79,35 +79,41 @@ def _bar_page(rows: Sequence[Sequence[str | int | float]]) -> Callable[[Paper], 
         step = PAGE.high / (ROWS + 1)
         for k in range(0, len(rows), ROWS):
             x, top = PAGE.x + k // ROWS * PAGE.wide / COLUMNS, PAGE.y + PAGE.high - step
-            for place, head in zip(PLACES, HEADS, strict=True):
+            for place, head in zip(BAR_TABLE_PLACES, BAR_TABLE_HEADS, strict=True):
                 paper.text((x + place, top), head, 6.5, QUIET, "left" if place < 50 else "right")
-            paper.lines([np.array([[x, top - 1], [x + PLACES[-1], top - 1]])], INK, 0.5)
-            for row, one in enumerate(rows[k : k + ROWS], 1):
-                _bar_row(paper, (x, top - row * step), one)
-        for k, line in enumerate(paper.wrapped(SAID, PAGE.wide, 7)):
+            paper.polylines([np.array([[x, top - 1], [x + BAR_TABLE_PLACES[-1], top - 1]])], INK, 0.5)
+            for row, bar_row in enumerate(rows[k : k + ROWS], 1):
+                _bar_row(paper, (x, top - row * step), bar_row)
+        for k, line in enumerate(paper.wrapped_lines(BAR_TABLE_NOTE, PAGE.wide, 7)):
             paper.text((PAGE.x, PAGE.y - 4 - 2.8 * k), line, 7, QUIET)
 
     return draw
 
 
-def _bar_row(paper: Paper, at: tuple[float, float], row: Sequence[str | int | float]) -> None:
-    name, one, two, _, long, _, *angles, bow, _ = row
-    paper.text(at, str(name), 6.5, bold=True)
-    shown = [str(one), str(two), f"{long:,.1f}", *(f"{angle:z.1f}°" for angle in angles), f"{bow:.1f}"]
-    for place, words in zip(PLACES[1:], shown, strict=True):
-        paper.text((at[0] + place, at[1]), words, 6.5, side="left" if place < 50 else "right")
+def _bar_row(paper: Paper, corner: tuple[float, float], row: Sequence[str | int | float]) -> None:
+    name, start_node, end_node, _, bar_length, _, *angles, bow, _ = row
+    paper.text(corner, str(name), 6.5, bold=True)
+    shown = [
+        str(start_node),
+        str(end_node),
+        f"{bar_length:,.1f}",
+        *(f"{angle:z.1f}°" for angle in angles),
+        f"{bow:.1f}",
+    ]
+    for place, words in zip(BAR_TABLE_PLACES[1:], shown, strict=True):
+        paper.text((corner[0] + place, corner[1]), words, 6.5, side="left" if place < 50 else "right")
 
 
 def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
     """Return steps with equal numbers of bars, sorted by the height of their middle; see `BAR_RULE`."""
     assert plan.bars is not None
-    found = plan.bars.found
-    heights = np.array([float(bar.points.mean(axis=0) @ up) for bar in found.bars])
+    net = plan.bars.bar_lattice
+    heights = np.array([float(bar.points.mean(axis=0) @ up) for bar in net.bars])
     order = heights.round(3).argsort(kind="stable").tolist()
-    together = max(int(np.ceil(len(order) / MOST)), 1)
+    per_step = max(int(np.ceil(len(order) / STEP_PICTURES)), 1)
     return tuple(
-        AssemblyStep(0, tuple(found.bars[k].bay.id for k in order[first : first + together]))
-        for first in range(0, len(order), together)
+        AssemblyStep(0, tuple(net.bars[k].bay.id for k in order[start : start + per_step]))
+        for start in range(0, len(order), per_step)
     )
 
 
@@ -115,73 +121,75 @@ SHOWN = 1.7
 """Length of the bars on the page of a joint, over the length of an arm beyond its root."""
 
 
-def joint_pages(plan: WorkshopPlan) -> list[Page]:
+def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages of the node with the most arms: its plate and bars from above and from the side; another for
     legs.
     """
     assert plan.bars is not None
-    joints = [joint for joint in plan.bars.found.joints if joint.node.joined]
-    pages = list[Page]()
-    for words, some in (
+    joints = [joint for joint in plan.bars.bar_lattice.joints if joint.node.joined]
+    pages = list[PartsPage]()
+    for words, group in (
         ("How a node is put together", [joint for joint in joints if not joint.leg]),
         ("How a node stands on the ground", [joint for joint in joints if joint.leg]),
     ):
-        if some:
-            name = max(some, key=lambda joint: len(joint.bars)).node.id
+        if group:
+            name = max(group, key=lambda joint: len(joint.bars)).node.id
             pages.append((f"{words}: {name}", _joint_page(plan, name)))
     return pages
 
 
 def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
     assert plan.bars is not None
-    joint = next(one for one in plan.bars.found.joints if one.node.id == name)
-    arms = plate_arms(joint, plan.bars.found, plan.bars.stock)
+    joint = next(joint_of_node for joint_of_node in plan.bars.bar_lattice.joints if joint_of_node.node.id == name)
+    arms = plate_arms(joint, plan.bars.bar_lattice, plan.bars.stock)
     parts = {part.id: part for part in plan.parts}
-    last = {plan.bars.found.bars[k].bay.id: side == 1 for k, side in joint.bars}
-    bars = [bar_on_plate(parts[arm.bar], arm, last[arm.bar]) for arm in arms if arm.bar in last]
+    ends_here = {plan.bars.bar_lattice.bars[k].bay.id: side == 1 for k, side in joint.bars}
+    bars = [bar_on_plate(parts[arm.bar], arm, ends_here[arm.bar]) for arm in arms if arm.bar in ends_here]
     part = parts[name]
     plate, middle = part.outline, part.holes[0].at
 
     def draw(paper: Paper) -> None:
         room = PaperBox(PAGE.x, PAGE.y, 0.58 * PAGE.wide, PAGE.high - 8)
-        every = np.concatenate([*bars, plate - middle])
-        low, high = every.min(axis=0), every.max(axis=0)
-        scale, said = usual_scale(min(np.array([room.wide - 12, room.high - 12]) / (high - low)))
-        fitted = Fitted.into(low, high, room, scale)
+        points = np.concatenate([*bars, plate - middle])
+        low, high = points.min(axis=0), points.max(axis=0)
+        scale, scale_name = usual_scale(min(np.array([room.wide - 12, room.high - 12]) / (high - low)))
+        fitted = DrawingTransform.fit_to_box(low, high, room, scale)
         paper.text(
-            (PAGE.x, PAGE.y + PAGE.high - 4), f"The plate before it is folded, and its bars, from outside, {said}", 9
+            (PAGE.x, PAGE.y + PAGE.high - 4),
+            f"The plate before it is folded, and its bars, from outside, {scale_name}",
+            9,
         )
-        paper.lines([fitted.of(bar) for bar in bars], QUIET, 0.5, closed=True)
-        paper.lines([fitted.of(plate - middle)], INK, 0.8, closed=True)
-        paper.lines([fitted.of(fold.line - middle) for fold in part.folds], RED, 0.6)
+        paper.polylines([fitted.to_paper(bar) for bar in bars], QUIET, 0.5, closed=True)
+        paper.polylines([fitted.to_paper(plate - middle)], INK, 0.8, closed=True)
+        paper.polylines([fitted.to_paper(fold.line - middle) for fold in part.folds], RED, 0.6)
         for hole in part.holes:
-            paper.circles(fitted.of(hole.at - middle)[None], hole.diameter * scale, INK)
+            paper.circles(fitted.to_paper(hole.at - middle)[None], hole.diameter * scale, INK)
         for arm in arms:
-            beyond = 1.25 if arm.bar in last else 1.15
-            x, y = fitted.of(arm.at(arm.root + beyond * (arm.end - arm.root), 0.0)).tolist()
+            beyond = 1.25 if arm.bar in ends_here else 1.15
+            x, y = fitted.to_paper(arm.point(arm.root + beyond * (arm.end - arm.root), 0.0)).tolist()
             paper.text((x, y - 1), arm.bar, 9, side="middle", bold=True)
         right = PaperBox(PAGE.x + 0.62 * PAGE.wide, PAGE.y, 0.38 * PAGE.wide, PAGE.high)
         _arm_table(paper, right, arms)
-        _side_view(paper, PaperBox(right.x, right.y + 20, right.wide, 120), plan, max(arms, key=_folded), last)
+        _side_view(paper, PaperBox(right.x, right.y + 20, right.wide, 120), plan, max(arms, key=_fold_angle), ends_here)
 
     return draw
 
 
-def _folded(arm: PlateArm) -> float:
+def _fold_angle(arm: PlateArm) -> float:
     return abs(arm.dip)
 
 
-def bar_on_plate(part: FlatPart, arm: PlateArm, last: bool) -> Floats:
+def bar_on_plate(part: FlatPart, arm: PlateArm, from_end: bool) -> Floats:
     """(k, 2) the first or last end of a bar, as it lies on the unfolded plate; metres from the node."""
-    hole = next(one for one in (reversed(part.holes) if last else part.holes))
-    way = part.axis[1] - part.axis[0]
-    way = way / np.linalg.norm(way) * (-1 if last else 1)
-    off = part.outline - hole.at
-    along = off @ way + arm.holes[0]
-    aside = off @ np.array([-way[1], way[0]])
+    hole = next(hole_here for hole_here in (reversed(part.holes) if from_end else part.holes))
+    direction = part.axis[1] - part.axis[0]
+    direction = direction / np.linalg.norm(direction) * (-1 if from_end else 1)
+    offset = part.outline - hole.at
+    along = offset @ direction + arm.holes[0]
+    aside = offset @ np.array([-direction[1], direction[0]])
     reach = arm.root + SHOWN * (arm.end - arm.root)
     P = half_plane_clip(np.stack([along, aside], axis=1), np.array([1.0, 0.0]), reach)
-    return np.array([arm.at(x, y) for x, y in P.tolist()])
+    return np.array([arm.point(x, y) for x, y in P.tolist()])
 
 
 def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
@@ -190,7 +198,7 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
     heads = ("arm of bar", "along", "fold", "fold at", "holes at, mm")
     for place, head in zip(places, heads, strict=True):
         paper.text((x + place, y), head, 8, QUIET, "right" if place else "left")
-    paper.lines([np.array([[x, y - 2], [x + box.wide, y - 2]])], INK, 0.5)
+    paper.polylines([np.array([[x, y - 2], [x + box.wide, y - 2]])], INK, 0.5)
     for arm in arms:
         y -= 6
         holes = ", ".join(f"{MM_PER_M * r:.1f}" for r in arm.holes)
@@ -199,12 +207,12 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
         paper.text((x, y), arm.bar, 8, bold=True)
         for place, words in zip(places[1:], (*turned, holes), strict=True):
             paper.text((x + place, y), words, 8, side="right")
-    said = (
+    note = (
         "Millimetres from the middle of the hole at the node; degrees from the first arm, counter-clockwise. Folds go "
         "away from who sees the drawing where they are positive, at the lines FOLD: there the middles of the sheet "
         "meet, so take off what your own tool's radius takes. The engraved number on each arm is its fold."
     )
-    for k, line in enumerate(paper.wrapped(said, box.wide, 7.5)):
+    for k, line in enumerate(paper.wrapped_lines(note, box.wide, 7.5)):
         paper.text((x, y - 8 - 3.4 * k), line, 7.5, QUIET)
 
 
@@ -218,34 +226,34 @@ def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, b
     d, m = np.array([c, -s]), np.array([s, c])
     fold = np.array([arm.fold, -stock.lever])
 
-    def slab(begin: Floats, way: Floats, up: Floats, long: float, low: float, high: float) -> Floats:
-        ends = begin, begin + long * way
+    def slab(begin: Floats, direction: Floats, up: Floats, long: float, low: float, high: float) -> Floats:
+        ends = begin, begin + long * direction
         return np.array([ends[0] + low * up, ends[1] + low * up, ends[1] + high * up, ends[0] + high * up])
 
     t, half = stock.plate / 2, stock.bar / 2
     flat, up = np.array([1.0, 0.0]), np.array([0.0, 1.0])
     middle = slab(np.array([-arm.fold / 2, -stock.lever]), flat, up, 1.5 * arm.fold, -t, t)
     leg = slab(fold, d, m, arm.end - arm.fold, -t, t)
-    begin = arm.root - arm.fold + CLEAR * stock.bolt
+    begin = arm.root - arm.fold + BAR_CLEARANCE * stock.bolt
     bar = slab(fold + stock.lever * m, d, m, SHOWN * (arm.end - arm.fold), -half, half) + begin * d
     turn = np.eye(2) if arm.bar in bars else np.stack([d, m], axis=1)
-    shown = [one @ turn for one in ((middle, leg, bar) if arm.bar in bars else (middle, leg))]
-    every = np.concatenate(shown)
-    scale, said = usual_scale(min(np.array([box.wide - 4, box.high - 16]) / np.ptp(every, axis=0)))
-    fitted = Fitted.into(every.min(axis=0), every.max(axis=0), box, scale)
+    shown = [line @ turn for line in ((middle, leg, bar) if arm.bar in bars else (middle, leg))]
+    points = np.concatenate(shown)
+    scale, scale_name = usual_scale(min(np.array([box.wide - 4, box.high - 16]) / np.ptp(points, axis=0)))
+    fitted = DrawingTransform.fit_to_box(points.min(axis=0), points.max(axis=0), box, scale)
     words = f"Bar {arm.bar} on its arm" if arm.bar in bars else "The leg on the ground"
-    paper.text((box.x, box.y + box.high + 2), f"{words}, from the side, {said}", 9)
-    paper.lines([fitted.of(one) for one in shown], INK, 0.7, closed=True)
+    paper.text((box.x, box.y + box.high + 2), f"{words}, from the side, {scale_name}", 9)
+    paper.polylines([fitted.to_paper(line) for line in shown], INK, 0.7, closed=True)
     for r in arm.holes:
         place = fold + (r - arm.fold) * d
         if arm.bar not in bars:
-            paper.lines([fitted.of(np.array([place - 4 * t * m, place + 4 * t * m]) @ turn)], RED, 0.6)
+            paper.polylines([fitted.to_paper(np.array([place - 4 * t * m, place + 4 * t * m]) @ turn)], RED, 0.6)
             continue
         ends = np.array(
             [place - 2 * t * m - 0.5 * stock.bolt * m, place + (2 * half + 2 * t) * m + 0.5 * stock.bolt * m]
         )
-        paper.lines([fitted.of(ends)], RED, 0.6)
+        paper.polylines([fitted.to_paper(ends)], RED, 0.6)
     node = np.array([[0.0, -stock.lever - 6 * t], [0.0, half]]) @ turn
-    paper.lines([fitted.of(node)], QUIET, 0.4)
-    x, y = fitted.of(node[1]).tolist()
+    paper.polylines([fitted.to_paper(node)], QUIET, 0.4)
+    x, y = fitted.to_paper(node[1]).tolist()
     paper.text((x, y + 1.5), "node", 7.5, QUIET, "middle")

@@ -16,7 +16,7 @@ from dsfab.report.assembly.axonometry import (
     Axonometry,
     MemberFaces,
     bar_faces,
-    joined_faces,
+    faces_by_member,
     member_faces,
     plank_faces,
     skin_faces,
@@ -24,15 +24,15 @@ from dsfab.report.assembly.axonometry import (
 from dsfab.report.assembly.bar_pages import BAR_RULE, BARS_UNCHECKED, bar_figures, bar_pages, bar_steps, joint_pages
 from dsfab.report.assembly.card_model import MODEL_UNCHECKED, model_figures, model_pages
 from dsfab.report.assembly.flat_parts import cut_list_pages, family_pages, nest_pages, node_pages, sheet_figures
-from dsfab.report.assembly.overview import cover, named_view, refolded_pages
-from dsfab.report.assembly.paper import HAIR, HIGH, INK, MARGIN, PAGE, QUIET, WIDE, Paper
-from dsfab.report.assembly.sequence import RULE, assembly_steps, plank_rule, plank_steps, step_pages
+from dsfab.report.assembly.overview import draw_cover, draw_named_view, refolded_pages
+from dsfab.report.assembly.paper import HAIR, INK, MARGIN, PAGE, PAPER_HEIGHT, PAPER_WIDTH, QUIET, Paper
+from dsfab.report.assembly.sequence import LAYER_RULE, assembly_steps, plank_rule, plank_steps, step_pages
 from dsfab.report.pdf_pages import MM, fonts
 from dsfab.workshop import WorkshopPlan
 
-Page = tuple[str, Callable[[Paper], None]]
+BookPage = tuple[str, Callable[[Paper], None]]
 
-UNCHECKED = (
+LAYERS_UNCHECKED = (
     "the statics of bolts, of splices and of layers that slide on each other: the design was judged as one sheet",
     "the statics while it is being put up; props and scaffolding",
     "springback of bent layers, and what they creep",
@@ -47,7 +47,7 @@ def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
     from reportlab.pdfgen.canvas import Canvas
 
     name, file = design.preset.name, io.BytesIO()
-    canvas = Canvas(file, pagesize=(WIDE * MM, HIGH * MM), invariant=1, pageCompression=1)
+    canvas = Canvas(file, pagesize=(PAPER_WIDTH * MM, PAPER_HEIGHT * MM), invariant=1, pageCompression=1)
     canvas.setTitle(f"{name}: assembly")
     canvas.setAuthor("dsfab")
     regular, bold, _ = fonts(name)
@@ -55,48 +55,54 @@ def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
     pages = book_pages(plan, design)
     for number, (title, draw) in enumerate(pages, 1):
         draw(paper)
-        _edges(paper, name, title, f"{number} / {len(pages)}")
+        _header_and_footer(paper, name, title, f"{number} / {len(pages)}")
         canvas.showPage()
     canvas.save()
     return file.getvalue()
 
 
-def book_pages(plan: WorkshopPlan, design: Design) -> list[Page]:
+def book_pages(plan: WorkshopPlan, design: Design) -> list[BookPage]:
     """Return all pages in order. A flat design has no steps of assembly, because its pieces are butted."""
-    flat = [*cut_list_pages(plan), *nest_pages(plan)]
-    last = ("What was not checked", partial(_unchecked, plan=plan))
+    flat_pages = [*cut_list_pages(plan), *nest_pages(plan)]
+    last_page = ("What was not checked", partial(_unchecked_page, plan=plan))
     if plan.graph is None:
-        return [*flat, last]
+        return [*flat_pages, last_page]
     load = design.load if design.has("statics") else None
     up = up_axis(plan.graph.sheet.surface.V, design.surface, load)
     if plan.planks:
-        return [*_plank_book(plan, design, up), last]
+        return [*_plank_book(plan, design, up), last_page]
     if plan.route == "panels":
-        return [*_panel_book(plan, design, up), last]
+        return [*_panel_book(plan, design, up), last_page]
     if plan.layering is None:
-        return [*_bar_book(plan, design, up), last]
+        return [*_bar_book(plan, design, up), last_page]
     built = {part.member for part in plan.parts}
-    faces = [one for one in member_faces(plan.graph, PAPER, plan.layering) if one.id in built]
+    faces = [face for face in member_faces(plan.graph, PAPER, plan.layering) if face.id in built]
     return [
-        ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
+        (
+            "Assembly",
+            partial(draw_cover, faces=faces, up=up, figures=_key_figures(plan, design), notes=list(plan.notes)),
+        ),
         *model_pages(plan),
-        *_views(faces, up),
+        *_view_pages(faces, up),
         *refolded_pages(plan, faces, up),
         *family_pages(plan),
-        *flat,
+        *flat_pages,
         *node_pages(plan),
-        *step_pages(assembly_steps(plan.graph, plan.layering, up), faces, up, RULE),
-        last,
+        *step_pages(assembly_steps(plan.graph, plan.layering, up), faces, up, LAYER_RULE),
+        last_page,
     ]
 
 
-def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
+def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
     parts = bar_faces(plan, PAPER)
-    members = joined_faces(parts, plan)
+    members = faces_by_member(parts, plan)
     return [
-        ("Assembly", partial(cover, faces=parts, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
+        (
+            "Assembly",
+            partial(draw_cover, faces=parts, up=up, figures=_key_figures(plan, design), notes=list(plan.notes)),
+        ),
         *joint_pages(plan),
-        *_views(members, up),
+        *_view_pages(members, up),
         *family_pages(plan),
         *bar_pages(plan),
         *cut_list_pages(plan),
@@ -106,11 +112,14 @@ def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
     ]
 
 
-def _plank_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
+def _plank_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
     faces = plank_faces(plan, PAPER)
     return [
-        ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
-        *_views(faces, up),
+        (
+            "Assembly",
+            partial(draw_cover, faces=faces, up=up, figures=_key_figures(plan, design), notes=list(plan.notes)),
+        ),
+        *_view_pages(faces, up),
         *refolded_pages(plan, faces, up),
         *family_pages(plan),
         *cut_list_pages(plan),
@@ -120,28 +129,31 @@ def _plank_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
     ]
 
 
-def _panel_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
+def _panel_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
     faces = skin_faces(plan, PAPER)
     return [
-        ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
+        (
+            "Assembly",
+            partial(draw_cover, faces=faces, up=up, figures=_key_figures(plan, design), notes=list(plan.notes)),
+        ),
         *model_pages(plan),
-        *_views(faces, up),
+        *_view_pages(faces, up),
         *family_pages(plan),
         *cut_list_pages(plan),
         *nest_pages(plan),
     ]
 
 
-def _views(faces: list[MemberFaces], up: Floats) -> list[Page]:
+def _view_pages(faces: list[MemberFaces], up: Floats) -> list[BookPage]:
     views = (
-        ("Members, from above", Axonometry.of(up, -90.0, 90.0)),
-        ("Members, from the front", Axonometry.of(up)),
-        ("Members, from behind", Axonometry.of(up, 122.0)),
+        ("Members, from above", Axonometry.from_angles(up, -90.0, 90.0)),
+        ("Members, from the front", Axonometry.from_angles(up)),
+        ("Members, from behind", Axonometry.from_angles(up, 122.0)),
     )
-    return [(title, partial(named_view, faces=faces, view=view)) for title, view in views]
+    return [(title, partial(draw_named_view, faces=faces, view=view)) for title, view in views]
 
 
-def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
+def _key_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
     graph, preset = plan.graph, design.preset
     assert graph is not None
     size = np.ptp(graph.sheet.surface.V, axis=0)
@@ -154,7 +166,7 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
         return bar_figures(plan, design)
     if plan.planks:
         layers = [("Depth of planks", length(plan.planks.stock.depth)), ("Thickness", length(plan.thickness))]
-        joints = ("Nodes with slots", str(len(plan.planks.found.crossings.found)))
+        joints = ("Nodes with slots", str(len(plan.planks.planks.crossings.crossings)))
     else:
         layers = [("Thickness of a layer", length(plan.thickness))]
         layers += [("Layers where two members cross", str(preset.workshop.layers))]
@@ -165,7 +177,7 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
             "Members",
             f"{len({part.member for part in plan.parts})}, together {sum(m.length for m in graph.members):,.0f} m",
         ),
-        ("Parts", f"{len(plan.parts)}, {len(plan.same)} different"),
+        ("Parts", f"{len(plan.parts)}, {len(plan.equal_parts)} different"),
         ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
         *sheet_figures(plan),
         *layers,
@@ -192,17 +204,17 @@ PLANKS_UNCHECKED = (
 def _unchecked_points(plan: WorkshopPlan) -> tuple[str, ...]:
     if plan.model:
         return MODEL_UNCHECKED
-    return BARS_UNCHECKED if plan.bars else PLANKS_UNCHECKED if plan.planks else UNCHECKED
+    return BARS_UNCHECKED if plan.bars else PLANKS_UNCHECKED if plan.planks else LAYERS_UNCHECKED
 
 
-def _unchecked(paper: Paper, plan: WorkshopPlan) -> None:
+def _unchecked_page(paper: Paper, plan: WorkshopPlan) -> None:
     x, y = PAGE.x, PAGE.y + PAGE.high - 8
     blocks = (("Not checked by dsfab:", _unchecked_points(plan)), ("Notes on this plan:", plan.notes))
     for head, notes in blocks:
         paper.text((x, y), head, 11, bold=True)
         y -= 7
         for note in notes:
-            for k, line in enumerate(paper.wrapped(note, 240, 10)):
+            for k, line in enumerate(paper.wrapped_lines(note, 240, 10)):
                 if k == 0:
                     paper.text((x, y), "·", 10)
                 paper.text((x + 5, y), line, 10)
@@ -211,11 +223,11 @@ def _unchecked(paper: Paper, plan: WorkshopPlan) -> None:
         y -= 6
 
 
-def _edges(paper: Paper, name: str, title: str, number: str) -> None:
-    top, right = HIGH - 16, WIDE - MARGIN
+def _header_and_footer(paper: Paper, name: str, title: str, number: str) -> None:
+    top, right = PAPER_HEIGHT - 16, PAPER_WIDTH - MARGIN
     paper.text((MARGIN, top), name, 15, bold=True)
     paper.text((MARGIN + paper.width(name, 15, bold=True) + 6, top), title, 15, QUIET)
-    paper.lines([np.array([[MARGIN, top - 4], [right, top - 4]])], INK, 0.8)
-    paper.lines([np.array([[MARGIN, 10.5], [right, 10.5]])], HAIR, 0.5)
+    paper.polylines([np.array([[MARGIN, top - 4], [right, top - 4]])], INK, 0.8)
+    paper.polylines([np.array([[MARGIN, 10.5], [right, 10.5]])], HAIR, 0.5)
     paper.text((MARGIN, 6.5), f"dsfab {__version__} · seen from where normals point to · A3", 7.5, QUIET)
     paper.text((right, 6.5), number, 7.5, QUIET, "right")

@@ -6,8 +6,8 @@ import numpy as np
 
 from dsfab.core.messages import length
 from dsfab.core.units import MM_PER_M
-from dsfab.report.assembly.flat_parts import Page, sheet_figures
-from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, Fitted, Paper, PaperBox, usual_scale
+from dsfab.report.assembly.flat_parts import PartsPage, sheet_figures
+from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, DrawingTransform, Paper, PaperBox, usual_scale
 from dsfab.workshop import FlatPart, WorkshopPlan
 
 MODEL_UNCHECKED = (
@@ -39,9 +39,9 @@ PANEL_STEPS = (
 )
 """Steps for panels after cutting: head and text."""
 
-WIDE = 150.0
+TEXT_WIDTH = 150.0
 """Width of the text, millimetres; the base plate takes the rest of the page."""
-NAMES = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around supports and loads (ring, band)"}
+FAMILY_WORDS = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around supports and loads (ring, band)"}
 
 
 def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
@@ -54,7 +54,7 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
         ("Model", f"1:{plan.model:g}"),
         ("Size over all", " x ".join(f"{x:.0f}" for x in size) + " mm"),
         ("Members", f"{len({part.member for part in plan.parts} - {''})}"),
-        ("Parts", f"{len(plan.parts)}, {len(plan.same)} different"),
+        ("Parts", f"{len(plan.parts)}, {len(plan.equal_parts)} different"),
         ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
         *sheet_figures(plan, "Sheets of card"),
         ("Thickness of the card", length(plan.thickness)),
@@ -70,30 +70,30 @@ def _millimetres(size: tuple[float, float]) -> str:
     return " x ".join(f"{MM_PER_M * x:.0f}" for x in size) + " mm"
 
 
-def model_pages(plan: WorkshopPlan) -> list[Page]:
+def model_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return the page for a model of members; none for a structure at full size."""
-    return [(f"Building the model at 1:{plan.model:g}", _page(plan))] if plan.model and plan.graph else []
+    return [(f"Building the model at 1:{plan.model:g}", _model_page(plan))] if plan.model and plan.graph else []
 
 
-def _page(plan: WorkshopPlan) -> Callable[[Paper], None]:
+def _model_page(plan: WorkshopPlan) -> Callable[[Paper], None]:
     def draw(paper: Paper) -> None:
         x, y = PAGE.x, PAGE.y + PAGE.high - 8
-        for number, (head, words) in enumerate(_steps(plan), 1):
+        for number, (head, words) in enumerate(_model_steps(plan), 1):
             paper.text((x, y), f"{number}", 12, bold=True)
             paper.text((x + 8, y), head, 10, bold=True)
             y -= 5.5
-            for line in paper.wrapped(words, WIDE - 8, 9):
+            for line in paper.wrapped_lines(words, TEXT_WIDTH - 8, 9):
                 paper.text((x + 8, y), line, 9)
                 y -= 4.4
             y -= 5
         plates = [part for part in plan.parts if part.id.startswith("base")]
         if plates:
-            _plate(paper, plates)
+            _base_plate_drawing(paper, plates)
 
     return draw
 
 
-def _steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
+def _model_steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     yield (
         "Cut",
         f"Send sheet_1 and those after it (DXF or SVG, millimetres) to the laser, on card of {length(plan.thickness)}. "
@@ -118,44 +118,47 @@ def _steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     names = {part.member for part in plan.parts if part.member}
     yield (
         "Build from the base",
-        f"{_order(plan, names)} Put tabs into the slots of their names, then push a pin of {pins} through both "
-        f"holes of each node, a drop of glue between the strips.{_packing(plan)} Pull the pins when it has set.",
+        f"{_layer_order(plan, names)} Put tabs into the slots of their names, then push a pin of {pins} through both "
+        f"holes of each node, a drop of glue between the strips.{_packing_words(plan)} Pull the pins when it has set.",
     )
 
 
-def _order(plan: WorkshopPlan, names: set[str]) -> str:
+def _layer_order(plan: WorkshopPlan, names: set[str]) -> str:
     graph, layering = plan.graph, plan.layering
     assert graph is not None
     assert layering is not None
     families = {member.family for member in graph.members if member.id in names and member.family}
-    ordered = sorted(families, key=lambda family: -layering.numbers(family)[-1])
-    shown = ", then ".join(NAMES.get(family, family) for family in ordered)
+    ordered = sorted(families, key=lambda family: -layering.family_layers(family)[-1])
+    shown = ", then ".join(FAMILY_WORDS.get(family, family) for family in ordered)
     plates = sorted(part.id for part in plan.parts if part.member and not len(part.axis))
     below = f"Plates ({', '.join(plates[:4])}{', ...' if len(plates) > 4 else ''}) go inside of all. " if plates else ""
     return f"Layers from the inside: {shown}. {below}"
 
 
-def _packing(plan: WorkshopPlan) -> str:
+def _packing_words(plan: WorkshopPlan) -> str:
     squares = [part.id for part in plan.parts if not part.member and part.holes]
     if not squares:
         return ""
     return f" At {len({name.partition('.')[0] for name in squares})} nodes squares ({squares[0]}, ...) go between them."
 
 
-def _plate(paper: Paper, plates: list[FlatPart]) -> None:
-    room = PaperBox(PAGE.x + WIDE + 12, PAGE.y, PAGE.wide - WIDE - 12, PAGE.high - 10)
+def _base_plate_drawing(paper: Paper, plates: list[FlatPart]) -> None:
+    room = PaperBox(PAGE.x + TEXT_WIDTH + 12, PAGE.y, PAGE.wide - TEXT_WIDTH - 12, PAGE.high - 10)
     wide, high = max(part.size[0] for part in plates), max(part.size[1] for part in plates)
     across = min(len(plates), max(1, round(float(np.sqrt(len(plates) * high / wide * room.wide / room.high)))))
     down = -(-len(plates) // across)
-    most = min((room.wide / across - 6) / wide, (room.high / down - 10) / high)
-    scale, said = usual_scale(most)
+    largest_scale = min((room.wide / across - 6) / wide, (room.high / down - 10) / high)
+    scale, scale_name = usual_scale(largest_scale)
     for part, cell in zip(plates, room.cells(across, down, 6.0), strict=False):
         middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
-        fitted = Fitted.into(middle - part.size / 2, middle + part.size / 2, cell, scale)
-        paper.lines([fitted.of(mark) for mark in part.marks], QUIET, 0.3)
+        fitted = DrawingTransform.fit_to_box(middle - part.size / 2, middle + part.size / 2, cell, scale)
+        paper.polylines([fitted.to_paper(mark) for mark in part.marks], QUIET, 0.3)
         if part.slots:
-            paper.lines([fitted.of(slot) for slot in part.slots], INK, 0.5, closed=True)
-        paper.lines([fitted.of(part.outline)], INK, 0.7, closed=True)
-    words = f"{', '.join(part.id for part in plates[:6])}, {said}: slots with the names of the parts that stand in them"
+            paper.polylines([fitted.to_paper(slot) for slot in part.slots], INK, 0.5, closed=True)
+        paper.polylines([fitted.to_paper(part.outline)], INK, 0.7, closed=True)
+    words = (
+        f"{', '.join(part.id for part in plates[:6])}, {scale_name}: slots with the names of the parts that "
+        "stand in them"
+    )
     paper.text((room.x, PAGE.y + PAGE.high - 6), words, 8)
-    paper.lines([np.array([[room.x - 6, PAGE.y], [room.x - 6, PAGE.y + PAGE.high]])], HAIR, 0.4)
+    paper.polylines([np.array([[room.x - 6, PAGE.y], [room.x - 6, PAGE.y + PAGE.high]])], HAIR, 0.4)

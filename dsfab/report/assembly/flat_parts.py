@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dsfab.core.messages import counted
+from dsfab.core.messages import count_phrase
 from dsfab.core.units import MM_PER_M
 from dsfab.members import Member
-from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, Fitted, Paper, PaperBox, usual_scale
+from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTransform, Paper, PaperBox, usual_scale
 from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_table, stock_cost, stock_words
 
 ACROSS, DOWN = 4, 13
@@ -16,30 +16,30 @@ ROWS, COLUMNS = 62, 3
 """Nodes on a page."""
 LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
 """Scale at which names of parts are legible, of a structure and of a model: millimetres of paper per metre."""
-Page = tuple[str, Callable[[Paper], None]]
+PartsPage = tuple[str, Callable[[Paper], None]]
 
 
 def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
     """Return number, size and use of the sheets, and their price, if known."""
     cost = stock_cost(plan.sheets)
     priced = [("Price of the sheets", money(cost))] if cost else []
-    return [(name, f"{stock_words(plan.sheets)}, {plan.used:.0%} used"), *priced]
+    return [(name, f"{stock_words(plan.sheets)}, {plan.used_share:.0%} used"), *priced]
 
 
-def cut_list_pages(plan: WorkshopPlan) -> list[Page]:
+def cut_list_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages of the distinct parts: outline, size, number of copies, and sheets."""
     pages = []
     per_page = ACROSS * DOWN
-    for k in range(0, len(plan.same), per_page):
-        some = plan.same[k : k + per_page]
-        first, last = plan.parts[some[0][0]].id, plan.parts[some[-1][0]].id
-        pages.append((f"Cut list, {_part_count(plan)}: {first} to {last}", _cut_list_page(plan, some)))
+    for k in range(0, len(plan.equal_parts), per_page):
+        groups = plan.equal_parts[k : k + per_page]
+        first_id, last_id = plan.parts[groups[0][0]].id, plan.parts[groups[-1][0]].id
+        pages.append((f"Cut list, {_part_count(plan)}: {first_id} to {last_id}", _cut_list_page(plan, groups)))
     return pages
 
 
 def _part_count(plan: WorkshopPlan) -> str:
-    mm = sorted({MM_PER_M * plan.thickness_of(part) for part in plan.parts}, reverse=True)
-    return f"{len(plan.parts)} parts of {' and '.join(f'{x:g}' for x in mm)} mm, {len(plan.same)} different"
+    mm = sorted({MM_PER_M * plan.part_thickness(part) for part in plan.parts}, reverse=True)
+    return f"{len(plan.parts)} parts of {' and '.join(f'{x:g}' for x in mm)} mm, {len(plan.equal_parts)} different"
 
 
 def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Callable[[Paper], None]:
@@ -47,103 +47,116 @@ def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Cal
         for cell, group in zip(PAGE.cells(ACROSS, DOWN, 3.0), groups, strict=False):
             part = plan.parts[group[0]]
             a, b = (MM_PER_M * part.size).tolist()
-            sheets = ", ".join(map(str, sorted({plan.sheet_of[plan.parts[k].id] for k in group})))
+            sheets = ", ".join(map(str, sorted({plan.sheet_numbers[plan.parts[k].id] for k in group})))
             top = cell.y + cell.high - 3.4
             paper.text((cell.x, top), f"{len(group)} x {part.id}", 8, bold=True)
             paper.text((cell.x + cell.wide, top), f"{a:,.0f} x {b:,.0f}", 7.5, side="right")
-            thick = f" · {MM_PER_M * plan.thickness_of(part):g} mm" if plan.bars else ""
+            thick = f" · {MM_PER_M * plan.part_thickness(part):g} mm" if plan.bars else ""
             holes = f"{len(part.holes)} hole{'' if len(part.holes) == 1 else 's'}" if part.holes else ""
             words = f"{holes}{thick} · sheet {sheets}".removeprefix(" · ")
-            paper.text((cell.x, cell.y + 0.6), _short(words, 64), 6, QUIET)
+            paper.text((cell.x, cell.y + 0.6), _shortened(words, 64), 6, QUIET)
             room = PaperBox(cell.x, cell.y + 3.4, cell.wide, cell.high - 8.4)
             half = part.size / 2
             middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
-            _outline(paper, part, Fitted.into(middle - half, middle + half, room))
-            paper.lines([np.array([[cell.x, cell.y - 1.2], [cell.x + cell.wide, cell.y - 1.2]])], HAIR, 0.3)
+            _outline(paper, part, DrawingTransform.fit_to_box(middle - half, middle + half, room))
+            paper.polylines([np.array([[cell.x, cell.y - 1.2], [cell.x + cell.wide, cell.y - 1.2]])], HAIR, 0.3)
 
     return draw
 
 
-def _short(words: str, most: int) -> str:
-    return words if len(words) <= most else words[: most - 3] + "..."
+def _shortened(words: str, limit: int) -> str:
+    return words if len(words) <= limit else words[: limit - 3] + "..."
 
 
-def _outline(paper: Paper, part: FlatPart, fitted: Fitted) -> None:
-    paper.lines([fitted.of(part.outline), *(fitted.of(slot) for slot in part.slots)], INK, 0.4, closed=True)
+def _outline(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
+    paper.polylines(
+        [fitted.to_paper(part.outline), *(fitted.to_paper(slot) for slot in part.slots)], INK, 0.4, closed=True
+    )
     if part.folds:
-        paper.lines([fitted.of(fold.line) for fold in part.folds], RED, 0.3)
+        paper.polylines([fitted.to_paper(fold.line) for fold in part.folds], RED, 0.3)
     if part.holes:
-        places = fitted.of(np.array([hole.at for hole in part.holes]))
+        places = fitted.to_paper(np.array([hole.at for hole in part.holes]))
         paper.circles(places, max(part.holes[0].diameter * fitted.scale, 0.3), INK)
 
 
-def nest_pages(plan: WorkshopPlan) -> list[Page]:
+def nest_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages of all sheets at one usual scale, each part with its name."""
     wide = max(sheet.size[0] for sheet in plan.sheets)
     high = max(sheet.size[1] for sheet in plan.sheets)
     legible = LEGIBLE_MODEL if plan.model else LEGIBLE
     across, down = max(
         ((a, d) for a in (1, 2, 3) for d in (1, 2, 3, 4)),
-        key=lambda n: (_room(n[0], n[1], wide, high) > legible, min(n[0] * n[1], 6), _room(n[0], n[1], wide, high)),
+        key=lambda n: (
+            _largest_scale(n[0], n[1], wide, high) > legible,
+            min(n[0] * n[1], 6),
+            _largest_scale(n[0], n[1], wide, high),
+        ),
     )
-    scale, said = usual_scale(_room(across, down, wide, high))
+    scale, scale_name = usual_scale(_largest_scale(across, down, wide, high))
     pages = []
     for k in range(0, len(plan.sheets), across * down):
-        some = plan.sheets[k : k + across * down]
+        sheets = plan.sheets[k : k + across * down]
         cells = PAGE.cells(across, down, 5.0)
         pages.append(
-            (f"Sheets {k + 1} to {k + len(some)} of {len(plan.sheets)}, {said}", _nests(some, k, cells, scale))
+            (
+                f"Sheets {k + 1} to {k + len(sheets)} of {len(plan.sheets)}, {scale_name}",
+                _nest_page(sheets, k, cells, scale),
+            )
         )
     return pages
 
 
-def _room(across: int, down: int, wide: float, high: float) -> float:
+def _largest_scale(across: int, down: int, wide: float, high: float) -> float:
     """Millimetres per metre at which this many sheets fit on a page."""
     return min((PAGE.wide / across - 6) / wide, (PAGE.high / down - 12) / high)
 
 
-def _nests(sheets: Sequence[NestedSheet], first: int, cells: list[PaperBox], scale: float) -> Callable[[Paper], None]:
+def _nest_page(
+    sheets: Sequence[NestedSheet], sheets_before: int, cells: list[PaperBox], scale: float
+) -> Callable[[Paper], None]:
     def draw(paper: Paper) -> None:
-        for k, (sheet, cell) in enumerate(zip(sheets, cells, strict=False), first + 1):
+        for k, (sheet, cell) in enumerate(zip(sheets, cells, strict=False), sheets_before + 1):
             size = np.array(sheet.size)
-            fitted = Fitted(scale, np.array([cell.x, cell.y + cell.high - 6 - scale * size[1]]))
-            frame = fitted.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size)
+            fitted = DrawingTransform(scale, np.array([cell.x, cell.y + cell.high - 6 - scale * size[1]]))
+            frame = fitted.to_paper(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size)
             a, b = (MM_PER_M * size).tolist()
             thick = sheet.parts[0].part.thickness
             size_words = f"{a:,.0f} x {b:,.0f} mm" + (f" x {MM_PER_M * thick:g} mm" if thick else "")
-            words = f"Sheet {k}   {size_words}   {sheet.used:.0%} used"
+            words = f"Sheet {k}   {size_words}   {sheet.used_share:.0%} used"
             paper.text(frame[3] + [0, 2], words, 8, bold=True)
-            for one in sheet.parts:
-                _outline(paper, one.placed, fitted)
-            paper.lines([frame], QUIET, 0.6, closed=True)
-            for one in sheet.parts:
-                _part_name(paper, one.placed, fitted)
+            for placement in sheet.parts:
+                _outline(paper, placement.placed_part, fitted)
+            paper.polylines([frame], QUIET, 0.6, closed=True)
+            for placement in sheet.parts:
+                _part_name(paper, placement.placed_part, fitted)
         paper.scale_bar((PAGE.x, PAGE.y - 4), scale)
 
     return draw
 
 
-def _part_name(paper: Paper, part: FlatPart, fitted: Fitted) -> None:
+def _part_name(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
     middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
-    x, y = fitted.of(part.axis[len(part.axis) // 2] if len(part.axis) else middle).tolist()
+    x, y = fitted.to_paper(part.axis[len(part.axis) // 2] if len(part.axis) else middle).tolist()
     long, high = paper.width(part.id, 5.5) / 2 + 0.3, 1.0
     upright = part.size[1] > part.size[0]
     half = np.array([high, long] if upright else [long, high])
-    paper.filled(np.array([x, y]) + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]), (1, 1, 1))
+    paper.polygon(np.array([x, y]) + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]), (1, 1, 1))
     if upright:
-        paper.upright((x, y - long + 0.3), part.id, 5.5)
+        paper.upright_text((x, y - long + 0.3), part.id, 5.5)
     else:
         paper.text((x, y - 0.7), part.id, 5.5, side="middle")
 
 
-def node_pages(plan: WorkshopPlan) -> list[Page]:
+def node_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages of all nodes with a bolt: members, their angle, and place."""
     rows = node_table(plan).rows
     pages = []
     per_page = ROWS * COLUMNS
     for k in range(0, len(rows), per_page):
-        some = rows[k : k + per_page]
-        pages.append((f"Nodes {some[0][0]} to {some[-1][0]}", _node_page(some, "on" if plan.layering else "with")))
+        page_rows = rows[k : k + per_page]
+        pages.append(
+            (f"Nodes {page_rows[0][0]} to {page_rows[-1][0]}", _node_page(page_rows, "on" if plan.layering else "with"))
+        )
     return pages
 
 
@@ -157,14 +170,20 @@ def _node_page(rows: Sequence[Sequence[str | int | float]], meets: str) -> Calla
             x, top = PAGE.x + k // ROWS * PAGE.wide / COLUMNS, PAGE.y + PAGE.high - step
             for place, head in zip(places, heads, strict=True):
                 paper.text((x + place, top), head, 6.5, QUIET, "left" if place < 50 else "right")
-            paper.lines([np.array([[x, top - 1], [x + 122, top - 1]])], INK, 0.5)
-            for row, (name, kind, one, two, _, _, angle, *at) in enumerate(rows[k : k + ROWS], 1):
+            paper.polylines([np.array([[x, top - 1], [x + 122, top - 1]])], INK, 0.5)
+            for row, (name, kind, lower_member, upper_member, _, _, angle, *coordinates) in enumerate(
+                rows[k : k + ROWS], 1
+            ):
                 y = top - row * step
-                words = f"{one} {meets} {two}" if kind == "crossing" else f"{one}, {two} ({kind})"
+                words = (
+                    f"{lower_member} {meets} {upper_member}"
+                    if kind == "crossing"
+                    else f"{lower_member}, {upper_member} ({kind})"
+                )
                 paper.text((x, y), str(name), 6.5, bold=True)
                 paper.text((x + places[1], y), words, 6.5)
                 shown = "" if angle != angle else f"{angle:.1f}°"
-                for place, value in zip(places[2:], (shown, *(f"{value:,.0f}" for value in at)), strict=True):
+                for place, value in zip(places[2:], (shown, *(f"{value:,.0f}" for value in coordinates)), strict=True):
                     paper.text((x + place, y), value, 6.5, side="right")
         paper.text(
             (PAGE.x, PAGE.y - 4), "Millimetres, on the middle surface; angles between the members there.", 7, QUIET
@@ -179,91 +198,97 @@ NAMES = 44.0
 """Millimetres for its name, to the left of its line."""
 APART = 2.1
 """Least millimetres between the names of two nodes; a node closer than that has a tick alone."""
-SPLICED = (
+SPLICED_NOTE = (
     "Above each line the member that crosses there, below it millimetres along the middle surface from the beginning; "
     "red: splices. Bays of a layer are those of its drawing."
 )
-BARRED = (
+BARS_NOTE = (
     "Above each line the member that crosses there, below it millimetres along the curved axis from the beginning; "
     "red: the number of each bar, 3 for A07.3. Lengths of bars are those of their drawings."
 )
-HALVED = (
+PLANKS_NOTE = (
     "Above each line the member that crosses there, below it millimetres along the axis from the beginning; red: "
     "splices. Slots are open above where the other plank is put on, and below where this one is put on the other."
 )
-PANELS = (
+PANELS_NOTE = (
     "Above each line the member that crosses there, below it millimetres from the beginning, of the model; red: where "
     "panels begin, at the edge of what goes through or at a splice."
 )
-FAMILIES = {"major": "Family A", "minor": "Family B", "rim": "Edges", "keep": "Around supports and loads"}
+FAMILY_TITLES = {"major": "Family A", "minor": "Family B", "rim": "Edges", "keep": "Around supports and loads"}
 PER_PAGE = int(PAGE.high // ROW)
 
 
 def family_pages(plan: WorkshopPlan) -> list[tuple[str, Callable[[Paper], None]]]:
     """Return pages with the members of one family in order, at one scale: title and drawing."""
     assert plan.graph is not None
-    found = []
+    pages = []
     built = {part.member for part in plan.parts}
     for family in dict.fromkeys(member.family for member in plan.graph.members):
-        members = [one for one in plan.graph.members if one.family == family and one.id in built]
+        members = [
+            built_member
+            for built_member in plan.graph.members
+            if built_member.family == family and built_member.id in built
+        ]
         longest = max((member.length for member in members), default=0.0)
         for k in range(0, len(members), PER_PAGE):
-            some = members[k : k + PER_PAGE]
-            title = f"{FAMILIES.get(family, family.title())}: {some[0].id} to {some[-1].id}"
-            found.append((title, _page(plan, some, (PAGE.wide - NAMES - 6) / max(longest, 1e-9))))
-    return found
+            page_members = members[k : k + PER_PAGE]
+            title = f"{FAMILY_TITLES.get(family, family.title())}: {page_members[0].id} to {page_members[-1].id}"
+            pages.append((title, _family_page(plan, page_members, (PAGE.wide - NAMES - 6) / max(longest, 1e-9))))
+    return pages
 
 
-def _page(plan: WorkshopPlan, members: list[Member], scale: float) -> Callable[[Paper], None]:
+def _family_page(plan: WorkshopPlan, members: list[Member], scale: float) -> Callable[[Paper], None]:
     def draw(paper: Paper) -> None:
         for k, member in enumerate(members):
-            _row(paper, plan, member, PAGE.y + PAGE.high - (k + 1) * ROW, scale)
-        paper.text((PAGE.x, PAGE.y - 4), _said(plan), 7, QUIET)
+            _member_row(paper, plan, member, PAGE.y + PAGE.high - (k + 1) * ROW, scale)
+        paper.text((PAGE.x, PAGE.y - 4), _family_note(plan), 7, QUIET)
 
     return draw
 
 
-def _said(plan: WorkshopPlan) -> str:
+def _family_note(plan: WorkshopPlan) -> str:
     if plan.route == "panels":
-        return PANELS
-    return BARRED if plan.bars else HALVED if plan.planks else SPLICED
+        return PANELS_NOTE
+    return BARS_NOTE if plan.bars else PLANKS_NOTE if plan.planks else SPLICED_NOTE
 
 
-def _row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: float) -> None:
+def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: float) -> None:
     parts = [part for part in plan.parts if part.member == member.id]
     pieces = [part for part in parts if ".c" not in part.id]
     size = f"{MM_PER_M * member.length:,.0f} x {MM_PER_M * member.mean_width:.0f} mm" if member.axis else "plate"
     paper.text((PAGE.x, y + 13), member.id, 12, bold=True)
     paper.text((PAGE.x, y + 9), size, 7)
     covers = len(parts) - len(pieces)
-    words = counted(len(pieces), "bar" if plan.bars else "piece") + (f", {counted(covers, 'cover')}" if covers else "")
+    words = count_phrase(len(pieces), "bar" if plan.bars else "piece") + (
+        f", {count_phrase(covers, 'cover')}" if covers else ""
+    )
     paper.text((PAGE.x, y + 5.5), words, 7, QUIET)
     if pieces and plan.layering:
         paper.text((PAGE.x, y + 2), f"layer at {MM_PER_M * pieces[0].layer:+.0f} mm", 7, QUIET)
-    paper.lines([np.array([[PAGE.x, y - 0.5], [PAGE.x + PAGE.wide, y - 0.5]])], HAIR, 0.3)
+    paper.polylines([np.array([[PAGE.x, y - 0.5], [PAGE.x + PAGE.wide, y - 0.5]])], HAIR, 0.3)
     if member.axis is None:
         return
-    left, middle = PAGE.x + NAMES, y + 11.0
-    paper.lines([np.array([[left, middle], [left + scale * member.length, middle]])], INK, 1.6)
-    _nodes(paper, plan, member, (left, middle), scale)
+    start, middle = PAGE.x + NAMES, y + 11.0
+    paper.polylines([np.array([[start, middle], [start + scale * member.length, middle]])], INK, 1.6)
+    _node_ticks(paper, plan, member, (start, middle), scale)
     for part in pieces:
         if plan.bars and scale * (part.span[1] - part.span[0]) > APART:
             paper.text(
-                (left + scale * sum(part.span) / 2, middle + 1.2), part.id.rpartition(".")[2], 5.2, RED, "middle"
+                (start + scale * sum(part.span) / 2, middle + 1.2), part.id.rpartition(".")[2], 5.2, RED, "middle"
             )
         elif 0 < part.span[0] < member.length and not plan.bars:
-            x = left + scale * part.span[0]
-            paper.lines([np.array([[x, middle - 2.2], [x, middle + 2.2]])], RED, 1.2)
+            x = start + scale * part.span[0]
+            paper.polylines([np.array([[x, middle - 2.2], [x, middle + 2.2]])], RED, 1.2)
 
 
-def _nodes(paper: Paper, plan: WorkshopPlan, member: Member, at: tuple[float, float], scale: float) -> None:
+def _node_ticks(paper: Paper, plan: WorkshopPlan, member: Member, origin: tuple[float, float], scale: float) -> None:
     assert plan.graph is not None
-    (left, middle), last = at, -np.inf
-    for node in plan.graph.along[member.id]:
+    (start, middle), labelled = origin, -np.inf
+    for node in plan.graph.nodes_along[member.id]:
         k = node.members.index(member.id)
-        x = left + scale * node.at[k]
-        paper.lines([np.array([[x, middle - 1.4], [x, middle + 1.4]])], INK, 0.4)
-        if x - last >= APART:
-            paper.upright((x, middle + 2.4), node.members[1 - k], 5.2)
-            paper.upright((x, middle - 10.2), f"{MM_PER_M * node.at[k]:,.0f}", 5.2, QUIET)
-            last = x
+        x = start + scale * node.at[k]
+        paper.polylines([np.array([[x, middle - 1.4], [x, middle + 1.4]])], INK, 0.4)
+        if x - labelled >= APART:
+            paper.upright_text((x, middle + 2.4), node.members[1 - k], 5.2)
+            paper.upright_text((x, middle - 10.2), f"{MM_PER_M * node.at[k]:,.0f}", 5.2, QUIET)
+            labelled = x

@@ -14,15 +14,15 @@ from dsfab.design import Design
 from dsfab.render import PAPER, up_axis
 from dsfab.report.assembly.axonometry import MemberFaces, bar_faces, member_faces, plank_faces, skin_faces
 from dsfab.report.assembly.overview import piece_length, strip_quads
-from dsfab.report.html_pages import style
+from dsfab.report.html_pages import page_style
 from dsfab.surface import simplified_line
-from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolded
+from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolded_plan
 
 
-def page_shades(plan: WorkshopPlan, names: list[str], judged: Design | None) -> list[dict[str, Any]]:
+def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
     """Return the scales by which the page colours members: name, unit, and a value or None for each of `names`.
 
-    judged : design whose member forces give more scales, which takes seconds. Raises StaticsError then without a
+    judged_design : design whose member forces give more scales, which takes seconds. Raises StaticsError then without a
     strength, or if nothing carries its loads.
     """
     assert plan.graph is not None
@@ -32,40 +32,40 @@ def page_shades(plan: WorkshopPlan, names: list[str], judged: Design | None) -> 
         for name in (part.member, part.id):
             longest[name] = max(longest.get(name, 0.0), float(np.max(part.size)))
     axes = {name: members[name].length for name in names if name in members and members[name].axis}
-    wide = {name: MM_PER_M * members[name].mean_width for name in axes}
-    found = [
-        _shade("length", "m", {**{name: longest[name] for name in names if name in longest}, **axes}, names, 2),
-        _shade("width", "mm", wide, names, 0),
+    widths = {name: MM_PER_M * members[name].mean_width for name in axes}
+    scales = [
+        _colour_scale("length", "m", {**{name: longest[name] for name in names if name in longest}, **axes}, names, 2),
+        _colour_scale("width", "mm", widths, names, 0),
     ]
-    if judged:
-        found += _judged(judged, names)
-    return [one for one in found if len({*one["values"]} - {None}) > 1]
+    if judged_design:
+        scales += _force_scales(judged_design, names)
+    return [scale for scale in scales if len({*scale["values"]} - {None}) > 1]
 
 
-def _judged(design: Design, names: list[str]) -> list[dict[str, Any]]:
+def _force_scales(design: Design, names: list[str]) -> list[dict[str, Any]]:
     normal = {
-        name: max((float(table[np.abs(table[:, 0]).argmax(), 0]) / 1e3 for table in one.forces.values()), key=abs)
-        for name, one in design.member_forces.items()
-        if len(one.s)
+        name: max((float(table[np.abs(table[:, 0]).argmax(), 0]) / 1e3 for table in forces.forces.values()), key=abs)
+        for name, forces in design.member_forces.items()
+        if len(forces.s)
     }
     full = {name: 100 * value for name, value in design.member_utilisation.by_member.items()}
-    return [_shade("utilisation", "%", full, names, 1), _shade("normal force N", "kN", normal, names, 2)]
+    return [_colour_scale("utilisation", "%", full, names, 1), _colour_scale("normal force N", "kN", normal, names, 2)]
 
 
-def _shade(name: str, unit: str, values: dict[str, float], names: list[str], digits: int) -> dict[str, Any]:
+def _colour_scale(name: str, unit: str, values: dict[str, float], names: list[str], digits: int) -> dict[str, Any]:
     return {
         "name": name,
         "unit": unit,
-        "values": [round(values[one], digits) if one in values else None for one in names],
+        "values": [round(values[member], digits) if member in values else None for member in names],
     }
 
 
-def page_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[str, str]]:
+def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[str, str]]:
     """Return the key figures: names and values."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
     mass = sheet.area * statics.thickness * statics.density  # making the solid would take longer than the page
-    found = [
+    figures = [
         ("size", " x ".join(length(float(side)) for side in box)),
         ("mass", f"{mass:,.0f} kg" if mass >= 100 else f"{mass:.3g} kg"),
         ("made of", f"{statics.material or 'a material of the preset'}, {length(statics.thickness)} thick"),
@@ -73,9 +73,9 @@ def page_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple
     ]
     if judged:
         worst = design.member_utilisation.by_member
-        name = max(worst, key=lambda one: worst[one])
-        found.append(("most used", f"{name}: {worst[name]:.0%} of what it can bear"))
-    return found
+        name = max(worst, key=lambda member: worst[member])
+        figures.append(("most used", f"{name}: {worst[name]:.0%} of what it can bear"))
+    return figures
 
 
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
@@ -87,37 +87,37 @@ def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> s
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None
-    faces, words = _faces(plan), _bar_words(plan) if plan.bars else {}
+    faces, words = _clickable_faces(plan), _bar_words(plan) if plan.bars else {}
     facts = {
         "name": preset.name,
         "line": f"{len({part.member for part in plan.parts} - {''})} members, {len(plan.parts)} parts, "
         f"{len(plan.sheets)} sheets",
         "all": "All bars and plates" if plan.bars else "All members",
         "notes": list(plan.notes),
-        "figures": page_figures(plan, design, judged),
-        "shades": page_shades(plan, [one.id for one in faces], design if judged else None),
+        "figures": key_figures(plan, design, judged),
+        "shades": colour_scales(plan, [face.id for face in faces], design if judged else None),
         "up": up_axis(graph.sheet.surface.V, design.surface, load).tolist(),
         "members": [
             {
-                "id": one.id,
-                "colour": [round(255 * x) for x in one.colour],
-                "words": words[one.id] if plan.bars else _words(plan, one.id),
-                "faces": one.quads.round(5 if plan.model else 3).ravel().tolist(),
+                "id": face.id,
+                "colour": [round(255 * x) for x in face.colour],
+                "words": words[face.id] if plan.bars else _member_words(plan, face.id),
+                "faces": face.quads.round(5 if plan.model else 3).ravel().tolist(),
             }
-            for one in faces
+            for face in faces
         ],
-        "built": _built(plan, faces),
-        "parts": [_part(plan, number, drawn=not judged) for number in range(len(plan.parts))],
-        "sheets": _sheets(plan),
+        "built": _refolded_parts(plan, faces),
+        "parts": [_part_facts(plan, number, has_drawing=not judged) for number in range(len(plan.parts))],
+        "sheets": _sheet_facts(plan),
     }
     template = files("dsfab.report.assembly").joinpath("page.html").read_text(encoding="utf-8")
     text = json.dumps(facts, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     title = escape(f"{preset.name}: {'structure' if judged else 'workshop'}")
-    head = template.replace("{{title}}", title).replace("{{style}}", style())
+    head = template.replace("{{title}}", title).replace("{{style}}", page_style())
     return head.replace("{{facts}}", text)
 
 
-def _faces(plan: WorkshopPlan) -> list[MemberFaces]:
+def _clickable_faces(plan: WorkshopPlan) -> list[MemberFaces]:
     if plan.planks:
         return plank_faces(plan, PAPER)
     if plan.route == "panels":
@@ -126,90 +126,95 @@ def _faces(plan: WorkshopPlan) -> list[MemberFaces]:
         return bar_faces(plan, PAPER)
     assert plan.graph is not None
     built = {part.member for part in plan.parts}
-    return [one for one in member_faces(plan.graph, PAPER, plan.layering) if one.id in built]
+    return [face for face in member_faces(plan.graph, PAPER, plan.layering) if face.id in built]
 
 
-def _built(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]:
+def _refolded_parts(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]:
     """Flat parts bent back into space, metres; none if the page shows members as their parts anyway."""
     if plan.bars:
         return []
     piece = piece_length(faces)
     return [
         {
-            "id": one.id,
-            "member": one.member,
-            "faces": strip_quads(one, piece, plan.planks is not None).round(3).ravel().tolist(),
+            "id": strip.id,
+            "member": strip.member,
+            "faces": strip_quads(strip, piece, plan.planks is not None).round(3).ravel().tolist(),
         }
-        for one in refolded(plan).strips
+        for strip in refolded_plan(plan).strips
     ]
 
 
-def _chosen(part: FlatPart, plan: WorkshopPlan) -> str:
+def _clicked_id(part: FlatPart, plan: WorkshopPlan) -> str:
     return part.id if plan.bars else part.member
 
 
 def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
     assert plan.bars is not None
-    found = {}
+    words_by_name = {}
     for row in bar_table(plan).rows:
-        name, one, two, _, long, wide, _, dip, _, other, twist, bow, _ = row
-        found[str(name)] = (
-            f"{long:,.1f} x {wide:.1f} mm, from {one} ({dip:z.1f} degrees below its plate) to {two} ({other:z.1f}); "
+        name, start_node, end_node, _, bar_length, bar_width, _, dip, _, end_dip, twist, bow, _ = row
+        words_by_name[str(name)] = (
+            f"{bar_length:,.1f} x {bar_width:.1f} mm, from {start_node} ({dip:z.1f} degrees below its plate) to "
+            f"{end_node} ({end_dip:z.1f}); "
             f"turned by {twist:z.1f} degrees; {bow:.1f} mm from the curved axis"
         )
-    bars = plan.bars.found.bars
-    for joint in plan.bars.found.joints:
-        found[joint.node.id] = "Plate with arms for " + ", ".join(bars[k].bay.id for k, _ in joint.bars)
-    return found
+    bars = plan.bars.bar_lattice.bars
+    for joint in plan.bars.bar_lattice.joints:
+        words_by_name[joint.node.id] = "Plate with arms for " + ", ".join(bars[k].bay.id for k, _ in joint.bars)
+    return words_by_name
 
 
-def _words(plan: WorkshopPlan, name: str) -> str:
+def _member_words(plan: WorkshopPlan, name: str) -> str:
     assert plan.graph is not None
-    member, nodes = plan.graph.by_id[name], plan.graph.along[name]
+    member, nodes = plan.graph.by_id[name], plan.graph.nodes_along[name]
     size = f"{MM_PER_M * member.length:,.0f} x {MM_PER_M * member.mean_width:.0f} mm, " if member.axis else ""
-    others = dict.fromkeys(other for node in nodes for other in node.members if other != name)
-    return f"{size}{len(nodes)} nodes with {', '.join(others)}" if others else f"{size}no nodes"
+    neighbours = dict.fromkeys(neighbour for node in nodes for neighbour in node.members if neighbour != name)
+    return f"{size}{len(nodes)} nodes with {', '.join(neighbours)}" if neighbours else f"{size}no nodes"
 
 
-def _part(plan: WorkshopPlan, number: int, drawn: bool) -> dict[str, Any]:
-    """Facts of a flat part; `drawn`: a drawing lies beside the page."""
+def _part_facts(plan: WorkshopPlan, number: int, has_drawing: bool) -> dict[str, Any]:
+    """Facts of a flat part; `has_drawing`: a drawing lies beside the page."""
     part = plan.parts[number]
-    same = next(group[0] for group in plan.same if number in group)
+    first_alike = next(group[0] for group in plan.equal_parts if number in group)
     return {
         "id": part.id,
-        "member": _chosen(part, plan),
+        "member": _clicked_id(part, plan),
         "size": (MM_PER_M * part.size).round(1).tolist(),
-        "sheet": plan.sheet_of[part.id],
-        "file": f"{file_stem(plan.parts[same].id)}.dxf" if drawn else "",
-        "loops": [_loop(part, loop) for loop in (part.outline, *part.slots)],
+        "sheet": plan.sheet_numbers[part.id],
+        "file": f"{file_stem(plan.parts[first_alike].id)}.dxf" if has_drawing else "",
+        "loops": [_loop_coordinates(part, loop) for loop in (part.outline, *part.slots)],
         "holes": [
             round(x, 1)
             for hole in part.holes
-            for x in (*(MM_PER_M * (hole.at - _middle(part))).tolist(), MM_PER_M * hole.diameter)
+            for x in (*(MM_PER_M * (hole.at - _box_middle(part))).tolist(), MM_PER_M * hole.diameter)
         ],
     }
 
 
-def _middle(part: FlatPart) -> Floats:
+def _box_middle(part: FlatPart) -> Floats:
     return np.asarray((part.outline.min(axis=0) + part.outline.max(axis=0)) / 2)
 
 
-def _loop(part: FlatPart, loop: Floats) -> list[float]:
+def _loop_coordinates(part: FlatPart, loop: Floats) -> list[float]:
     """x y of a closed line about the middle of the part's box, millimetres."""
-    closed = np.pad(np.concatenate([loop, loop[:1]]) - _middle(part), ((0, 0), (0, 1)))
+    closed = np.pad(np.concatenate([loop, loop[:1]]) - _box_middle(part), ((0, 0), (0, 1)))
     flat: list[float] = (MM_PER_M * simplified_line(closed, 3e-4)[:-1, :2]).round(1).ravel().tolist()
     return flat
 
 
-def _sheets(plan: WorkshopPlan) -> list[dict[str, Any]]:
+def _sheet_facts(plan: WorkshopPlan) -> list[dict[str, Any]]:
     """Sheets with their parts: number, turn in degrees, and place of the middle of the box, millimetres."""
     number = {part.id: k for k, part in enumerate(plan.parts)}
-    found = []
+    facts = []
     for sheet in plan.sheets:
         parts = []
-        for one in sheet.parts:
-            c, s = np.cos(one.turn), np.sin(one.turn)
-            x, y = (MM_PER_M * (_middle(one.part) @ np.array([[c, s], [-s, c]]) + one.shift)).round(2).tolist()
-            parts.append([number[one.part.id], round(float(np.degrees(one.turn)), 3), x, y])
-        found.append({"size": [MM_PER_M * x for x in sheet.size], "used": f"{sheet.used:.0%}", "parts": parts})
-    return found
+        for placement in sheet.parts:
+            c, s = np.cos(placement.turn), np.sin(placement.turn)
+            x, y = (
+                (MM_PER_M * (_box_middle(placement.part) @ np.array([[c, s], [-s, c]]) + placement.shift))
+                .round(2)
+                .tolist()
+            )
+            parts.append([number[placement.part.id], round(float(np.degrees(placement.turn)), 3), x, y])
+        facts.append({"size": [MM_PER_M * x for x in sheet.size], "used": f"{sheet.used_share:.0%}", "parts": parts})
+    return facts

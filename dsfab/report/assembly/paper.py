@@ -11,11 +11,11 @@ from dsfab.report.assembly.axonometry import FaceList
 from dsfab.report.html_pages import COLOURS
 from dsfab.report.pdf_pages import MM
 
-WIDE, HIGH = 420.0, 297.0
+PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0
 """A3, millimetres."""
 MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0
 """Margins at the sides, above and below every page."""
-STEPS = (1.0, 2.0, 2.5, 5.0)
+SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)
 """Usual scales over a power of ten."""
 
 Colour = tuple[float, float, float]
@@ -45,35 +45,35 @@ class PaperBox:
         return [PaperBox(self.x + k * (w + gap), y, w, h) for y in tops for k in range(across)]
 
 
-PAGE = PaperBox(MARGIN, FOOT, WIDE - 2 * MARGIN, HIGH - HEAD - FOOT)
+PAGE = PaperBox(MARGIN, FOOT, PAPER_WIDTH - 2 * MARGIN, PAPER_HEIGHT - HEAD - FOOT)
 """The region for a page's own drawing."""
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class DrawingTransform:
     """Map from metres of a drawing to millimetres of paper: points * scale + shift (2,)."""
 
     scale: float
     shift: Floats
 
     @classmethod
-    def into(cls, low: Floats, high: Floats, box: PaperBox, scale: float = 0.0) -> "Fitted":
+    def fit_to_box(cls, low: Floats, high: Floats, box: PaperBox, scale: float = 0.0) -> "DrawingTransform":
         """Centre a box of (2,) metres in a box of paper, at a scale, or as large as it fits."""
         size = np.maximum(high - low, 1e-9)
         scale = scale or float(min(box.wide / size[0], box.high / size[1]))
         middle = np.array([box.x + box.wide / 2, box.y + box.high / 2])
         return cls(scale, middle - scale * (low + high) / 2)
 
-    def of(self, points: Floats) -> Floats:
+    def to_paper(self, points: Floats) -> Floats:
         """Return points as (..., 2) millimetres."""
         return np.asarray(points * self.scale + self.shift)
 
 
-def usual_scale(most: float) -> tuple[float, str]:
-    """Return the largest usual scale up to `most`, millimetres per metre, and its name, "1:20"."""
-    least = 1000 / most
+def usual_scale(largest: float) -> tuple[float, str]:
+    """Return the largest usual scale up to `largest`, millimetres per metre, and its name, "1:20"."""
+    least = 1000 / largest
     power = 10.0 ** np.floor(np.log10(least) - 1)
-    step = next(float(f"{k * power * 10**j:.6g}") for j in range(3) for k in STEPS if k * power * 10**j >= least)
+    step = next(float(f"{k * power * 10**j:.6g}") for j in range(3) for k in SCALE_STEPS if k * power * 10**j >= least)
     return 1000 / step, f"1:{step:g}"
 
 
@@ -85,7 +85,7 @@ class Paper:
 
     def text(
         self,
-        at: tuple[float, float] | Floats,
+        place: tuple[float, float] | Floats,
         words: str,
         size: float = 7.0,
         colour: Colour = INK,
@@ -96,12 +96,12 @@ class Paper:
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]
-        getattr(self.canvas, draw)(float(at[0]) * MM, float(at[1]) * MM, words)
+        getattr(self.canvas, draw)(float(place[0]) * MM, float(place[1]) * MM, words)
 
-    def upright(self, at: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
+    def upright_text(self, place: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
         """Write words upwards, so that they are read from the right, beginning at a place."""
         self.canvas.saveState()
-        self.canvas.translate(at[0] * MM + size * 0.35, at[1] * MM)  # half the height of a capital
+        self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half the height of a capital
         self.canvas.rotate(90)
         self.canvas.setFont(self.fonts[0], size)
         self.canvas.setFillColorRGB(*colour)
@@ -112,16 +112,16 @@ class Paper:
         """Return the length of words, millimetres."""
         return float(self.canvas.stringWidth(words, self.fonts[bold], size)) / MM
 
-    def wrapped(self, words: str, wide: float, size: float) -> list[str]:
+    def wrapped_lines(self, words: str, width: float, size: float) -> list[str]:
         """Break words into lines of this width, millimetres."""
         from reportlab.lib.utils import simpleSplit
 
-        return list(simpleSplit(words, self.fonts[0], size, wide * MM))
+        return list(simpleSplit(words, self.fonts[0], size, width * MM))
 
-    def lines(self, some: Sequence[Floats], colour: Colour, width: float, closed: bool = False) -> None:
+    def polylines(self, polylines: Sequence[Floats], colour: Colour, width: float, closed: bool = False) -> None:
         """Draw polylines (k, 2), millimetres; width in points."""
         path = self.canvas.beginPath()
-        for points in some:
+        for points in polylines:
             (x, y), *rest = (points * MM).tolist()
             path.moveTo(x, y)
             for x, y in rest:
@@ -132,7 +132,7 @@ class Paper:
         self.canvas.setLineWidth(width)
         self.canvas.drawPath(path)
 
-    def filled(self, points: Floats, colour: Colour) -> None:
+    def polygon(self, points: Floats, colour: Colour) -> None:
         """Fill a polygon (k, 2), millimetres."""
         path = self.canvas.beginPath()
         (x, y), *rest = (points * MM).tolist()
@@ -150,11 +150,11 @@ class Paper:
         for x, y in (places * MM).tolist():
             self.canvas.circle(x, y, diameter / 2 * MM)
 
-    def faces(self, drawn: FaceList, fitted: Fitted) -> None:
+    def faces(self, faces: FaceList, fitted: DrawingTransform) -> None:
         """Draw thousands of faces as one string of operators, because a call for each takes ten times as long."""
-        P = (fitted.of(drawn.corners) * MM).reshape(-1, 8)
-        dark = 0.55 * drawn.colours
-        rows = np.concatenate([drawn.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)
+        P = (fitted.to_paper(faces.corners) * MM).reshape(-1, 8)
+        dark = 0.55 * faces.colours
+        rows = np.concatenate([faces.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)
         face = (
             "%.3f %.3f %.3f rg %.2f %.2f m %.2f %.2f l %.2f %.2f l %.2f %.2f l h f "
             "%.3f %.3f %.3f RG %.2f %.2f m %.2f %.2f l %.2f %.2f m %.2f %.2f l S\n"
@@ -164,12 +164,12 @@ class Paper:
         self.canvas._code.append(face * len(rows) % tuple(rows.ravel().tolist()))
         self.canvas.restoreState()
 
-    def scale_bar(self, at: tuple[float, float], scale: float) -> None:
+    def scale_bar(self, corner: tuple[float, float], scale: float) -> None:
         """Draw a bar of a round length, from a place to the right; `scale` in millimetres per metre."""
         metres = float(f"{10.0 ** np.floor(np.log10(45 / scale)):.6g}")
         metres = max(metres * k for k in (1, 2, 5) if metres * k * scale <= 45) if metres * scale <= 45 else metres
-        x, y = at
+        x, y = corner
         end = x + metres * scale
         ends = [np.array([[place, y - 1], [place, y + 1]]) for place in (x, end)]
-        self.lines([np.array([[x, y], [end, y]]), *ends], INK, 0.6)
+        self.polylines([np.array([[x, y], [end, y]]), *ends], INK, 0.6)
         self.text((end + 2, y - 1), f"{metres:g} m" if metres >= 1 else f"{metres * 1000:g} mm", 7)

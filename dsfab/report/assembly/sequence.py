@@ -10,14 +10,14 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.members import Member, MemberGraph
 from dsfab.report.assembly.axonometry import Axonometry, MemberFaces
-from dsfab.report.assembly.overview import structure
+from dsfab.report.assembly.overview import draw_structure
 from dsfab.report.assembly.paper import PAGE, QUIET, Paper, PaperBox
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers
 
-MOST = 12
+STEP_PICTURES = 12
 """Pictures of steps, about."""
 
-RULE = (
+LAYER_RULE = (
     "The lower layer goes up before the one above it: at every node the upper member is bolted on the lower one. "
     "Within a layer members go up from the supports upwards: by the height of their lowest point, those of one height "
     "in the order of their names. Members that nothing holds yet need props until the next layer is bolted on."
@@ -34,7 +34,7 @@ class AssemblyStep:
 
 
 def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps: every built member once for each of its layers, in the order of `RULE`.
+    """Return the steps: every built member once for each of its layers, in the order of `LAYER_RULE`.
 
     up : (3,) unit vector.
     """
@@ -47,23 +47,23 @@ PLANK_RULE = (
     "those of one height in the order of their names. Splices are closed when both pieces sit."
 )
 """Order of `plank_steps` in words, for the builders."""
-FAMILIES = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "those around supports and loads"}
+FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "those around supports and loads"}
 
 
 def plank_rule(plan: WorkshopPlan) -> str:
     """Return `PLANK_RULE` with the families of a plan."""
     assert plan.graph is not None
     assert plan.planks is not None
-    there = {member.family for member in plan.graph.members if is_strip(member)}
-    first, *then = [FAMILIES[family] for family in plan.planks.found.order if family in there]
-    return PLANK_RULE.format(first=first, then=", then ".join(then))
+    families = {member.family for member in plan.graph.members if is_strip(member)}
+    first_family, *next_families = [FAMILY_WORDS[family] for family in plan.planks.planks.order if family in families]
+    return PLANK_RULE.format(first=first_family, then=", then ".join(next_families))
 
 
 def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
     """Return the steps of a plan of planks: families in their order on each other, plates last."""
     assert plan.graph is not None
     assert plan.planks is not None
-    built, order = {part.member for part in plan.parts}, plan.planks.found.order
+    built, order = {part.member for part in plan.parts}, plan.planks.planks.order
 
     def numbers(member: Member) -> tuple[int, ...]:
         if member.id not in built:
@@ -80,17 +80,17 @@ def _ordered_steps(
     heights = _heights(graph, up)
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
     level = 0.02  # share of the height within which members follow by name
-    every = [
+    entries = [
         (number, round(heights[member.id] / span / level), k, member.id)
         for k, member in enumerate(graph.members)
         for number in numbers(member)
     ]
-    every.sort(key=lambda one: (-one[0], *one[1:]))
-    together = max(int(np.ceil(len(every) / MOST)), 1)
+    entries.sort(key=lambda entry: (-entry[0], *entry[1:]))
+    per_step = max(int(np.ceil(len(entries) / STEP_PICTURES)), 1)
     steps = []
-    for number, some in groupby(every, key=lambda one: one[0]):
-        names = [name for *_, name in some]
-        steps += [AssemblyStep(number, tuple(names[k : k + together])) for k in range(0, len(names), together)]
+    for number, group in groupby(entries, key=lambda entry: entry[0]):
+        names = [name for *_, name in group]
+        steps += [AssemblyStep(number, tuple(names[k : k + per_step])) for k in range(0, len(names), per_step)]
     return tuple(steps)
 
 
@@ -103,7 +103,7 @@ def _heights(graph: MemberGraph, up: Floats) -> dict[str, float]:
 
 ACROSS, DOWN = 3, 2
 """Steps on a page."""
-STANDING = (0.82, 0.81, 0.79)
+STANDING_COLOUR = (0.82, 0.81, 0.79)
 """Colour of members that stand already."""
 
 
@@ -115,49 +115,49 @@ def step_pages(
     return [
         (
             f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}",
-            _page(steps, k, faces, (up, rule)),
+            _steps_page(steps, k, faces, (up, rule)),
         )
         for k in range(0, len(steps), per_page)
     ]
 
 
-def _page(
-    steps: tuple[AssemblyStep, ...], first: int, faces: list[MemberFaces], how: tuple[Floats, str]
+def _steps_page(
+    steps: tuple[AssemblyStep, ...], first_step: int, faces: list[MemberFaces], view_and_rule: tuple[Floats, str]
 ) -> Callable[[Paper], None]:
-    up, rule = how
-    view = Axonometry.of(up)
-    extent = np.concatenate([view.flat(one.quads).reshape(-1, 2) for one in faces])
+    up, rule = view_and_rule
+    view = Axonometry.from_angles(up)
+    extent = np.concatenate([view.projected(face.quads).reshape(-1, 2) for face in faces])
 
     def draw(paper: Paper) -> None:
         top = PAGE.y + PAGE.high
-        for k, line in enumerate(paper.wrapped(rule, PAGE.wide, 8)):
+        for k, line in enumerate(paper.wrapped_lines(rule, PAGE.wide, 8)):
             paper.text((PAGE.x, top - 3 - 3.8 * k), line, 8, QUIET)
         room = PaperBox(PAGE.x, PAGE.y, PAGE.wide, PAGE.high - 13)
-        some = range(first, min(first + ACROSS * DOWN, len(steps)))
-        for k, cell in zip(some, room.cells(ACROSS, DOWN, 8.0), strict=False):
-            _step(paper, steps, k, faces, cell, (view, extent))
+        step_numbers = range(first_step, min(first_step + ACROSS * DOWN, len(steps)))
+        for k, cell in zip(step_numbers, room.cells(ACROSS, DOWN, 8.0), strict=False):
+            _draw_step(paper, steps, k, faces, cell, (view, extent))
 
     return draw
 
 
-def _step(
+def _draw_step(
     paper: Paper,
     steps: tuple[AssemblyStep, ...],
     k: int,
     faces: list[MemberFaces],
     cell: PaperBox,
-    seen: tuple[Axonometry, Floats],
+    view_and_extent: tuple[Axonometry, Floats],
 ) -> None:
-    (view, extent), count = seen, 3  # lines of names below a picture
-    new = set(steps[k].members)
-    before = {name for step in steps[:k] for name in step.members} - new
-    there = [one for one in faces if one.id in new or one.id in before]
-    below = 5.0 + 3.4 * count
-    picture = PaperBox(cell.x, cell.y + below, cell.wide, cell.high - below)
-    structure(paper, there, view, picture, dict.fromkeys(before, STANDING), extent)
-    paper.text((cell.x, cell.y + below - 3), f"{k + 1}", 12, bold=True)
-    lines = paper.wrapped(", ".join(steps[k].members), cell.wide - 10, 8)
+    (view, extent), count = view_and_extent, 3  # lines of names below a picture
+    added = set(steps[k].members)
+    standing = {name for step in steps[:k] for name in step.members} - added
+    visible = [face for face in faces if face.id in added or face.id in standing]
+    foot = 5.0 + 3.4 * count
+    picture = PaperBox(cell.x, cell.y + foot, cell.wide, cell.high - foot)
+    draw_structure(paper, visible, view, picture, dict.fromkeys(standing, STANDING_COLOUR), extent)
+    paper.text((cell.x, cell.y + foot - 3), f"{k + 1}", 12, bold=True)
+    lines = paper.wrapped_lines(", ".join(steps[k].members), cell.wide - 10, 8)
     if len(lines) > count:
         lines = [*lines[: count - 1], f"... to {steps[k].members[-1]}"]
     for row, line in enumerate(lines):
-        paper.text((cell.x + 8, cell.y + below - 3 - 3.4 * row), line, 8)
+        paper.text((cell.x + 8, cell.y + foot - 3 - 3.4 * row), line, 8)

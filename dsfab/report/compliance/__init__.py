@@ -12,62 +12,77 @@ from typing import Any
 from dsfab.core.errors import ExportError
 from dsfab.report.compliance import sections
 from dsfab.report.compliance import sections as failed
-from dsfab.report.compliance.figures import Charts, Pictures, charts
+from dsfab.report.compliance.figures import ChartImages, FindingsPictures, chart_images
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.design.facts import versions
-from dsfab.report.html_pages import Document, Numbers, ReportSection, page
-from dsfab.report.pdf_pages import pdf
+from dsfab.report.html_pages import CaptionNumbers, Document, ReportSection, document_html
+from dsfab.report.pdf_pages import document_pdf
 
 FILES = ("report.html", "report.pdf")
 
-__all__ = ["FILES", "Findings", "report", "write_report"]
+__all__ = ["FILES", "Findings", "compliance_document", "write_report"]
 
 
-def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Pictures) -> Document:
+def compliance_document(findings: Findings, rows: Sequence[Mapping[str, Any]], pictures: FindingsPictures) -> Document:
     """Return the report as a document. rows : those of `results.json`, at several volumes."""
     from dsfab.preset.file import preset_toml
 
-    preset, known = found.task.preset, versions()
-    make = _parts if found.carries else failed.parts
-    parts = make(found, pictures, Numbers(), charts(found, rows), known, preset_toml(preset, brief=True))
+    preset, library_versions = findings.task.preset, versions()
+    make_sections = _sections if findings.carries else failed.failed_sections
+    document_sections = make_sections(
+        findings,
+        pictures,
+        CaptionNumbers(),
+        chart_images(findings, rows),
+        library_versions,
+        preset_toml(preset, for_people=True),
+    )
     facts = [
         ("Design", preset.name),
         ("Date", datetime.now(UTC).strftime("%d %B %Y")),
-        ("Checked by", f"dsfab {known['dsfab']}"),
-        ("Verdict", found.status),
+        ("Checked by", f"dsfab {library_versions['dsfab']}"),
+        ("Verdict", findings.status),
     ]
     subject = preset.name.replace("_", " ").capitalize()
-    if found.share is not None:
-        subject += f", at {found.share:.0%} of the material"
-    footer = f"Made by dsfab {known['dsfab']}; about stiffness, no proof of safety under a code"
-    return Document("Structural compliance report", subject, facts, parts, footer)
+    if findings.share is not None:
+        subject += f", at {findings.share:.0%} of the material"
+    footer = f"Made by dsfab {library_versions['dsfab']}; about stiffness, no proof of safety under a code"
+    return Document("Structural compliance report", subject, facts, document_sections, footer)
 
 
-def _parts(
-    found: Findings, pictures: Pictures, number: Numbers, drawn: Charts, known: Mapping[str, str], preset: str
+def _sections(
+    findings: Findings,
+    pictures: FindingsPictures,
+    number: CaptionNumbers,
+    chart_images: ChartImages,
+    library_versions: Mapping[str, str],
+    preset: str,
 ) -> list[ReportSection]:
     return [
-        sections.summary(found, pictures, number),
-        sections.checks(found, number),
-        sections.subject(found, number),
-        sections.loads(found, pictures, number),
-        sections.convergence(found, number),
-        sections.reactions(found, number),
-        sections.comparison(found, number, drawn),
-        sections.answers(found, pictures, number),
-        *sections.scope(found),
-        sections.calibrated(number),
-        sections.reproduction(found, known, preset, number),
+        sections.summary_section(findings, pictures, number),
+        sections.checks_section(findings, number),
+        sections.structure_section(findings, number),
+        sections.loads_section(findings, pictures, number),
+        sections.convergence_section(findings, number),
+        sections.reactions_section(findings, number),
+        sections.comparison_section(findings, number, chart_images),
+        sections.displacement_and_stress_section(findings, pictures, number),
+        *sections.scope_sections(findings),
+        sections.calibration_section(number),
+        sections.reproduction_section(findings, library_versions, preset, number),
     ]
 
 
-def write_report(found: Findings, rows: Sequence[Mapping[str, Any]], folder: Path) -> tuple[list[str], list[str]]:
+def write_report(findings: Findings, rows: Sequence[Mapping[str, Any]], folder: Path) -> tuple[list[str], list[str]]:
     """Write both files; return their names, and a sentence for each step that failed."""
-    pictures = Pictures(found)
-    document, told = report(found, rows, pictures), [pictures.missing] if pictures.missing else []
-    (folder / FILES[0]).write_text(page(document), encoding="utf-8")
+    pictures = FindingsPictures(findings)
+    document, messages = (
+        compliance_document(findings, rows, pictures),
+        [pictures.no_picture_reason] if pictures.no_picture_reason else [],
+    )
+    (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
     try:
-        (folder / FILES[1]).write_bytes(pdf(document))
+        (folder / FILES[1]).write_bytes(document_pdf(document))
     except ExportError as error:
-        return [FILES[0]], [*told, str(error)]
-    return list(FILES), told
+        return [FILES[0]], [*messages, str(error)]
+    return list(FILES), messages

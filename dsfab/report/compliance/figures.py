@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
-from dsfab.render.colouring import rising
+from dsfab.render.colouring import rising_colours
 from dsfab.render.lettering import PAPER, Palette
 from dsfab.render.scene import Bytes, Colour
 from dsfab.render.view import up_axis
-from dsfab.report.compliance.findings import LABELS, Findings, digits_of, nice, unit_for
-from dsfab.report.html_pages import ReportFigure, Scale
+from dsfab.report.compliance.findings import LABELS, Findings, prefixed_unit, round_number_above, significant_digits
+from dsfab.report.html_pages import ColourScale, ReportFigure
 from dsfab.slicing.measures.widths import kept_cells
-from dsfab.study.judges import Answered
+from dsfab.study.judges import AnsweredLoad
 from dsfab.study.verdict.estimates import quantile
 from dsfab.surface import LoadCase, Surface
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-Row = Mapping[str, Any]
+ResultRow = Mapping[str, Any]
 """A row of `results.json`: see `dsfab.study.alternatives.Competitor.row`, and its `volume`."""
 
 STYLES: Mapping[str, tuple[str, str, str]] = {
@@ -61,7 +61,7 @@ NAMES = {
 }
 
 
-def write_chart(rows: Sequence[Row], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
+def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
     """Write the chart of compliance over mass as `path` with the suffixes .svg and .png.
 
     rows  : at several volumes; a competitor without equilibrium leaves a gap in its line.
@@ -74,14 +74,14 @@ def write_chart(rows: Sequence[Row], title: str, path: Path, names: Mapping[str,
         _save(chart_figure(rows, title, names), path)
 
 
-def chart_figure(rows: Sequence[Row], title: str, names: Mapping[str, str] = NAMES) -> "Figure":
+def chart_figure(rows: Sequence[ResultRow], title: str, names: Mapping[str, str] = NAMES) -> "Figure":
     """Return the chart as a figure of matplotlib; see `write_chart`."""
     from matplotlib.figure import Figure
 
     many = len({row["name"] for row in rows}) > 6  # a longer legend would hide lines, so it goes below them
     figure = Figure(figsize=(7.6, 5.6 if many else 4.6), layout="constrained")
     axes = figure.add_subplot()
-    _draw(axes, rows, title, names)
+    _plot_lines(axes, rows, title, names)
     if many:
         figure.legend(*axes.get_legend_handles_labels(), frameon=False, fontsize=9, loc="outside lower left", ncols=2)
     else:
@@ -94,20 +94,24 @@ def _save(figure: "Figure", path: Path) -> None:
     figure.savefig(path.with_suffix(".png"), format="png", dpi=110, metadata={"Software": None})
 
 
-def _draw(axes: "Axes", rows: Sequence[Row], title: str, names: Mapping[str, str]) -> None:
+def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapping[str, str]) -> None:
     full = next(row for row in rows if row["name"] == "full")
     unit, scale = ("t", 1e-3) if full["mass_kg"] >= 1000 else ("kg", 1.0)
-    whole = full["mass_kg"] * scale
+    full_mass = full["mass_kg"] * scale
     for name in (name for name in STYLES if any(row["name"] == name for row in rows)):
         colour, line, mark = STYLES[name]
-        mine = sorted((row for row in rows if row["name"] == name), key=lambda row: float(row["volume"]))
-        mass = [whole * row["volume"] for row in mine]
-        ratio = [_number(row["ratio_to_full"]) for row in mine]
-        wide = 2.4 if name == "design" else 1.5
-        told = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
-        axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=wide, label=told)
-        if name == "isotropic" and told == names[name]:
-            low, high = ([_over(row, f"variants_{key}") for row in mine] for key in ("best", "worst"))
+        competitor_rows = sorted((row for row in rows if row["name"] == name), key=lambda row: float(row["volume"]))
+        mass = [full_mass * row["volume"] for row in competitor_rows]
+        ratio = [_number(row["ratio_to_full"]) for row in competitor_rows]
+        line_width = 2.4 if name == "design" else 1.5
+        label = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
+        axes.plot(
+            mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=line_width, label=label
+        )
+        if name == "isotropic" and label == names[name]:
+            low, high = (
+                [_ratio_to_full_sheet(row, f"variants_{key}") for row in competitor_rows] for key in ("best", "worst")
+            )
             axes.fill_between(
                 mass, low, high, color=colour, alpha=0.13, linewidth=0, label="isotropic, all pairs that carry"
             )
@@ -118,7 +122,7 @@ def _draw(axes: "Axes", rows: Sequence[Row], title: str, names: Mapping[str, str
     axes.set_ylabel("compliance over that of the full sheet")
     if title:
         axes.set_title(title, fontsize=11, loc="left")
-    share = axes.secondary_xaxis("top", functions=(partial(_times, 100 / whole), partial(_times, whole / 100)))
+    share = axes.secondary_xaxis("top", functions=(partial(_times, 100 / full_mass), partial(_times, full_mass / 100)))
     share.set_xlabel("share of the surface, %", fontsize=9)
     axes.grid(True, which="both", color="#dddddd", linewidth=0.5)
     axes.spines[["top", "right"]].set_visible(False)
@@ -128,38 +132,38 @@ def _times(factor: float, x: Any) -> Any:
     return factor * x
 
 
-def _over(row: Row, key: str) -> float:
-    best, ratio = _number(row.get("compliance_J")), _number(row["ratio_to_full"])
-    return _number(row.get(key)) * ratio / best
+def _ratio_to_full_sheet(row: ResultRow, key: str) -> float:
+    compliance, ratio = _number(row.get("compliance_J")), _number(row["ratio_to_full"])
+    return _number(row.get(key)) * ratio / compliance
 
 
 def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-Chart = tuple[bytes, tuple[int, int]]
+ChartImage = tuple[bytes, tuple[int, int]]
 """PNG file, and its width and height in pixels."""
 
-Charts = Mapping[str, Chart]
+ChartImages = Mapping[str, ChartImage]
 
 FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans", "DejaVu Sans"], "font.size": 9}
 
 
-def charts(found: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, Chart]:
+def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
     """Return `bars`, the compliances at one mass, and `volumes` if the request names several masses. rows : at
     these.
     """
-    made: dict[str, Chart] = {}
+    images: dict[str, ChartImage] = {}
     with lettering():
-        if found.compared.rivals:
-            made["bars"] = png(_bars(found))
-        if len(found.volumes) > 1:
-            made["volumes"] = png(chart_figure(rows, ""))
-    return made
+        if findings.compared.rivals:
+            images["bars"] = png_with_size(_bar_figure(findings))
+        if len(findings.volumes) > 1:
+            images["volumes"] = png_with_size(chart_figure(rows, ""))
+    return images
 
 
 @contextmanager
-def lettering(**more: Any) -> Iterator[None]:
+def lettering(**settings_of_chart: Any) -> Iterator[None]:
     """Draw charts with the letters of a report; more : settings of matplotlib."""
     import logging
 
@@ -167,40 +171,44 @@ def lettering(**more: Any) -> Iterator[None]:
 
     # a missing font is no fault, because the next one of the list serves
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
-    settings: dict[Any, Any] = {**FONT, **more}
+    settings: dict[Any, Any] = {**FONT, **settings_of_chart}
     with mpl.rc_context(settings):
         yield
 
 
-def _bars(found: Findings) -> "Figure":
+def _bar_figure(findings: Findings) -> "Figure":
     from matplotlib.figure import Figure
 
-    shown = [one for one in found.compared.competitors if one.judgement]
-    factor, unit = unit_for(found.unit_of, "J")
-    figure = Figure(figsize=(6.7, 0.7 + 0.36 * len(shown)), layout="constrained")
+    competitors = [competitor for competitor in findings.compared.competitors if competitor.judgement]
+    factor, unit = prefixed_unit(findings.reference_compliance, "J")
+    figure = Figure(figsize=(6.7, 0.7 + 0.36 * len(competitors)), layout="constrained")
     axes = figure.add_subplot()
-    values = [one.compliance / factor for one in shown]
-    bounds = [value * (one.judgement.bound or 0.0) for one, value in zip(shown, values, strict=True) if one.judgement]
-    colours = [STYLES.get(one.name, ("#b9bec5", "", ""))[0] for one in shown]
-    axes.barh(range(len(shown)), values, 0.62, color=colours, xerr=bounds, error_kw={"lw": 1, "capsize": 3})
-    most = max(value + bound for value, bound in zip(values, bounds, strict=True))
+    values = [competitor.compliance / factor for competitor in competitors]
+    bounds = [
+        value * (competitor.judgement.bound or 0.0)
+        for competitor, value in zip(competitors, values, strict=True)
+        if competitor.judgement
+    ]
+    colours = [STYLES.get(competitor.name, ("#b9bec5", "", ""))[0] for competitor in competitors]
+    axes.barh(range(len(competitors)), values, 0.62, color=colours, xerr=bounds, error_kw={"lw": 1, "capsize": 3})
+    longest = max(value + bound for value, bound in zip(values, bounds, strict=True))
     for place, (value, bound) in enumerate(zip(values, bounds, strict=True)):
-        axes.text(value + bound + 0.012 * most, place, digits_of(value), va="center", fontsize=8.5)
-    axes.set_yticks(range(len(shown)), [LABELS[one.name] for one in shown])
+        axes.text(value + bound + 0.012 * longest, place, significant_digits(value), va="center", fontsize=8.5)
+    axes.set_yticks(range(len(competitors)), [LABELS[competitor.name] for competitor in competitors])
     axes.invert_yaxis()
-    axes.set_xlim(0, 1.1 * most)
+    axes.set_xlim(0, 1.1 * longest)
     axes.set_xlabel(f"compliance, {unit} (shorter is stiffer)")
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)
     return figure
 
 
-def png(figure: "Figure", dpi: int = 200) -> Chart:
+def png_with_size(figure: "Figure", dpi: int = 200) -> ChartImage:
     """Return a figure as a PNG file, with its size in pixels."""
-    written = io.BytesIO()
-    figure.savefig(written, format="png", dpi=dpi, metadata={"Software": None})
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=dpi, metadata={"Software": None})
     wide, high = (round(dpi * inches) for inches in figure.get_size_inches())
-    return written.getvalue(), (wide, high)
+    return file.getvalue(), (wide, high)
 
 
 SIZE, SMALL = (1500, 1000), (1050, 760)
@@ -218,14 +226,14 @@ TEXT = 174 / 25.4 * 72
 """Points on paper of a picture as wide as the text."""
 
 
-class Pictures:
+class FindingsPictures:
     """Pictures of findings. Each method returns a figure, with the reason in it if this machine cannot draw."""
 
-    def __init__(self, found: Findings) -> None:
-        self.found = found
+    def __init__(self, findings: Findings) -> None:
+        self.findings = findings
 
     @cached_property
-    def missing(self) -> str:
+    def no_picture_reason(self) -> str:
         """The reason why this machine cannot draw, or ''."""
         from dsfab.render.opengl import why_no_pictures
 
@@ -235,61 +243,61 @@ class Pictures:
     @cached_property
     def up(self) -> Floats:
         """(3,) the direction that is up, the same in all pictures."""
-        task = self.found.task
+        task = self.findings.task
         return up_axis(task.surface.V, task.surface, task.statics.load)
 
     def design(self, caption: str, width: float) -> ReportFigure:
         """Draw the design with its loads and supports."""
-        sheet, task = self.found.structure.sheet.surface, self.found.task
+        sheet, task = self.findings.structure.sheet.surface, self.findings.task
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
-    def everything(self, caption: str, width: float) -> ReportFigure:
+    def all_material(self, caption: str, width: float) -> ReportFigure:
         """Draw all material of the pattern with its loads and supports, in red the parts that reach no support."""
-        made, task = self.found.structure, self.found.task
-        sheet = made.drawn
-        lost = np.where(kept_cells(sheet, made.sheet), -1, 0)
+        structure, task = self.findings.structure, self.findings.task
+        sheet = structure.material
+        face_family = np.where(kept_cells(sheet, structure.sheet), -1, 0)
         red = replace(WHITE, families=(RED,))
         return self._figure(
-            caption, width, SIZE, sheet.surface.V, sheet.surface.F, task.surface, task.statics.load, red, lost
+            caption, width, SIZE, sheet.surface.V, sheet.surface.F, task.surface, task.statics.load, red, face_family
         )
 
-    def case(self, name: str, caption: str, width: float, beside: bool = False) -> ReportFigure:
+    def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
         """Draw the uncut surface with the loads and supports of a case; beside: two pictures share the width of the
         text.
         """
-        surface = self.found.task.surface
-        load = self.found.task.all_loads[name]
+        surface = self.findings.task.surface
+        load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
-        letters = larger_letters(SMALL, width / 2 if beside else width)
+        letters = letter_enlargement(SMALL, width / 2 if side_by_side else width)
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
-    def stress(self, shown: Answered, caption: str) -> ReportFigure:
+    def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
         """Draw the largest von Mises stress of top, middle and bottom on the cut sheet."""
-        sheet, value = self.found.structure.sheet.surface, shown.stress.largest
+        sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
         limit = quantile(value, sheet.areas, 0.98) or 1.0  # peaks at corners would hide the rest
-        return self._banded(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
+        return self._band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
-    def displacement(self, shown: Answered, limit: float, caption: str) -> ReportFigure:
+    def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
         """Draw the deformed sheet, coloured by displacement; `caption` names the magnification as {factor}."""
-        sheet, u = self.found.structure.sheet.surface, shown.equilibrium.u
+        sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
         # magnified until the largest is 7 % of the surface's size, or a little less
-        factor = nice(0.07 * self.found.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
+        factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
         moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
-        told = caption.format(factor=digits_of(factor, 2))
-        return self._banded(told, sheet.V + factor * u, sheet.F, moved, limit, "m", "displacement")
+        words = caption.format(factor=significant_digits(factor, 2))
+        return self._band_figure(words, sheet.V + factor * u, sheet.F, moved, limit, "m", "displacement")
 
-    def _banded(
-        self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, what: str
+    def _band_figure(
+        self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, quantity_name: str
     ) -> ReportFigure:
-        step = nice(limit / BANDS)
+        step = round_number_above(limit / BANDS)
         count = max(2, math.ceil(limit / step - 1e-9))
-        bands = [(int(r), int(g), int(b)) for r, g, b in rising(np.linspace(0.04, 1, count))]
+        bands = [(int(r), int(g), int(b)) for r, g, b in rising_colours(np.linspace(0.04, 1, count))]
         palette = replace(WHITE, families=tuple(bands))
         band = np.minimum((value / step).astype(np.int64), count - 1)
-        factor, name = (1e-3, "mm") if unit == "m" and limit < 1 else unit_for(limit, unit)
+        factor, name = (1e-3, "mm") if unit == "m" and limit < 1 else prefixed_unit(limit, unit)
         labels = [f"{k * step / factor:.4g}" for k in range(count + 1)]
         over = ", and above" if float(value.max()) > count * step else ""
-        scale = Scale(f"{what}, {name} (darkest band: up to {labels[-1]} {name}{over})", bands, labels)
+        scale = ColourScale(f"{quantity_name}, {name} (darkest band: up to {labels[-1]} {name}{over})", bands, labels)
         return self._figure(caption, 0.86, SIZE, V, F, None, None, palette, band, scale)
 
     def _figure(
@@ -303,21 +311,21 @@ class Pictures:
         load: LoadCase | None,
         palette: Palette = WHITE,
         family: Ints | None = None,
-        scale: Scale | None = None,
+        scale: ColourScale | None = None,
         letters: float | None = None,
     ) -> ReportFigure:
         from dsfab.render.picture import Look, picture
 
-        if self.missing:
-            return ReportFigure(caption, b"", size, missing=self.missing)
-        look = Look(size, self.up, palette, letters or larger_letters(size, width))
+        if self.no_picture_reason:
+            return ReportFigure(caption, b"", size, missing=self.no_picture_reason)
+        look = Look(size, self.up, palette, letters or letter_enlargement(size, width))
         pixels = picture(V, F, surface=surface, load=load, family=family, look=look)
-        pixels = trimmed(pixels, palette.paper)
+        pixels = without_empty_rows(pixels, palette.paper)
         high, wide = pixels.shape[:2]
         return ReportFigure(caption, jpeg(pixels), (wide, high), width, scale)
 
 
-def larger_letters(size: tuple[int, int], width: float, points: float = 7.0) -> float:
+def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
     """Return the factor over a preview's letters that makes them `points` high on paper.
 
     size : pixels.    width : share of the text's width that the picture takes.
@@ -326,24 +334,24 @@ def larger_letters(size: tuple[int, int], width: float, points: float = 7.0) -> 
     return max(1.0, points * point / (size[1] / 46))
 
 
-def trimmed(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
+def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
     """Return a picture without empty rows at top and bottom, and with few between the structure and the words below
     it.
     """
-    drawn = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
-    if not len(drawn):
+    marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
+    if not len(marked_rows):
         return pixels
     gap = 3 * margin
-    keep = [np.arange(max(drawn[0] - margin, 0), drawn[0])]
-    for before, row in zip(drawn, [*drawn[1:], drawn[-1] + margin], strict=True):
-        keep.append(np.arange(before, min(row, before + gap)))
-    return np.asarray(pixels[np.concatenate(keep)])
+    rows = [np.arange(max(marked_rows[0] - margin, 0), marked_rows[0])]
+    for before, row in zip(marked_rows, [*marked_rows[1:], marked_rows[-1] + margin], strict=True):
+        rows.append(np.arange(before, min(row, before + gap)))
+    return np.asarray(pixels[np.concatenate(rows)])
 
 
 def jpeg(pixels: Bytes, quality: int = 90) -> bytes:
     """Return (height, width, 3) bytes as a JPEG file."""
     from PIL import Image
 
-    written = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels)).save(written, format="JPEG", quality=quality, subsampling=0)
-    return written.getvalue()
+    file = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(pixels)).save(file, format="JPEG", quality=quality, subsampling=0)
+    return file.getvalue()

@@ -7,16 +7,16 @@ from functools import cached_property
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import StaticsError
-from dsfab.core.limits import BALANCE, CONVERGED, FACETS, RESIDUAL, Mark, Status, worst
-from dsfab.core.messages import bounded, mass
+from dsfab.core.limits import BALANCE, CONVERGED, FACETS, RESIDUAL, Mark, Status, worst_status
 from dsfab.core.messages import length as length_words
+from dsfab.core.messages import mass, value_with_bound
 from dsfab.design import loads_on
-from dsfab.report.html_pages import escaped
+from dsfab.report.html_pages import escaped_text
 from dsfab.statics import flat_axis
 from dsfab.study import Comparison
 from dsfab.study.alternatives import Competitor
 from dsfab.study.baselines import ComparisonTask, Structure
-from dsfab.study.judges import Answered, Carried, Judgement, solved_loads
+from dsfab.study.judges import AnsweredLoad, CaseResponse, Judgement, solved_loads
 from dsfab.study.verdict import estimates
 from dsfab.study.verdict.estimates import Extreme
 from dsfab.surface import LimitState
@@ -24,7 +24,7 @@ from dsfab.surface import LimitState
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"))
 
 
-def unit_for(size: float, unit: str) -> tuple[float, str]:
+def prefixed_unit(size: float, unit: str) -> tuple[float, str]:
     """Return the divisor for values of this size, and the unit with its prefix."""
     size = abs(size)
     factor, prefix = next(((f, p) for f, p in PREFIXES if size >= 0.9995 * f), (1.0, "") if not size else PREFIXES[-1])
@@ -35,17 +35,17 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
     """Return for example '12.3 kN'; 'n/a' for None or an infinite value."""
     if value is None or not math.isfinite(value):
         return "n/a"
-    factor, name = unit_for(value, unit)
-    return f"{digits_of(value / factor, digits)} {name}"
+    factor, name = prefixed_unit(value, unit)
+    return f"{significant_digits(value / factor, digits)} {name}"
 
 
-def digits_of(value: float, digits: int = 3) -> str:
+def significant_digits(value: float, digits: int = 3) -> str:
     """Return a number with significant digits and without an exponent: '0.0123', '12.3', '12 300'."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "n/a"
     value = float(f"{value:.{digits - 1}e}")  # rounded first, because 9.996 becomes 10.00 and has a digit more
-    after = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
-    return f"{value:,.{after}f}".replace(",", " ")
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
+    return f"{value:,.{decimals}f}".replace(",", " ")
 
 
 def within(value: float, bound: float | None, unit: str) -> str:
@@ -57,7 +57,7 @@ def within(value: float, bound: float | None, unit: str) -> str:
     return f"{quantity(value, unit, 4 if bound < 0.005 else 3)} ± {percent(bound)}"
 
 
-def share_of(part: float) -> str:
+def share_words(part: float) -> str:
     """Return a share of the surface, for example '41.3 %'."""
     return f"{100 * part:.1f} %"
 
@@ -67,17 +67,17 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %" if abs(share) < 0.1 else f"{100 * share:.0f} %"
 
 
-def times(low: float, middle: float, high: float) -> str:
+def range_words(low: float, middle: float, high: float) -> str:
     """Return a ratio with its range, for example '1.92 (1.87 to 1.97)'."""
-    return f"{digits_of(middle)} ({digits_of(low)} to {digits_of(high)})"
+    return f"{significant_digits(middle)} ({significant_digits(low)} to {significant_digits(high)})"
 
 
-def point(place: Sequence[float]) -> str:
+def point_words(place: Sequence[float]) -> str:
     """Return a place, for example '(1.20, 0.00, 3.98) m'."""
     return f"({', '.join(f'{x + 0.0:.2f}' for x in place)}) m"
 
 
-def length(metres: float | None) -> str:
+def length_or_na(metres: float | None) -> str:
     """Return a length, for example '0.31 mm' or '2.4 m'; 'n/a' for None."""
     return "n/a" if metres is None or not math.isfinite(metres) else length_words(metres)
 
@@ -87,13 +87,13 @@ def enumeration(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def nice(value: float) -> float:
+def round_number_above(value: float) -> float:
     """Return the next of 1, 2, 2.5 and 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     return float(next(power * step for step in (1.0, 2.0, 2.5, 5.0, 10.0) if power * step >= value * (1 - 1e-9)))
 
 
-KNOCKED_DOWN = 5.0
+SAFE_BUCKLING_FACTOR = 5.0
 """Load factor above which the linear buckling analysis suffices, because real shells buckle at a fifth to a half of
 it.
 """
@@ -117,7 +117,7 @@ class CheckLine:
 
     name: str
     status: Mark
-    found: str
+    result: str
     limit: str
 
 
@@ -152,17 +152,17 @@ class Findings:
         return self.design.judgement is not None
 
     @property
-    def drawn(self) -> bool:
+    def has_structure(self) -> bool:
         """True if the design has a structure for pictures."""
         return self.design.structure is not None
 
     @property
-    def unit_of(self) -> float:
+    def reference_compliance(self) -> float:
         """The compliance that sets the unit of all compliances, J."""
         return self.design.compliance if self.carries else self.compared.full.compliance
 
     @property
-    def judged(self) -> Judgement:
+    def judgement(self) -> Judgement:
         """The judgement of the design."""
         assert self.design.judgement is not None
         return self.design.judgement
@@ -174,19 +174,19 @@ class Findings:
         return self.design.structure
 
     @cached_property
-    def fields(self) -> Mapping[str, Answered]:
+    def fields(self) -> Mapping[str, AnsweredLoad]:
         """Displacements and stresses of each load, for pictures."""
-        every = set(self.judged.cases) != set(self.task.loads)
-        return solved_loads(self.task, self.structure, every)
+        with_combinations = set(self.judgement.cases) != set(self.task.loads)
+        return solved_loads(self.task, self.structure, with_combinations)
 
     @cached_property
-    def sums(self) -> Mapping[str, Floats]:
+    def cut_load_sums(self) -> Mapping[str, Floats]:
         """(3,) newtons of each case and combination on the cut sheet; empty if the sheet does not carry all of them."""
         if not self.carries:
             return {}
-        task, made = self.task, self.structure
+        task, structure = self.task, self.structure
         try:
-            loads = loads_on(task.surface, made.sheet, task.loads_on(made, every=True))
+            loads = loads_on(task.surface, structure.sheet, task.loads_on(structure, every=True))
         except StaticsError:
             return {}
         return {name: load.force.sum(axis=0) for name, load in loads.items()}
@@ -196,21 +196,21 @@ class Findings:
         """Names of the cases with a judgement, the governing one first."""
         if not self.carries:
             return list(self.task.loads)
-        if self.judged.check:
-            return [case.name for case in self.judged.check.cases]
-        return sorted(self.judged.cases, key=lambda name: -self.judged.cases[name].compliance)
+        if self.judgement.check:
+            return [case.name for case in self.judgement.check.cases]
+        return sorted(self.judgement.cases, key=lambda name: -self.judgement.cases[name].compliance)
 
     @property
-    def plane(self) -> bool:
+    def is_plane(self) -> bool:
         """True if the loads lie in the plane of a flat sheet, so that it was solved in this plane."""
         return flat_axis(self.task.surface, *self.task.all_loads.values()) is not None
 
     @property
-    def governing(self) -> Carried:
+    def governing(self) -> CaseResponse:
         """The answer to the governing case."""
-        return self.judged.cases[self.cases[0]]
+        return self.judgement.cases[self.cases[0]]
 
-    def decisive(self, answer: str) -> tuple[str, Carried]:
+    def decisive_case(self, answer: str) -> tuple[str, CaseResponse]:
         """Return the case or combination with the largest displacement or stress, or the least buckling factor, and
         its answer.
 
@@ -218,97 +218,113 @@ class Findings:
         """
         state: LimitState = "SLS" if answer == "displacement" else "ULS"
         return max(
-            ((name, self.judged.cases[name]) for name in self.task.preset.judged_in(state, self.judged.cases)),
-            key=lambda one: _size(one[1], answer),
+            ((name, self.judgement.cases[name]) for name in self.task.preset.judged_in(state, self.judgement.cases)),
+            key=lambda item: _severity(item[1], answer),
         )
 
-    def detailed(self, names: Iterable[str]) -> list[str]:
+    def cases_shown(self, names: Iterable[str]) -> list[str]:
         """Select the cases and combinations with a figure of their own: of a standard's combinations only the
         decisive ones.
         """
-        made = {one.name for one in self.task.preset.surface.standard_sums}
-        most = {self.cases[0], self.decisive("displacement")[0], self.decisive("stress")[0]} if self.carries else set()
-        return [name for name in names if name not in made or name in most]
+        standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
+        decisive_names = (
+            {self.cases[0], self.decisive_case("displacement")[0], self.decisive_case("stress")[0]}
+            if self.carries
+            else set()
+        )
+        return [name for name in names if name not in standard_names or name in decisive_names]
 
-    def _under(self, answer: str) -> str:
-        return f", {escaped(self.decisive(answer)[0])}" if len(self.judged.cases) > 1 else ""
+    def _case_suffix(self, answer: str) -> str:
+        return f", {escaped_text(self.decisive_case(answer)[0])}" if len(self.judgement.cases) > 1 else ""
 
-    def gain(self, rival: Competitor) -> tuple[float, float, float]:
+    def stiffness_ratio(self, rival: Competitor) -> tuple[float, float, float]:
         """Return the stiffness of the design over that of a competitor of the same mass: lower bound, estimate,
         upper bound.
         """
         assert rival.judgement is not None
-        off, own = rival.judgement.bound or 0.0, self.judged.bound or 0.0
+        rival_bound, design_bound = rival.judgement.bound or 0.0, self.judgement.bound or 0.0
         middle = rival.compliance / self.design.compliance
-        return middle * (1 - off) / (1 + own), middle, middle * (1 + off) / (1 - own)
+        return middle * (1 - rival_bound) / (1 + design_bound), middle, middle * (1 + rival_bound) / (1 - design_bound)
 
     @property
     def status(self) -> Status:
         """The worst status of the checks on the structure itself."""
-        return worst(one.status for one in self.checks if one.status != "note")
+        return worst_status(line.status for line in self.checks if line.status != "note")
 
     @cached_property
     def checks(self) -> list[CheckLine]:
         """Lines of the checks on the structure itself."""
         if not self.carries:
-            told = f"no: {self.design.error}"
-            return [CheckLine("Carries its loads", "fail", told, "equilibrium with its supports")]
-        found = [self._carries(), self._known(), self._thin(), self._balanced(), self._member(), self._faceted()]
-        return [one for one in (*found, self._strong(), self._buckles(), self._vibrates()) if one]
+            reason = f"no: {self.design.error}"
+            return [CheckLine("Carries its loads", "fail", reason, "equilibrium with its supports")]
+        lines = [
+            self._support_check(),
+            self._compliance_check(),
+            self._theory_check(),
+            self._balance_check(),
+            self._member_check(),
+            self._facet_check(),
+        ]
+        return [
+            line for line in (*lines, self._strength_check(), self._buckling_check(), self._frequency_line()) if line
+        ]
 
-    def _carries(self) -> CheckLine:
+    def _support_check(self) -> CheckLine:
         loose = self.design.loose
-        left = f"; {percent(loose)} of what is drawn hangs on nothing and was left out" if loose > 1e-6 else ""
-        told = f"{self.design.pieces} {'piece' if self.design.pieces == 1 else 'pieces'} of material{left}"
-        failed = self.judged.verdict == "fail"
+        loose_words = f"; {percent(loose)} of what is drawn hangs on nothing and was left out" if loose > 1e-6 else ""
+        words = f"{self.design.pieces} {'piece' if self.design.pieces == 1 else 'pieces'} of material{loose_words}"
+        failed = self.judgement.verdict == "fail"
         return CheckLine(
             "Every load reaches a support",
             "fail" if failed else "pass",
-            self.judged.reason if failed else told,
+            self.judgement.reason if failed else words,
             "loads on pieces that a support holds",
         )
 
-    def _known(self) -> CheckLine:
-        check = self.judged.check
-        told = within(self.judged.compliance, self.judged.bound, "J")
-        known = check is not None and check.status == "pass"
-        why = "" if known else f"; {self.judged.reason}"
-        return CheckLine("Compliance is known", "pass" if known else "unknown", told + why, percent(CONVERGED))
+    def _compliance_check(self) -> CheckLine:
+        check = self.judgement.check
+        words = within(self.judgement.compliance, self.judgement.bound, "J")
+        is_known = check is not None and check.status == "pass"
+        why = "" if is_known else f"; {self.judgement.reason}"
+        return CheckLine("Compliance is known", "pass" if is_known else "unknown", words + why, percent(CONVERGED))
 
-    def _thin(self) -> CheckLine | None:
-        theory = self.judged.theory
+    def _theory_check(self) -> CheckLine | None:
+        theory = self.judgement.theory
         if theory is None:
             return None
-        told = f"a solid of it is up to {percent(theory)} softer"
+        words = f"a solid of it is up to {percent(theory)} softer"
         return CheckLine(
-            "Within thin-shell theory", "pass" if theory <= CONVERGED else "note", told, percent(CONVERGED)
+            "Within thin-shell theory", "pass" if theory <= CONVERGED else "note", words, percent(CONVERGED)
         )
 
-    def _balanced(self) -> CheckLine:
-        cases = self.judged.cases.values()
-        off, residual = max(case.imbalance for case in cases), max(case.residual for case in cases)
-        if self.judged.check:
-            residual = max(residual, *(level.residual for level in self.judged.check.levels))
+    def _balance_check(self) -> CheckLine:
+        cases = self.judgement.cases.values()
+        imbalance, residual = max(case.imbalance for case in cases), max(case.residual for case in cases)
+        if self.judgement.check:
+            residual = max(residual, *(level.residual for level in self.judgement.check.levels))
         return CheckLine(
             "Reactions balance the loads",
-            "pass" if off <= BALANCE and residual <= RESIDUAL else "fail",
-            f"off by {off:.0e} of the load; residual of the equations {residual:.0e}",
+            "pass" if imbalance <= BALANCE and residual <= RESIDUAL else "fail",
+            f"off by {imbalance:.0e} of the load; residual of the equations {residual:.0e}",
             f"{BALANCE:.0e}; {RESIDUAL:.0e}",
         )
 
-    def _member(self) -> CheckLine | None:
-        check = self.judged.check
+    def _member_check(self) -> CheckLine | None:
+        check = self.judgement.check
         if check is None or not math.isfinite(check.per_member):
             return None
-        fine = check.per_member >= estimates.MEMBER
-        told = f"{check.per_member:.2g} edges of the uncut mesh across a member"
-        more = "" if fine else "; the outline is coarse, the structure as drawn is what was checked"
+        is_fine = check.per_member >= estimates.LEAST_EDGES_PER_MEMBER
+        words = f"{check.per_member:.2g} edges of the uncut mesh across a member"
+        remark = "" if is_fine else "; the outline is coarse, the structure as drawn is what was checked"
         return CheckLine(
-            "Outline of the members", "pass" if fine else "note", told + more, f"{estimates.MEMBER:g} or more"
+            "Outline of the members",
+            "pass" if is_fine else "note",
+            words + remark,
+            f"{estimates.LEAST_EDGES_PER_MEMBER:g} or more",
         )
 
-    def _faceted(self) -> CheckLine | None:
-        check = self.judged.check
+    def _facet_check(self) -> CheckLine | None:
+        check = self.judgement.check
         if check is None or check.facets == 0:
             return None
         return CheckLine(
@@ -318,37 +334,41 @@ class Findings:
             f"{FACETS:g} or less",
         )
 
-    def _strong(self) -> CheckLine | None:
-        cases = self.task.preset.judged_in("ULS", self.judged.cases)
-        shares = [share for name in cases if (share := self.judged.cases[name].utilisation)]
+    def _strength_check(self) -> CheckLine | None:
+        cases = self.task.preset.judged_in("ULS", self.judgement.cases)
+        shares = [share for name in cases if (share := self.judgement.cases[name].utilisation)]
         if not shares:
             return None
-        usual, away = max(share[0] for share in shares), max(share[1] for share in shares)
-        status: Status = "fail" if usual > 1 else "pass" if away <= 1 else "unknown"
-        where = f"further than a rib's width from corners{self._under('stress')}"
-        told = f"{usual:.0%} on 99 % of the area, {away:.0%} {where}"
-        return CheckLine("Stress against the strength", status, told, quantity(self.task.preset.statics.strength, "Pa"))
+        usual_share, interior_share = max(share[0] for share in shares), max(share[1] for share in shares)
+        status: Status = "fail" if usual_share > 1 else "pass" if interior_share <= 1 else "unknown"
+        where = f"further than a rib's width from corners{self._case_suffix('stress')}"
+        words = f"{usual_share:.0%} on 99 % of the area, {interior_share:.0%} {where}"
+        return CheckLine(
+            "Stress against the strength", status, words, quantity(self.task.preset.statics.strength, "Pa")
+        )
 
-    def _buckles(self) -> CheckLine | None:
-        case = self.decisive("buckling")[1]
-        least, off = case.buckling, case.buckling_bound
-        if least is None:
+    def _buckling_check(self) -> CheckLine | None:
+        case = self.decisive_case("buckling")[1]
+        factor, bound = case.buckling, case.buckling_bound
+        if factor is None:
             return None
-        low, high = (least * (1 + side * (off or 0.0)) for side in (-1, 1))
-        status: Status = "fail" if high < 1 else "pass" if low >= KNOCKED_DOWN else "unknown"
-        told = f"{bounded(least, off)} times the load (linear, perfect shape){self._under('buckling')}"
-        return CheckLine("Buckling", status, f"{told}{self._assumed()}", f"{KNOCKED_DOWN:g} or more")
+        low, high = (factor * (1 + side * (bound or 0.0)) for side in (-1, 1))
+        status: Status = "fail" if high < 1 else "pass" if low >= SAFE_BUCKLING_FACTOR else "unknown"
+        words = (
+            f"{value_with_bound(factor, bound)} times the load (linear, perfect shape){self._case_suffix('buckling')}"
+        )
+        return CheckLine("Buckling", status, f"{words}{self._assumption_suffix()}", f"{SAFE_BUCKLING_FACTOR:g} or more")
 
-    def _vibrates(self) -> CheckLine | None:
-        case = next((case for case in self.judged.cases.values() if case.frequency is not None), None)
+    def _frequency_line(self) -> CheckLine | None:
+        case = next((case for case in self.judgement.cases.values() if case.frequency is not None), None)
         if case is None or case.frequency is None:
             return None
-        told = f"{bounded(case.frequency, case.frequency_bound, 'Hz')}{self._assumed()}"
-        return CheckLine("Lowest natural frequency", "note", told, "not judged")
+        words = f"{value_with_bound(case.frequency, case.frequency_bound, 'Hz')}{self._assumption_suffix()}"
+        return CheckLine("Lowest natural frequency", "note", words, "not judged")
 
-    def _assumed(self) -> str:
-        told = next((case.assumed for case in self.judged.cases.values() if case.assumed), "")
-        return f"; {told}" if told else ""
+    def _assumption_suffix(self) -> str:
+        assumption = next((case.assumed for case in self.judgement.cases.values() if case.assumed), "")
+        return f"; {assumption}" if assumption else ""
 
     @cached_property
     def claims(self) -> list[CheckLine]:
@@ -361,20 +381,23 @@ class Findings:
             return CheckLine(name, "fail", "it carries the loads, the design does not", "above 1")
         if rival.judgement is None:
             return CheckLine(name, "unknown", f"none was found: {rival.error.split('; the first: ')[0]}", "above 1")
-        low, middle, high = self.gain(rival)
+        low, middle, high = self.stiffness_ratio(rival)
         status: Status = "pass" if low > 1 else "fail" if high < 1 else "unknown"
-        return CheckLine(name, status, f"{times(low, middle, high)} times", "above 1")
+        return CheckLine(name, status, f"{range_words(low, middle, high)} times", "above 1")
 
     @property
-    def extent(self) -> str:
+    def size_words(self) -> str:
         """Mass, share of the surface and thickness."""
-        made = self.design
-        return f"{mass(made.mass)}, {share_of(made.area_fraction)} of the surface, {length(made.thickness)} thick"
+        design = self.design
+        return (
+            f"{mass(design.mass)}, {share_words(design.area_fraction)} of the surface, "
+            f"{length_or_na(design.thickness)} thick"
+        )
 
 
-def _size(case: Carried, answer: str) -> float:
+def _severity(case: CaseResponse, answer: str) -> float:
     """Size of an answer for comparison: metres, pascals, or minus the buckling factor."""
     if answer == "buckling":
         return -math.inf if case.buckling is None else -case.buckling
-    found: Extreme = getattr(case, answer)
-    return found.settled
+    extreme: Extreme = getattr(case, answer)
+    return extreme.settled

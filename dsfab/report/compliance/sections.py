@@ -5,29 +5,34 @@ from collections.abc import Mapping, Sequence
 from dsfab.core.limits import CONVERGED
 from dsfab.core.messages import mass
 from dsfab.report.compliance import tables
-from dsfab.report.compliance.figures import Charts, Pictures
+from dsfab.report.compliance.figures import ChartImages, FindingsPictures
 from dsfab.report.compliance.findings import (
     LABELS,
     Findings,
-    digits_of,
     enumeration,
-    length,
+    length_or_na,
     percent,
     quantity,
-    share_of,
+    share_words,
+    significant_digits,
 )
-from dsfab.report.compliance.verdict_words import banner, losses, standing, thinner_at_volumes
+from dsfab.report.compliance.verdict_words import (
+    alternative_banners,
+    comparison_sentences,
+    thinner_sheet_words,
+    verdict_banner,
+)
 from dsfab.report.html_pages import (
-    Across,
     Block,
     Bullets,
+    CaptionNumbers,
     Code,
-    Numbers,
+    FigureRow,
     Paragraph,
     ReportFigure,
     ReportSection,
     Table,
-    escaped,
+    escaped_text,
 )
 from dsfab.statics import elements_of
 from dsfab.study.verdict import calibration, estimates
@@ -35,26 +40,28 @@ from dsfab.study.verdict import calibration, estimates
 PLANE = "The sheet is loaded in its own plane: there is no bending, and the two pairs of elements are one."
 
 
-def summary(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
+def summary_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
     """The first page: verdict, picture and key results."""
-    picture = drawn.design(number.figure(f"The structure, {found.extent}. Arrows are loads, cones are supports."), 0.86)
+    picture = pictures.design(
+        number.figure(f"The structure, {findings.size_words}. Arrows are loads, cones are supports."), 0.86
+    )
     return ReportSection(
         "Summary",
         [
-            *losses(found),
-            banner(found),
-            Paragraph(" ".join(standing(found)), "lead"),
+            *alternative_banners(findings),
+            verdict_banner(findings),
+            Paragraph(" ".join(comparison_sentences(findings)), "lead"),
             picture,
-            tables.key_table(found, number),
+            tables.key_table(findings, number),
         ],
     )
 
 
-def checks(found: Findings, number: Numbers) -> ReportSection:
+def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
     """Verdict by verdict."""
-    blocks: list[Block] = [tables.checks_table(found.checks, number, "The structure itself.")]
-    if found.claims:
-        blocks.append(tables.checks_table(found.claims, number, "Stiffness beside others of the same mass."))
+    blocks: list[Block] = [tables.checks_table(findings.checks, number, "The structure itself.")]
+    if findings.claims:
+        blocks.append(tables.checks_table(findings.claims, number, "Stiffness beside others of the same mass."))
     blocks.append(
         Paragraph(
             "<b>pass</b>: shown. <b>fail</b>: shown not to be so. <b>unknown</b>: not shown either way. <b>note</b>: "
@@ -65,41 +72,43 @@ def checks(found: Findings, number: Numbers) -> ReportSection:
     return ReportSection("Checks", blocks)
 
 
-def subject(found: Findings, number: Numbers) -> ReportSection:
+def structure_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
     """Structure, material and pattern."""
-    blocks: list[Block] = [tables.structure_table(found, number)]
-    if found.compared.pattern is not None:
-        blocks.append(tables.pattern_table(found.compared.pattern, number))
+    blocks: list[Block] = [tables.structure_table(findings, number)]
+    if findings.compared.pattern is not None:
+        blocks.append(tables.pattern_table(findings.compared.pattern, number))
     return ReportSection("The structure", blocks)
 
 
-def loads(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
+def loads_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
     """Loads and supports, drawn for each case."""
-    names = found.detailed(tables.found_order(found))
+    names = findings.cases_shown(tables.ordered_cases(findings))
     several = len(names) > 1
     figures = []
     for name in names:
-        told = f"Load case {escaped(name)}: loads (blue) and supports (dark)." if several else "Loads and supports."
-        figures.append(drawn.case(name, number.figure(told), 1.0 if several else 0.7, beside=several))
+        caption = (
+            f"Load case {escaped_text(name)}: loads (blue) and supports (dark)." if several else "Loads and supports."
+        )
+        figures.append(pictures.case(name, number.figure(caption), 1.0 if several else 0.7, side_by_side=several))
     return ReportSection(
         "Loads and supports",
         [
-            tables.acting_table(found, number),
-            tables.loads_table(found, number),
-            *([Across(figures)] if several else figures),
+            tables.acting_table(findings, number),
+            tables.loads_table(findings, number),
+            *([FigureRow(figures)] if several else figures),
         ],
     )
 
 
-def convergence(found: Findings, number: Numbers) -> ReportSection:
+def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
     """The compliance on finer and finer meshes, or by one solve."""
-    levels = tables.levels_table(found, number)
+    levels = tables.levels_table(findings, number)
     if levels is None:
         words = "The compliance was found by one solve on the mesh as it is cut; "
-        words += f"its bound, {percent(estimates.QUICK[1])}, holds for nine designs in ten. "
+        words += f"its bound, {percent(estimates.QUICK_ERRORS[1])}, holds for nine designs in ten. "
         words += "It shows no convergence: <code>--level full</code> does."
-        return ReportSection("Compliance", [Paragraph(words), tables.cases_table(found, number)])
-    check = found.judged.check
+        return ReportSection("Compliance", [Paragraph(words), tables.cases_table(findings, number)])
+    check = findings.judgement.check
     assert check is not None
     blocks: list[Block] = [
         Paragraph(
@@ -108,63 +117,81 @@ def convergence(found: Findings, number: Numbers) -> ReportSection:
             f"extrapolated and counts as known when its bound is {percent(CONVERGED)} or less."
         ),
         levels,
-        *([Paragraph(PLANE, "quiet")] if found.plane else []),
-        tables.cases_table(found, number),
+        *([Paragraph(PLANE, "quiet")] if findings.is_plane else []),
+        tables.cases_table(findings, number),
     ]
-    blocks += [Paragraph(escaped(f"{told[0].upper()}{told[1:]}.")) for told in check.warnings]
+    blocks += [Paragraph(escaped_text(f"{warning[0].upper()}{warning[1:]}.")) for warning in check.warnings]
     return ReportSection("Compliance and its convergence", blocks)
 
 
-def comparison(found: Findings, number: Numbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]) -> ReportSection:
+def comparison_section(
+    findings: Findings, number: CaptionNumbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]
+) -> ReportSection:
     """Structures of the same mass."""
-    blocks: list[Block] = [Paragraph(text) for text in standing(found)]
-    blocks.append(tables.rivals_table(found, number))
+    blocks: list[Block] = [Paragraph(text) for text in comparison_sentences(findings)]
+    blocks.append(tables.rivals_table(findings, number))
     blocks += [
-        Paragraph(f"{LABELS[one.name]}: {escaped(one.error)}.", "quiet") for one in found.compared.rivals if one.error
+        Paragraph(f"{LABELS[rival.name]}: {escaped_text(rival.error)}.", "quiet")
+        for rival in findings.compared.rivals
+        if rival.error
     ]
-    spreads = [one for one in found.compared.rivals if one.spread and one.judgement]
-    full = found.compared.full.compliance
-    for one in spreads:
-        assert one.spread is not None
-        best, mean, worst = (digits_of(getattr(one.spread, name) / full) for name in ("best", "mean", "worst"))
-        told = (
-            f"{LABELS[one.name]}: {one.spread.carried} of {one.spread.tried} variants carry the loads, by one solve "
-            f"each from {best} to {worst} times the compliance of the whole sheet, {mean} times in the mean; the table "
+    spreads = [rival for rival in findings.compared.rivals if rival.spread and rival.judgement]
+    full = findings.compared.full.compliance
+    for rival in spreads:
+        assert rival.spread is not None
+        best_ratio, mean_ratio, worst_ratio = (
+            significant_digits(getattr(rival.spread, name) / full) for name in ("best", "mean", "worst")
+        )
+        words = (
+            f"{LABELS[rival.name]}: {rival.spread.carried} of {rival.spread.tried} variants carry the loads, by "
+            "one solve "
+            f"each from {best_ratio} to {worst_ratio} times the compliance of the whole sheet, {mean_ratio} times "
+            "in the mean; the table "
             "has the stiffest."
         )
-        blocks.append(Paragraph(told, "quiet"))
+        blocks.append(Paragraph(words, "quiet"))
     if "bars" in charts:
         blocks.append(
-            _chart(number.figure("Compliance of structures of one mass; thin lines are bounds."), charts["bars"])
+            _chart_figure(number.figure("Compliance of structures of one mass; thin lines are bounds."), charts["bars"])
         )
-    if found.volumes:
-        if told := thinner_at_volumes(found):
-            blocks.append(Paragraph(told))
-        blocks.append(tables.volumes_table(found, number))
+    if findings.volumes:
+        if words := thinner_sheet_words(findings):
+            blocks.append(Paragraph(words))
+        blocks.append(tables.volumes_table(findings, number))
     if "volumes" in charts:
-        blocks.append(_chart(number.figure("Compliance over mass; the design's widths are scaled."), charts["volumes"]))
+        blocks.append(
+            _chart_figure(number.figure("Compliance over mass; the design's widths are scaled."), charts["volumes"])
+        )
     return ReportSection("The same mass spent otherwise", blocks)
 
 
-def _chart(caption: str, chart: tuple[bytes, tuple[int, int]]) -> ReportFigure:
+def _chart_figure(caption: str, chart: tuple[bytes, tuple[int, int]]) -> ReportFigure:
     image, size = chart
     return ReportFigure(caption, image, size, 0.92)
 
 
-def answers(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
+def displacement_and_stress_section(
+    findings: Findings, pictures: FindingsPictures, number: CaptionNumbers
+) -> ReportSection:
     """Displacements and stress, each of the case or combination that decides it."""
-    (farthest, moves), (strained, strains) = found.decisive("displacement"), found.decisive("stress")
-    under = {name: f" under {escaped(name)}" if len(found.cases) > 1 else "" for name in (farthest, strained)}
-    moved = drawn.displacement(
-        found.fields[farthest],
-        moves.displacement.value,
-        number.figure(f"Displacements{under[farthest]}, drawn {{factor}} times as large."),
+    (moving_case, moving), (stressed_case, stressed_answer) = (
+        findings.decisive_case("displacement"),
+        findings.decisive_case("stress"),
     )
-    stressed = drawn.stress(
-        found.fields[strained],
+    under = {
+        name: f" under {escaped_text(name)}" if len(findings.cases) > 1 else "" for name in (moving_case, stressed_case)
+    }
+    moved_figure = pictures.displacement(
+        findings.fields[moving_case],
+        moving.displacement.value,
+        number.figure(f"Displacements{under[moving_case]}, drawn {{factor}} times as large."),
+    )
+    stress_figure = pictures.stress(
+        findings.fields[stressed_case],
         number.figure(
-            f"von Mises stress{under[strained]}, the largest of top, middle and bottom of the sheet as it is cut; on "
-            f"99 % of the area of the finest mesh at most {quantity(strains.stress.quantile, 'Pa')}."
+            f"von Mises stress{under[stressed_case]}, the largest of top, middle and bottom of the sheet as it is "
+            "cut; on "
+            f"99 % of the area of the finest mesh at most {quantity(stressed_answer.stress.quantile, 'Pa')}."
         ),
     )
     words = Paragraph(
@@ -173,24 +200,28 @@ def answers(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
         "quiet",
     )
     return ReportSection(
-        "Displacements and stress", [words, moved, stressed, tables.stress_table(found, number)], own_page=True
+        "Displacements and stress",
+        [words, moved_figure, stress_figure, tables.stress_table(findings, number)],
+        own_page=True,
     )
 
 
-def reactions(found: Findings, number: Numbers) -> ReportSection:
+def reactions_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
     """Reactions of each support, in each case."""
     return ReportSection(
-        "Reactions and balance", [tables.reactions_table(found, name, number) for name in found.detailed(found.cases)]
+        "Reactions and balance",
+        [tables.reactions_table(findings, name, number) for name in findings.cases_shown(findings.cases)],
     )
 
 
-def scope(found: Findings) -> list[ReportSection]:
+def scope_sections(findings: Findings) -> list[ReportSection]:
     """Assumptions, and questions that nobody checked."""
-    preset = found.task.preset
+    preset = findings.task.preset
     statics = preset.statics
     assumed = [
         "Linear elastic, isotropic material; small displacements; loads that do not follow the motion.",
-        f"A thin sheet of one thickness ({length(statics.thickness)}); where a load asks for its own weight, it is "
+        f"A thin sheet of one thickness ({length_or_na(statics.thickness)}); where a load asks for its own "
+        "weight, it is "
         "that of the material that is there, of the design and of each competitor. The directions of the stripes were "
         f"sought with that of {'what stripes leave' if preset.pattern.rounds else 'the uncut sheet'}.",
         "Supports are rigid unless they are springs, and hold in both directions.",
@@ -203,7 +234,7 @@ def scope(found: Findings) -> list[ReportSection]:
     ]
     if statics.law == "stvk":
         assumed[0] = "The paper's material (St. Venant and Kirchhoff's, linearised); small displacements."
-    cases = list(found.judged.cases.values()) if found.carries else []
+    cases = list(findings.judgement.cases.values()) if findings.carries else []
     missing = [
         "Strength: the preset gives none, so stress is shown and not judged." if not statics.strength else "",
         ""
@@ -222,26 +253,30 @@ def scope(found: Findings) -> list[ReportSection]:
     )
     return [
         ReportSection("What was assumed", [Bullets(assumed)]),
-        ReportSection("What was not checked", [words, Bullets([one for one in missing if one])]),
+        ReportSection("What was not checked", [words, Bullets([line for line in missing if line])]),
     ]
 
 
-def calibrated(number: Numbers) -> ReportSection:
+def calibration_section(number: CaptionNumbers) -> ReportSection:
     """Tests of the rule for the bound."""
     rows = calibration.shipped_table()
-    told = calibration.summary(rows)
+    calibration_result = calibration.summary(rows)
     kinds = len({row.kind for row in rows})
-    inside = round(told.inside * told.designs)
+    inside = round(calibration_result.inside * calibration_result.designs)
     return ReportSection(
         "Can the bound be believed?",
         [
             Paragraph(
-                f"The rule that gives the bound was tested on {told.designs} random designs on {kinds} surfaces, each "
+                f"The rule that gives the bound was tested on {calibration_result.designs} random designs on "
+                f"{kinds} surfaces, each "
                 f"solved on one or two meshes beyond those of its verdict: the compliance found there lies within the "
-                f"bound in <b>{inside} of {told.designs}</b> cases. The median bound is "
-                f"<b>{percent(told.median_bound)}</b>, the largest error of the value {percent(told.largest_error)}. "
-                f"One solve on the cut mesh (level quick) is off by {percent(told.quick_median)} in the median, and by "
-                f"{percent(told.quick_most)} at most for nine in ten. The rule was fitted on these designs: it is "
+                f"bound in <b>{inside} of {calibration_result.designs}</b> cases. The median bound is "
+                f"<b>{percent(calibration_result.median_bound)}</b>, the largest error of the value "
+                f"{percent(calibration_result.largest_error)}. "
+                f"One solve on the cut mesh (level quick) is off by {percent(calibration_result.quick_median)} in "
+                "the median, and by "
+                f"{percent(calibration_result.quick_most)} at most for nine in ten. The rule was fitted on these "
+                "designs: it is "
                 "calibrated, not proven. <code>dsfab verify --calibration</code> prints the table and makes it anew; "
                 "<code>dsfab verify</code> tests the elements on structures with published answers."
             )
@@ -249,11 +284,13 @@ def calibrated(number: Numbers) -> ReportSection:
     )
 
 
-def reproduction(found: Findings, versions: Mapping[str, str], preset: str, number: Numbers) -> ReportSection:
+def reproduction_section(
+    findings: Findings, versions: Mapping[str, str], preset: str, number: CaptionNumbers
+) -> ReportSection:
     """Command, versions and preset of the report."""
     blocks: Sequence[Block] = [
         Paragraph("Made by this command, with the preset below and these versions:"),
-        Code(found.command),
+        Code(findings.command),
         tables.versions_table(versions, number),
         Paragraph("The preset in full, with every value that was left out:"),
         Code(preset),
@@ -261,66 +298,79 @@ def reproduction(found: Findings, versions: Mapping[str, str], preset: str, numb
     return ReportSection("Making it again", blocks, own_page=True)
 
 
-def parts(
-    found: Findings, pictures: Pictures, number: Numbers, charts: Charts, versions: Mapping[str, str], preset: str
+def failed_sections(
+    findings: Findings,
+    pictures: FindingsPictures,
+    number: CaptionNumbers,
+    charts: ChartImages,
+    versions: Mapping[str, str],
+    preset: str,
 ) -> list[ReportSection]:
     """Return the sections for a design without equilibrium: it has no displacements, stresses and reactions."""
     return [
-        _summary(found, pictures, number),
-        checks(found, number),
-        subject(found, number),
-        loads(found, pictures, number),
-        *([comparison(found, number, charts)] if found.compared.rivals or found.volumes else []),
-        *scope(found),
-        reproduction(found, versions, preset, number),
+        _failed_summary(findings, pictures, number),
+        checks_section(findings, number),
+        structure_section(findings, number),
+        loads_section(findings, pictures, number),
+        *([comparison_section(findings, number, charts)] if findings.compared.rivals or findings.volumes else []),
+        *scope_sections(findings),
+        reproduction_section(findings, versions, preset, number),
     ]
 
 
-def _summary(found: Findings, pictures: Pictures, number: Numbers) -> ReportSection:
-    blocks: list[Block] = [banner(found)]
-    blocks += [Paragraph(text, "lead") for text in (_advice(found), *standing(found))]
-    blocks.append(_drawn(found, pictures, number))
-    if found.drawn:
-        blocks.append(_sizes(found, number))
+def _failed_summary(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
+    blocks: list[Block] = [verdict_banner(findings)]
+    blocks += [Paragraph(text, "lead") for text in (_advice(findings), *comparison_sentences(findings))]
+    blocks.append(_failed_picture(findings, pictures, number))
+    if findings.has_structure:
+        blocks.append(_failed_table(findings, number))
     return ReportSection("Summary", blocks)
 
 
-def _advice(found: Findings) -> str:
-    carrying = [share for share, one in found.volumes if one.design.judgement]
-    told = "No compliance, displacement or stress can be given for what is not in equilibrium. "
+def _advice(findings: Findings) -> str:
+    carrying = [share for share, compared in findings.volumes if compared.design.judgement]
+    words = "No compliance, displacement or stress can be given for what is not in equilibrium. "
     if carrying:
         shares = enumeration([f"{share:.0%}" for share in carrying])
-        return told + f"With its widths scaled it carries them at {shares} of the material."
-    return told + (
+        return words + f"With its widths scaled it carries them at {shares} of the material."
+    return words + (
         "More material (wider stripes, lower thresholds), a rim, or kept regions around loads and supports close such "
         "gaps; so do other phases, modes or frequencies."
     )
 
 
-def _drawn(found: Findings, pictures: Pictures, number: Numbers) -> ReportFigure:
-    if found.drawn:
-        red = "; red reaches no support" if found.design.loose > 0 else ""
-        told = f"What the pattern draws{red}. Arrows are loads, cones are supports."
-        return pictures.everything(number.figure(told), 0.86)
-    told = "The surface before it is cut. Arrows are loads, cones are supports."
-    return pictures.case(found.cases[0], number.figure(told), 0.86)
+def _failed_picture(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportFigure:
+    if findings.has_structure:
+        red = "; red reaches no support" if findings.design.loose > 0 else ""
+        caption = f"What the pattern draws{red}. Arrows are loads, cones are supports."
+        return pictures.all_material(number.figure(caption), 0.86)
+    caption = "The surface before it is cut. Arrows are loads, cones are supports."
+    return pictures.case(findings.cases[0], number.figure(caption), 0.86)
 
 
-def _sizes(found: Findings, number: Numbers) -> Table:
-    made = found.design
+def _failed_table(findings: Findings, number: CaptionNumbers) -> Table:
+    design = findings.design
     rows = [
-        ("Mass", mass(made.mass), f"{share_of(made.area_fraction)} of the surface, {length(made.thickness)} thick"),
-        ("Pieces", str(made.pieces), f"{share_of(made.loose)} of what is drawn reaches no support"),
+        (
+            "Mass",
+            mass(design.mass),
+            f"{share_words(design.area_fraction)} of the surface, {length_or_na(design.thickness)} thick",
+        ),
+        ("Pieces", str(design.pieces), f"{share_words(design.loose)} of what is drawn reaches no support"),
         ("Compliance", "none", "not in equilibrium"),
-        *(_carried(found, name) for name in ("full", *(rival.name for rival in found.compared.rivals))),
+        *(_competitor_row(findings, name) for name in ("full", *(rival.name for rival in findings.compared.rivals))),
     ]
     return Table(number.table("Key results."), ("Result", "Value", "Remark"), rows, 3, "", (3, 2, 4))
 
 
-def _carried(found: Findings, name: str) -> tuple[str, str, str]:
-    one, full = found.compared[name], found.compared.full
-    label = escaped(LABELS[name])
-    if one.judgement is None:
-        return label, "none", "does not carry the loads either" if one.structure or one.spread else "was not found"
-    ratio = f"{digits_of(one.compliance / full.compliance)} times the compliance of the whole sheet"
-    return label, mass(one.mass), "carries the loads" if name == "full" else f"carries the loads, with {ratio}"
+def _competitor_row(findings: Findings, name: str) -> tuple[str, str, str]:
+    competitor, full = findings.compared[name], findings.compared.full
+    label = escaped_text(LABELS[name])
+    if competitor.judgement is None:
+        return (
+            label,
+            "none",
+            "does not carry the loads either" if competitor.structure or competitor.spread else "was not found",
+        )
+    ratio = f"{significant_digits(competitor.compliance / full.compliance)} times the compliance of the whole sheet"
+    return label, mass(competitor.mass), "carries the loads" if name == "full" else f"carries the loads, with {ratio}"

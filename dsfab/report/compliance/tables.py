@@ -7,175 +7,200 @@ from typing import Any
 import numpy as np
 
 from dsfab.core.arrays import Floats
-from dsfab.core.messages import counted, force, mass
+from dsfab.core.messages import count_phrase, force, mass
 from dsfab.report.compliance.findings import (
     LABELS,
     CheckLine,
     Findings,
-    digits_of,
-    length,
+    length_or_na,
     percent,
-    point,
+    point_words,
+    prefixed_unit,
     quantity,
-    share_of,
-    unit_for,
+    share_words,
+    significant_digits,
     within,
 )
-from dsfab.report.html_pages import Numbers, Table, escaped
+from dsfab.report.html_pages import CaptionNumbers, Table, escaped_text
 from dsfab.slicing.measures.pattern_quality import FamilyQuality, PatternQuality
 from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-OFF_CORNERS = "further than a rib's width from corners"
+AWAY_FROM_CORNERS = "further than a rib's width from corners"
 """Region in which the largest stress converges."""
 
 DUST = 5e-5
 """Share of the largest force below which a force is shown as 0."""
 
 
-def checks_table(checks: list[CheckLine], number: Numbers, caption: str) -> Table:
+def checks_table(checks: list[CheckLine], number: CaptionNumbers, caption: str) -> Table:
     """Checks with their result, limit and verdict."""
-    rows = [(one.name, one.found, one.limit, one.status) for one in checks]
+    rows = [(line.name, line.result, line.limit, line.status) for line in checks]
     return Table(number.table(caption), ("Check", "Found", "Wanted", "Verdict"), rows, 4, "", (3.2, 5.2, 2.4, 1.2))
 
 
-def key_table(found: Findings, number: Numbers) -> Table:
+def key_table(findings: Findings, number: CaptionNumbers) -> Table:
     """The numbers of the first page."""
-    (moved, moves), (strained, strains) = found.decisive("displacement"), found.decisive("stress")
-    several = len(found.cases) > 1
+    (moving_case, moving), (stressed_case, stressed) = (
+        findings.decisive_case("displacement"),
+        findings.decisive_case("stress"),
+    )
+    several = len(findings.cases) > 1
     rows = [
-        ("Mass", mass(found.design.mass), f"{share_of(found.design.area_fraction)} of the surface kept"),
-        ("Compliance", within(found.judged.compliance, found.judged.bound, "J"), _over_full(found)),
+        ("Mass", mass(findings.design.mass), f"{share_words(findings.design.area_fraction)} of the surface kept"),
+        (
+            "Compliance",
+            within(findings.judgement.compliance, findings.judgement.bound, "J"),
+            _full_sheet_ratio(findings),
+        ),
         (
             "Largest displacement",
-            length(moves.displacement.value),
-            f"at {point(moves.displacement.place)}{f', {escaped(moved)}' if several else ''}",
+            length_or_na(moving.displacement.value),
+            f"at {point_words(moving.displacement.place)}{f', {escaped_text(moving_case)}' if several else ''}",
         ),
         (
             "Von Mises stress",
-            quantity(strains.stress.quantile, "Pa"),
-            f"on 99 % of the area; {quantity(strains.stress.settled, 'Pa')} {OFF_CORNERS}"
-            + (f", {escaped(strained)}" if several else ""),
+            quantity(stressed.stress.quantile, "Pa"),
+            f"on 99 % of the area; {quantity(stressed.stress.settled, 'Pa')} {AWAY_FROM_CORNERS}"
+            + (f", {escaped_text(stressed_case)}" if several else ""),
         ),
     ]
     if several:
-        rows.insert(0, ("Governing load case", escaped(found.cases[0]), f"of {len(found.cases)}"))
+        rows.insert(0, ("Governing load case", escaped_text(findings.cases[0]), f"of {len(findings.cases)}"))
     return Table(number.table("Key results."), ("Result", "Value", "Remark"), rows, 3, "", (2.2, 2.2, 5))
 
 
-def _over_full(found: Findings) -> str:
-    full = found.compared.full
-    return f"{found.design.compliance / full.compliance:.3g} times that of the whole sheet of {mass(full.mass)}"
+def _full_sheet_ratio(findings: Findings) -> str:
+    full = findings.compared.full
+    return f"{findings.design.compliance / full.compliance:.3g} times that of the whole sheet of {mass(full.mass)}"
 
 
-def structure_table(found: Findings, number: Numbers) -> Table:
+def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Sizes, mass and material of the structure."""
-    preset, design, task = found.task.preset, found.design, found.task
-    statics, sheet = preset.statics, found.structure.sheet.surface if found.drawn else None
-    size = [length(float(x)) for x in np.ptp(task.surface.V, axis=0)]
+    preset, design, task = findings.task.preset, findings.design, findings.task
+    statics, sheet = preset.statics, findings.structure.sheet.surface if findings.has_structure else None
+    size = [length_or_na(float(x)) for x in np.ptp(task.surface.V, axis=0)]
     rows = [
-        ("Surface", f"{digits_of(task.surface.area)} m², {' × '.join(size)}"),
-        ("Kept", _kept(design, sheet)),
-        ("Thickness", length(statics.thickness)),
+        ("Surface", f"{significant_digits(task.surface.area)} m², {' × '.join(size)}"),
+        ("Kept", _kept_words(design, sheet)),
+        ("Thickness", length_or_na(statics.thickness)),
         ("Mass", mass(design.mass) if sheet else "-"),
-        ("Smallest member", length(design.smallest_member)),
+        ("Smallest member", length_or_na(design.smallest_member)),
         *([("Material", statics.material_words)] if statics.material else []),
         ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
         ("Density", f"{statics.density:g} kg/m³"),
         ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not given: stress is not judged"),
-        ("Mesh of the surface", f"{_thousands(task.surface.n)} vertices, edges of {length(task.surface.mean_edge)}"),
+        (
+            "Mesh of the surface",
+            f"{_thousands(task.surface.n)} vertices, edges of {length_or_na(task.surface.mean_edge)}",
+        ),
     ]
     if sheet:
         rows.append(("Mesh as it is cut", f"{_thousands(sheet.m)} triangles"))
     return Table(number.table("Structure and material."), ("Property", "Value"), rows, 2, "", (2, 5))
 
 
-def pattern_table(found: PatternQuality, number: Numbers) -> Table:
+def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
     """Spacing, dead ends and direction of both families of members."""
-    drawn = [(name, one) for name, one in found.families if one.drawn]
+    families = [(name, family) for name, family in quality.families if family.drawn]
     rows = [
-        ("Distance of members, median", *(length(one.spacing[1]) for _, one in drawn)),
-        ("Clear opening, on nine tenths of the area", *(_between(one) for _, one in drawn)),
-        ("Widest over narrowest distance (P95/P5)", *(f"{one.evenness:.2f}" for _, one in drawn)),
-        ("Dead ends", *(str(one.dead) for _, one in drawn)),
-        ("Openings narrower than the members beside them", *(str(one.slits) for _, one in drawn)),
-        ("Off the stress, mean", *(f"{one.deviation:.1f}°" for _, one in drawn)),
-        ("Off the stress by over 30°", *(percent(one.off) for _, one in drawn)),
+        ("Distance of members, median", *(length_or_na(family.spacing[1]) for _, family in families)),
+        ("Clear opening, on nine tenths of the area", *(_opening_range(family) for _, family in families)),
+        ("Widest over narrowest distance (P95/P5)", *(f"{family.evenness:.2f}" for _, family in families)),
+        ("Dead ends", *(str(family.dead) for _, family in families)),
+        ("Openings narrower than the members beside them", *(str(family.slits) for _, family in families)),
+        ("Off the stress, mean", *(f"{family.deviation:.1f}°" for _, family in families)),
+        ("Off the stress by over 30°", *(percent(family.off) for _, family in families)),
     ]
-    told = f"Members cross at {found.crossing_angle:.0f}° or more." if len(drawn) == 2 else "One family of members."
-    if found.symmetry_error is not None:
-        told += f" {percent(found.symmetry_error)} of the surface differs from its image under the design's symmetry."
-    heads = [f"{name.capitalize()} members" for name, _ in drawn]
-    widths = (3, *(2 for _ in drawn))
-    return Table(number.table("The pattern."), ("Measure", *heads), rows, 1 + len(drawn), told, widths)
+    note = (
+        f"Members cross at {quality.crossing_angle:.0f}° or more." if len(families) == 2 else "One family of members."
+    )
+    if quality.symmetry_error is not None:
+        note += f" {percent(quality.symmetry_error)} of the surface differs from its image under the design's symmetry."
+    heads = [f"{name.capitalize()} members" for name, _ in families]
+    widths = (3, *(2 for _ in families))
+    return Table(number.table("The pattern."), ("Measure", *heads), rows, 1 + len(families), note, widths)
 
 
-def _between(one: FamilyQuality) -> str:
-    return f"{length(one.opening[0])} to {length(one.opening[2])}" if one.opening[2] > 0 else "none"
+def _opening_range(family: FamilyQuality) -> str:
+    return (
+        f"{length_or_na(family.opening[0])} to {length_or_na(family.opening[2])}" if family.opening[2] > 0 else "none"
+    )
 
 
-def _kept(design: Competitor, sheet: Surface | None) -> str:
+def _kept_words(design: Competitor, sheet: Surface | None) -> str:
     if sheet is None:
         return "nothing: see the verdict"
-    return f"{digits_of(sheet.area)} m² ({share_of(design.area_fraction)}), in {counted(design.pieces, 'piece')}"
+    return (
+        f"{significant_digits(sheet.area)} m² ({share_words(design.area_fraction)}), in "
+        f"{count_phrase(design.pieces, 'piece')}"
+    )
 
 
-def loads_table(found: Findings, number: Numbers) -> Table:
+def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Sums of the forces of each case and combination, on the cut sheet if it carries them all, and the checks on
     each.
     """
-    task, rows = found.task, []
+    task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
-    sums = found.sums or uncut
-    factor, unit = unit_for(max(float(np.abs(total).max()) for total in sums.values()), "N")
+    sums = findings.cut_load_sums or uncut
+    factor, unit = prefixed_unit(max(float(np.abs(total).max()) for total in sums.values()), "N")
     combined = any(case.factors for case in cases.values())
-    states = {one.name: one.limit_state for one in task.preset.surface.sums}
-    asked = {"ULS": "stress, buckling", "SLS": "displacement", "": "all" if any(states.values()) else "yes"}
-    for name in found_order(found):
+    states = {combination.name: combination.limit_state for combination in task.preset.surface.sums}
+    checked_words = {"ULS": "stress, buckling", "SLS": "displacement", "": "all" if any(states.values()) else "yes"}
+    for name in ordered_cases(findings):
         case = cases[name]
-        made = " + ".join(f"{k:g} {escaped(part)}" for part, k in case.factors.items()) if case.factors else ""
-        followed = "yes" if name in task.preset.followed else "no"
-        judged = "no" if name not in found.cases else asked[states.get(name, "")]
-        made_of = (made,) if combined else ()
-        rows.append((escaped(name), *made_of, *(_small(x / factor) for x in sums[name]), followed, judged))
-    more, wide = (("Made of",), (2.4,)) if combined else ((), ())
-    head = ("Load case", *more, *(f"F{axis}, {unit}" for axis in "xyz"), "Pattern follows", "Checked")
-    widths = (2, *wide, 1.3, 1.3, 1.3, 1.5, 1.2)
-    told = f"Sums of the loads on the {'cut' if found.sums else 'uncut'} sheet."
+        formula = " + ".join(f"{k:g} {escaped_text(part)}" for part, k in case.factors.items()) if case.factors else ""
+        followed = "yes" if name in task.preset.followed_weights else "no"
+        judged = "no" if name not in findings.cases else checked_words[states.get(name, "")]
+        formula_cell = (formula,) if combined else ()
+        rows.append(
+            (escaped_text(name), *formula_cell, *(_force_digits(x / factor) for x in sums[name]), followed, judged)
+        )
+    formula_head, formula_width = (("Made of",), (2.4,)) if combined else ((), ())
+    head = ("Load case", *formula_head, *(f"F{axis}, {unit}" for axis in "xyz"), "Pattern follows", "Checked")
+    widths = (2, *formula_width, 1.3, 1.3, 1.3, 1.5, 1.2)
+    caption = f"Sums of the loads on the {'cut' if findings.cut_load_sums else 'uncut'} sheet."
     rule = task.preset.surface.combinations
     note = f"Combined after {rule}, with its factors where surface.factors gives no others. " if rule else ""
-    return Table(number.table(told), head, rows, 2 if combined else 1, note + _uncut_note(sums, uncut), widths)
+    return Table(number.table(caption), head, rows, 2 if combined else 1, note + _uncut_note(sums, uncut), widths)
 
 
 def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
-    size = {name: tuple(float(np.linalg.norm(of[name])) for of in (sums, uncut)) for name in uncut}
-    more = [f"{escaped(name)} {force(whole)}" for name, (cut, whole) in size.items() if whole > (1 + 1e-6) * cut]
-    if not more:
+    size = {name: tuple(float(np.linalg.norm(sums_by_case[name])) for sums_by_case in (sums, uncut)) for name in uncut}
+    larger = [
+        f"{escaped_text(name)} {force(uncut_size)}"
+        for name, (cut_size, uncut_size) in size.items()
+        if uncut_size > (1 + 1e-6) * cut_size
+    ]
+    if not larger:
         return ""
-    return f"The uncut sheet carries more of its own weight, or of what is not covered: {', '.join(more)}."
+    return f"The uncut sheet carries more of its own weight, or of what is not covered: {', '.join(larger)}."
 
 
-def found_order(found: Findings) -> list[str]:
+def ordered_cases(findings: Findings) -> list[str]:
     """Return the names of all cases, those with a judgement first."""
-    return [*found.cases, *(name for name in found.task.statics.cases if name not in found.cases)]
+    return [*findings.cases, *(name for name in findings.task.statics.cases if name not in findings.cases)]
 
 
-def acting_table(found: Findings, number: Numbers) -> Table:
+def acting_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Loads and supports of the preset."""
-    given = found.task.preset.surface
-    rows = [(load.name or "Load", load.case, load.kind.replace("_", " "), _places(load)) for load in given.load]
+    surface = findings.task.preset.surface
+    rows = [
+        (load.name or "Load", load.case, load.kind.replace("_", " "), _settings_words(load)) for load in surface.load
+    ]
     rows += [
         (
-            one.name or f"Support {k}",
+            support.name or f"Support {k}",
             "all",
-            f"holds {', '.join(one.hold)}" if one.hold else "springs" if one.spring else "clamps",
-            _places(one),
+            f"holds {', '.join(support.hold)}" if support.hold else "springs" if support.spring else "clamps",
+            _settings_words(support),
         )
-        for k, one in enumerate(given.support, start=1)
+        for k, support in enumerate(surface.support, start=1)
     ]
-    cells = [tuple(escaped(cell) for cell in row) for row in rows]
+    cells = [tuple(escaped_text(cell) for cell in row) for row in rows]
     return Table(
         number.table("Loads and supports."), ("", "Case", "What", "Where and how much"), cells, 4, "",
         (1.2, 1.2, 1.6, 5),
@@ -193,55 +218,55 @@ UNITS = {
 }
 
 
-def _places(thing: Any) -> str:
+def _settings_words(thing: Any) -> str:
     """For example 'axis x, end min; force (0, -1000, 0) N' of a load or a support."""
-    told: list[str] = []
-    for one in fields(thing):
-        value = getattr(thing, one.name)
-        if one.name in ("kind", "case", "hold", "name", "covered") or value is None or value is False:
-            if one.name == "covered" and not value:
-                told.append("on the members alone")
+    words: list[str] = []
+    for field in fields(thing):
+        value = getattr(thing, field.name)
+        if field.name in ("kind", "case", "hold", "name", "covered") or value is None or value is False:
+            if field.name == "covered" and not value:
+                words.append("on the members alone")
             continue
-        if one.name == "at":
-            told.insert(0, _picker(value))
+        if field.name == "at":
+            words.insert(0, _picker_words(value))
         else:
-            told.append(f"{one.name.replace('_', ' ')} {_value(value)} {UNITS.get(one.name, '')}".strip())
-    return "; ".join(word for word in told if word)
+            words.append(f"{field.name.replace('_', ' ')} {_value_words(value)} {UNITS.get(field.name, '')}".strip())
+    return "; ".join(word for word in words if word)
 
 
-def _picker(at: Any) -> str:
-    given = [(one.name, getattr(at, one.name)) for one in fields(at) if one.name != "pick"]
-    kept = [f"{name} {_value(value)}" for name, value in given if value is not None and value is not False]
-    return f"{at.pick} ({', '.join(kept)})" if kept else str(at.pick)
+def _picker_words(picker: Any) -> str:
+    values = [(field.name, getattr(picker, field.name)) for field in fields(picker) if field.name != "pick"]
+    shown = [f"{name} {_value_words(value)}" for name, value in values if value is not None and value is not False]
+    return f"{picker.pick} ({', '.join(shown)})" if shown else str(picker.pick)
 
 
-def _value(value: Any) -> str:
+def _value_words(value: Any) -> str:
     if isinstance(value, float | int) and not isinstance(value, bool):
         return f"{value:g}"
     if isinstance(value, list | tuple):
         if len(value) > 6:
             return f"{len(value)} values"
-        return f"({', '.join(_value(one) for one in value)})"
+        return f"({', '.join(_value_words(item) for item in value)})"
     return str(value)
 
 
-def levels_table(found: Findings, number: Numbers) -> Table | None:
+def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
     """Meshes of the full check, for the governing case; None after a quick one."""
-    check, name = found.judged.check, found.cases[0]
+    check, name = findings.judgement.check, findings.cases[0]
     if check is None:
         return None
-    factor, unit = unit_for(check.case(name).value, "J")
+    factor, unit = prefixed_unit(check.case(name).value, "J")
     rows = []
     for k, level in enumerate(check.levels, start=1):
-        apart = level.midedge[name] / level.compliance[name] - 1 if name in level.midedge else None
+        spread = level.midedge[name] / level.compliance[name] - 1 if name in level.midedge else None
         rows.append(
             (
                 str(k),
                 _thousands(level.triangles),
                 _thousands(level.unknowns),
-                digits_of(level.compliance[name] / factor, 5),
-                digits_of(level.midedge[name] / factor, 5) if name in level.midedge else "-",
-                f"{100 * apart:+.2f} %" if apart is not None else "-",
+                significant_digits(level.compliance[name] / factor, 5),
+                significant_digits(level.midedge[name] / factor, 5) if name in level.midedge else "-",
+                f"{100 * spread:+.2f} %" if spread is not None else "-",
                 f"{100 * level.zz_membrane[name]:.2f} %",
                 f"{100 * level.zz_bending[name]:.2f} %",
                 f"{level.residual:.0e}",
@@ -251,7 +276,7 @@ def levels_table(found: Findings, number: Numbers) -> Table | None:
         )
     value = check.case(name)
     note = (
-        f"Extrapolated: <b>{digits_of(value.value / factor, 5)} {unit} ± {percent(value.bound)}</b>. "
+        f"Extrapolated: <b>{significant_digits(value.value / factor, 5)} {unit} ± {percent(value.bound)}</b>. "
         f"That is of a thin sheet: a solid of it is up to {percent(value.theory)} softer. "
         "Level 1 is the mesh as it is cut, each further one has four triangles for one, new points on the smooth "
         "surface. The spread of the pairs is that of level 1. ZZ: recovery error. Memory of the whole process."
@@ -269,22 +294,24 @@ def levels_table(found: Findings, number: Numbers) -> Table | None:
         "s",
         "GB",
     )
-    told = f"Compliance mesh after mesh{'' if len(found.cases) == 1 else f', load case {escaped(name)}'}."
-    return Table(number.table(told), head, rows, 1, note, (0.8, 1.2, 1.2, 1.3, 1.4, 1, 1, 1, 1, 0.8, 0.8))
+    caption = f"Compliance mesh after mesh{'' if len(findings.cases) == 1 else f', load case {escaped_text(name)}'}."
+    return Table(number.table(caption), head, rows, 1, note, (0.8, 1.2, 1.2, 1.3, 1.4, 1, 1, 1, 1, 0.8, 0.8))
 
 
-def cases_table(found: Findings, number: Numbers) -> Table:
+def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Cases with a judgement, the governing one first."""
-    check, rows = found.judged.check, []
-    for name in found.cases:
-        case = found.judged.cases[name]
+    check, rows = findings.judgement.check, []
+    for name in findings.cases:
+        case = findings.judgement.cases[name]
         value = check.case(name) if check else None
         rows.append(
             (
-                escaped(name),
-                within(value.value, value.bound, "J") if value else within(case.compliance, found.judged.bound, "J"),
+                escaped_text(name),
+                within(value.value, value.bound, "J")
+                if value
+                else within(case.compliance, findings.judgement.bound, "J"),
                 value.status if value else "unknown",
-                length(case.displacement.value),
+                length_or_na(case.displacement.value),
                 quantity(case.stress.quantile, "Pa"),
                 quantity(case.tension.quantile, "Pa"),
                 quantity(case.compression.quantile, "Pa"),
@@ -297,12 +324,18 @@ def cases_table(found: Findings, number: Numbers) -> Table:
     )
 
 
-def stress_table(found: Findings, number: Numbers) -> Table:
+def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Largest stresses with their places, of the case that decides the stress."""
-    name, case = found.decisive("stress")
+    name, case = findings.decisive_case("stress")
     rows = [
-        (what, quantity(one.quantile, "Pa"), quantity(one.settled, "Pa"), quantity(one.value, "Pa"), point(one.place))
-        for what, one in (
+        (
+            label,
+            quantity(extreme.quantile, "Pa"),
+            quantity(extreme.settled, "Pa"),
+            quantity(extreme.value, "Pa"),
+            point_words(extreme.place),
+        )
+        for label, extreme in (
             ("von Mises", case.stress),
             ("Largest principal (tension)", case.tension),
             ("Smallest principal (compression)", case.compression),
@@ -314,47 +347,47 @@ def stress_table(found: Findings, number: Numbers) -> Table:
         "mesh shows grows with every finer one. Judge by the first two columns: what 99 % of the area does not exceed, "
         "and the largest further than a rib's width from all of them."
     )
-    under = f" under {escaped(name)}" if len(found.cases) > 1 else ""
-    told = f"Stress{under}, of a mesh of {_thousands(case.triangles)} triangles."
-    return Table(number.table(told), head, rows, 1, note, (2.4, 1.4, 1.6, 1.4, 2))
+    under = f" under {escaped_text(name)}" if len(findings.cases) > 1 else ""
+    caption = f"Stress{under}, of a mesh of {_thousands(case.triangles)} triangles."
+    return Table(number.table(caption), head, rows, 1, note, (2.4, 1.4, 1.6, 1.4, 2))
 
 
-def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
+def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Table:
     """Reactions of each support in one case, and their balance with the load."""
-    case = found.judged.cases[name]
-    loads = found.fields[name].load.force.sum(axis=0)
-    held = np.sum(case.reactions, axis=0)
-    factor, unit = unit_for(float(np.abs(loads).max()), "N")
+    case = findings.judgement.cases[name]
+    loads = findings.fields[name].load.force.sum(axis=0)
+    reaction_sum = np.sum(case.reactions, axis=0)
+    factor, unit = prefixed_unit(float(np.abs(loads).max()), "N")
     dust = DUST * max(1.0, float(np.abs([*case.reactions, loads]).max()) / factor)
 
     def line(text: str, force: Any) -> tuple[str, ...]:
-        return (text, *(_small(float(x) / factor, dust) for x in (*force, np.linalg.norm(force))))
+        return (text, *(_force_digits(float(x) / factor, dust) for x in (*force, np.linalg.norm(force))))
 
-    supports = found.task.preset.surface.support
-    names = [escaped(one.name) or f"Support {k}" for k, one in enumerate(supports, start=1)]
+    supports = findings.task.preset.surface.support
+    names = [escaped_text(support.name) or f"Support {k}" for k, support in enumerate(supports, start=1)]
     rows = [line(text, force) for text, force in zip(names, case.reactions, strict=True)]
-    rows += [line("All supports", held), line("Loads", loads)]
+    rows += [line("All supports", reaction_sum), line("Loads", loads)]
     note = (
         f"Sum of loads and reactions: {case.imbalance:.0e} of the load. Residual of the equations: {case.residual:.0e}."
     )
     head = ("", *(f"R{axis}, {unit}" for axis in "xyz"), f"Size, {unit}")
-    told = f"Reactions{'' if len(found.cases) == 1 else f', load case {escaped(name)}'}."
-    return Table(number.table(told), head, rows, 1, note, (2, 1, 1, 1, 1), (len(rows) - 2,))
+    caption = f"Reactions{'' if len(findings.cases) == 1 else f', load case {escaped_text(name)}'}."
+    return Table(number.table(caption), head, rows, 1, note, (2, 1, 1, 1, 1), (len(rows) - 2,))
 
 
-def rivals_table(found: Findings, number: Numbers) -> Table:
+def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Competitors with mass, compliance, displacement, stress and level of judgement."""
-    rows = [_rival(found, one) for one in found.compared.competitors]
-    _, unit = unit_for(found.unit_of, "J")
+    rows = [_rival_row(findings, competitor) for competitor in findings.compared.competitors]
+    _, unit = prefixed_unit(findings.reference_compliance, "J")
     head = (
         "Structure", "Mass", "Kept", f"Compliance, {unit}", "Over whole sheet", "Over design", "Moves", "99 % stress",
         "Level",
     )  # fmt: skip
-    names = [one.name for one in found.compared.competitors]
-    asked = {one.judgement.level for one in found.compared.competitors if one.judgement}
+    names = [competitor.name for competitor in findings.compared.competitors]
+    levels = {competitor.judgement.level for competitor in findings.compared.competitors if competitor.judgement}
     note = "Ratios of compliance: above 1 is softer. Level full: two meshes or three, extrapolated. "
     note += (
-        "Level quick: one solve on the cut mesh; its bound holds for nine designs in ten." if "quick" in asked else ""
+        "Level quick: one solve on the cut mesh; its bound holds for nine designs in ten." if "quick" in levels else ""
     )
     return Table(
         number.table("The design and others under the same loads, on the same supports, with the same kept regions."),
@@ -362,48 +395,53 @@ def rivals_table(found: Findings, number: Numbers) -> Table:
     )  # fmt: skip
 
 
-def _rival(found: Findings, one: Competitor) -> tuple[str, ...]:
-    name = LABELS[one.name] + (f" ({escaped(one.variant)})" if one.variant else "")
-    if one.judgement is None:
-        sizes = (mass(one.mass), share_of(one.area_fraction)) if one.structure else ("-", "-")
+def _rival_row(findings: Findings, competitor: Competitor) -> tuple[str, ...]:
+    name = LABELS[competitor.name] + (f" ({escaped_text(competitor.variant)})" if competitor.variant else "")
+    if competitor.judgement is None:
+        sizes = (mass(competitor.mass), share_words(competitor.area_fraction)) if competitor.structure else ("-", "-")
         return (name, *sizes, "carries nothing", "-", "-", "-", "-", "-")
-    factor, _ = unit_for(found.unit_of, "J")
-    worst = one.judgement.worst
+    factor, _ = prefixed_unit(findings.reference_compliance, "J")
+    worst = competitor.judgement.worst
     return (
         name,
-        mass(one.mass),
-        share_of(one.area_fraction),
-        f"{digits_of(one.compliance / factor)} ± {percent(one.judgement.bound or 0)}",
-        digits_of(one.compliance / found.compared.full.compliance),
-        digits_of(one.compliance / found.design.compliance) if found.carries else "-",
-        length(worst("displacement").value),
+        mass(competitor.mass),
+        share_words(competitor.area_fraction),
+        f"{significant_digits(competitor.compliance / factor)} ± {percent(competitor.judgement.bound or 0)}",
+        significant_digits(competitor.compliance / findings.compared.full.compliance),
+        significant_digits(competitor.compliance / findings.design.compliance) if findings.carries else "-",
+        length_or_na(worst("displacement").value),
         quantity(worst("stress").quantile, "Pa"),
-        one.judgement.level,
+        competitor.judgement.level,
     )
 
 
-def volumes_table(found: Findings, number: Numbers) -> Table:
+def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Compliance over that of the whole sheet, at each share of the surface."""
-    names = [one.name for one in found.volumes[0][1].competitors if one.name != "full"]
+    names = [competitor.name for competitor in findings.volumes[0][1].competitors if competitor.name != "full"]
     rows = []
-    for share, compared in found.volumes:
+    for share, compared in findings.volumes:
         cells = [_ratio(compared[name], compared.full.compliance) for name in names]
         rows.append((percent(share), mass(share * compared.full.mass), *cells))
     head = ("Share", "Mass", *(LABELS[name] for name in names))
-    asked = {one.judgement.level for _, compared in found.volumes for one in compared.competitors if one.judgement}
-    how = {
+    levels = {
+        competitor.judgement.level
+        for _, compared in findings.volumes
+        for competitor in compared.competitors
+        if competitor.judgement
+    }
+    level_note = {
         frozenset(("full",)): "Judged by full checks.",
         frozenset(("quick",)): "Judged by one solve each, whole sheets on their coarse meshes too.",
-    }.get(frozenset(asked), "Whole sheets are judged by full checks, those that are cut by one solve.")
-    note = f"Compliance over that of the whole sheet; - : carries nothing at that share. {how}"
+    }.get(frozenset(levels), "Whole sheets are judged by full checks, those that are cut by one solve.")
+    note = f"Compliance over that of the whole sheet; - : carries nothing at that share. {level_note}"
     return Table(number.table("Compliance at other masses."), head, rows, 1, note)
 
 
-def _ratio(one: Competitor, full: float) -> str:
-    return f"{one.compliance / full:.3g}" if one.judgement else "-"
+def _ratio(competitor: Competitor, full: float) -> str:
+    return f"{competitor.compliance / full:.3g}" if competitor.judgement else "-"
 
 
-def versions_table(versions: Mapping[str, str], number: Numbers) -> Table:
+def versions_table(versions: Mapping[str, str], number: CaptionNumbers) -> Table:
     """Versions of dsfab and of the libraries that a result depends on."""
     return Table(number.table("Versions."), ("Part", "Version"), list(versions.items()), 2, "", (1, 3))
 
@@ -412,5 +450,5 @@ def _thousands(count: int) -> str:
     return f"{count:,}".replace(",", " ")
 
 
-def _small(value: float, dust: float = DUST) -> str:
-    return "0" if abs(value) < dust else digits_of(value, 4)
+def _force_digits(value: float, dust: float = DUST) -> str:
+    return "0" if abs(value) < dust else significant_digits(value, 4)

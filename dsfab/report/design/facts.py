@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dsfab import __version__
 from dsfab.core.messages import table
 from dsfab.design.design import Design
-from dsfab.report.design.inspection import acting_facts
+from dsfab.report.design.inspection import load_facts
 from dsfab.report.design.statics import answer_facts, case_facts, cut_load_facts, equilibrium_facts, mode_facts
 from dsfab.study import ALTERNATIVE_WORDS, losing_line
 
@@ -22,7 +22,7 @@ def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
     """Return a table of the `count` best candidates, best first; empty without an automatic choice."""
     if choice is None:
         return []
-    rows = [_row(rank, candidate) for rank, candidate in enumerate(choice.candidates[:count], start=1)]
+    rows = [_candidate_row(rank, candidate) for rank, candidate in enumerate(choice.candidates[:count], start=1)]
     lines = [table(("", "modes", "phases", "over uncut", "kept", "pieces"), rows)]
     rest = choice.candidates[count:]
     refused = [candidate for candidate in choice.candidates if candidate.refused]
@@ -31,7 +31,7 @@ def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
     return lines
 
 
-def _row(rank: int, candidate: "Candidate") -> tuple[str, ...]:
+def _candidate_row(rank: int, candidate: "Candidate") -> tuple[str, ...]:
     modes, phases = (", ".join(f"{x:g}" for x in pair) for pair in (candidate.mode, candidate.phase))
     if candidate.refused:
         return f"{rank}", modes, phases, "refused", "", candidate.refused
@@ -42,67 +42,72 @@ def attempt_lines(attempts: "Sequence[Attempt]") -> list[str]:
     """Return a table of methods and width rules, best first; empty without a search for them."""
     if not attempts:
         return []
-    rows = [(f"{rank}", one.name, *_figures(one)) for rank, one in enumerate(attempts, start=1)]
+    rows = [(f"{rank}", attempt.name, *_attempt_cells(attempt)) for rank, attempt in enumerate(attempts, start=1)]
     return [table(("", "method", "over uncut", "kept", "dead ends", "slits"), rows)]
 
 
-def _figures(one: "Attempt") -> tuple[str, ...]:
-    if one.refused:
-        return "refused", "", "", one.refused
-    return f"{one.over_uncut:.3f}", f"{one.kept:.1%}", f"{one.dead_ends}", f"{one.slits}"
+def _attempt_cells(attempt: "Attempt") -> tuple[str, ...]:
+    if attempt.refused:
+        return "refused", "", "", attempt.refused
+    return f"{attempt.over_uncut:.3f}", f"{attempt.kept:.1%}", f"{attempt.dead_ends}", f"{attempt.slits}"
 
 
 def attempt_facts(attempts: "Sequence[Attempt]") -> dict[str, Any]:
     """Return `attempts` of `design.json`, best first; a refused one has no numbers."""
     if not attempts:
         return {}
-    return {"attempts": [_attempt_facts(one) for one in attempts]}
+    return {"attempts": [_attempt_facts(attempt) for attempt in attempts]}
 
 
-def _attempt_facts(one: "Attempt") -> dict[str, Any]:
-    if one.refused:
-        return {"method": one.name, "refused": one.refused}
+def _attempt_facts(attempt: "Attempt") -> dict[str, Any]:
+    if attempt.refused:
+        return {"method": attempt.name, "refused": attempt.refused}
     return {
-        "method": one.name,
-        "compliance_J": one.compliance,
-        "compliance_over_uncut": one.over_uncut,
-        "kept_share": one.kept,
-        "dead_ends": one.dead_ends,
-        "slits": one.slits,
+        "method": attempt.name,
+        "compliance_J": attempt.compliance,
+        "compliance_over_uncut": attempt.over_uncut,
+        "kept_share": attempt.kept,
+        "dead_ends": attempt.dead_ends,
+        "slits": attempt.slits,
     }
 
 
-def alternative_facts(found: "Sequence[Alternative]") -> dict[str, Any]:
+def alternative_facts(alternatives: "Sequence[Alternative]") -> dict[str, Any]:
     """Return `loses_to` of `design.json`, a sentence or '', and `alternatives`, the numbers behind it."""
-    return {"loses_to": losing_line(found), "alternatives": [one.record() for one in found]}
+    return {
+        "loses_to": losing_line(alternatives),
+        "alternatives": [alternative.record() for alternative in alternatives],
+    }
 
 
 def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
     """Return a line for each alternative of `design.json`."""
-    return [_beside(one) for one in facts.get("alternatives", ())]
+    return [_alternative_line(alternative) for alternative in facts.get("alternatives", ())]
 
 
-def _beside(one: Mapping[str, Any]) -> str:
-    which = f"{ALTERNATIVE_WORDS[one['name']]} of the same mass"
-    if one.get("error"):
-        return f"beside {which}: there is none that carries the loads"
-    told = "does not carry its loads" if one["over"] is None else f"has {one['over']:.3g} x its compliance"
-    return f"beside {which}: the design {told} ({one['level']})"
+def _alternative_line(alternative: Mapping[str, Any]) -> str:
+    subject = f"{ALTERNATIVE_WORDS[alternative['name']]} of the same mass"
+    if alternative.get("error"):
+        return f"beside {subject}: there is none that carries the loads"
+    verdict = (
+        "does not carry its loads" if alternative["over"] is None else f"has {alternative['over']:.3g} x its compliance"
+    )
+    return f"beside {subject}: the design {verdict} ({alternative['level']})"
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:
     """Return `candidates` of `design.json`, best first; a refused one has no numbers."""
     if choice is None:
         return {}
-    return {"candidates": [_facts(candidate) for candidate in choice.candidates]}
+    return {"candidates": [_candidate_facts(candidate) for candidate in choice.candidates]}
 
 
-def _facts(candidate: "Candidate") -> dict[str, Any]:
-    given = {"modes": candidate.mode, "phases": candidate.phase}
+def _candidate_facts(candidate: "Candidate") -> dict[str, Any]:
+    choice = {"modes": candidate.mode, "phases": candidate.phase}
     if candidate.refused:
-        return {**given, "refused": candidate.refused}
+        return {**choice, "refused": candidate.refused}
     return {
-        **given,
+        **choice,
         "compliance_J": candidate.compliance,
         "compliance_over_uncut": candidate.over_uncut,
         "kept_share": candidate.kept,
@@ -111,24 +116,24 @@ def _facts(candidate: "Candidate") -> dict[str, Any]:
     }
 
 
-def facts(
-    design: Design, seconds: dict[str, float], files: list[str], refused: list[str], told: Sequence[str] = ()
+def design_facts(
+    design: Design, seconds: dict[str, float], files: list[str], refused: list[str], export_notes: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Return the content of `design.json`: sizes and results in SI units, seconds per stage, notes, versions."""
     sheet, uncut = design.sheet.surface, design.surface
     return {
         "name": design.preset.name,
-        "preset": design.settled.model_dump(mode="json", exclude_none=True),
+        "preset": design.resolved_preset.model_dump(mode="json", exclude_none=True),
         "surface": {"vertices": uncut.n, "triangles": uncut.m, "area_m2": uncut.area, "mean_edge_m": uncut.mean_edge},
         **({"file": asdict(design.file)} if design.file else {}),
-        **acting_facts(design),
+        **load_facts(design),
         "statics": {
             "of": "the uncut sheet",
             **equilibrium_facts(design, design.statics.load, design.statics.equilibrium),
             **answer_facts(design, design.statics),
             **mode_facts(design),
             "cases": case_facts(design),
-            "followed": design.preset.followed,
+            "followed": design.preset.followed_weights,
         },
         "modes": {"major": design.diffusion.major.lam.tolist(), "minor": design.diffusion.minor.lam.tolist()},
         **attempt_facts(design.pattern.attempts),
@@ -146,7 +151,10 @@ def facts(
         "thickening": {"side": design.preset.thickening.side, **asdict(design.solid.repairs)},
         "files": files,
         "refused": refused,
-        "warnings": [*(f"{note.stage}: {note.text}" for note in design.notes), *(f"export: {text}" for text in told)],
+        "warnings": [
+            *(f"{note.stage}: {note.text}" for note in design.notes),
+            *(f"export: {text}" for text in export_notes),
+        ],
         "seconds": {row: round(value, 4) for row, value in seconds.items()},
         "versions": versions(),
     }
@@ -170,5 +178,5 @@ def versions() -> dict[str, str]:
     from dsfab.core.sparse import solver_name
 
     libraries = ("numpy", "scipy", "libigl", "manifold3d", "trimesh", "build123d", "pyvista", "vtk")
-    found = {name: version(name) for name in libraries}
-    return {"dsfab": __version__, "python": platform.python_version(), "solver": solver_name(), **found}
+    library_versions = {name: version(name) for name in libraries}
+    return {"dsfab": __version__, "python": platform.python_version(), "solver": solver_name(), **library_versions}

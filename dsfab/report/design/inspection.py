@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dsfab.core.messages import force, length, table, towards
+from dsfab.core.messages import direction_phrase, force, length, table
 
 if TYPE_CHECKING:
     from dsfab.core.arrays import Floats
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dsfab.surface import Load
 
 
-def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
+def load_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
     """Return `supports` and `loads` of `design.json`; reactions and shares by case and combination, of the uncut sheet.
 
     Each load has its sum on the uncut surface (`force_N`) and, after slicing, on the cut sheet (`cut_force_N`).
@@ -25,8 +25,8 @@ def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
     from dsfab.design import acting_on
     from dsfab.statics import load_entries, support_entries
 
-    surface, weight = design.surface, design.preset.statics.weight
-    on = acting_on(design.preset, surface)
+    surface, weight = design.surface, design.preset.statics.area_weight
+    acting = acting_on(design.preset, surface)
     answers = {name: case.equilibrium for name, case in design.statics.cases.items()} if solved else {}
     return {
         "supports": [
@@ -40,7 +40,7 @@ def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
                 "reaction_N": {case: part.tolist() for case, part in entry.reaction.items()},
                 "share": dict(entry.share),
             }
-            for entry in support_entries(surface, on.support, answers)
+            for entry in support_entries(surface, acting.support, answers)
         ],
         "loads": [
             {
@@ -48,29 +48,29 @@ def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
                 "kind": entry.kind,
                 "case": entry.case,
                 "force_N": entry.force.tolist(),  # on the uncut surface
-                **({"cut_force_N": _on_cut(design, load).tolist()} if design.has("slicing") else {}),
+                **({"cut_force_N": _force_on_cut_sheet(design, load).tolist()} if design.has("slicing") else {}),
                 "sum_of_magnitudes_N": entry.total,
                 "area_m2": entry.area,
                 "along_m": entry.length,
                 "vertices": entry.vertices,
             }
-            for entry, load in zip(load_entries(surface, on.load, weight), on.load, strict=True)
+            for entry, load in zip(load_entries(surface, acting.load, weight), acting.load, strict=True)
         ],
     }
 
 
-def _on_cut(design: "Design", load: "Load") -> "Floats":
+def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
     """(3,) newtons of a load on the cut sheet: uncovered loads and weight act on the material alone."""
     from dsfab.surface import load_parts
 
     surface, sheet = design.surface, design.sheet
-    parts = load_parts(surface, [load], design.preset.statics.weight)
-    own = (parts.weight + parts.bare)[sheet.parent]
-    total: Floats = sheet.surface.areas @ own + surface.areas @ parts.covered + parts.point.sum(axis=0)
+    parts = load_parts(surface, [load], design.preset.statics.area_weight)
+    uncovered = (parts.weight + parts.bare)[sheet.parent]
+    total: Floats = sheet.surface.areas @ uncovered + surface.areas @ parts.covered + parts.point.sum(axis=0)
     return total
 
 
-def acting_lines(facts: Mapping[str, Any]) -> Iterator[str]:
+def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield a table of the supports, each in its largest case, and a table of the loads; nothing for files without
     them.
     """
@@ -78,34 +78,34 @@ def acting_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     if supports:
         several = len(supports[0]["share"]) > 1
         head = ["support", "vertices", "along", "holds", *(["carries uncut", "share"] if supports[0]["share"] else [])]
-        rows = [_support(entry, several) for entry in supports]
+        rows = [_support_row(entry, several) for entry in supports]
         yield from table([*head, *(["under"] if several else [])], rows).split("\n")
     if loads:
         several = len({entry["case"] for entry in loads}) > 1
         sheets = ["uncut sheet", *(["cut sheet"] if "cut_force_N" in loads[0] else [])]
         head = ["load", *(["case"] if several else []), *sheets, "towards", "on"]
-        yield from table(head, [_load(entry, several) for entry in loads]).split("\n")
+        yield from table(head, [_load_row(entry, several) for entry in loads]).split("\n")
 
 
-def _support(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
-    cells = [entry["name"], f"{entry['vertices']:,}", _extent(entry), entry["holds"]]
+def _support_row(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
+    cells = [entry["name"], f"{entry['vertices']:,}", _extent_words(entry), entry["holds"]]
     if not entry["share"]:
         return cells
     size = {case: vector_size(reaction) for case, reaction in entry["reaction_N"].items()}
-    most = max(size, key=lambda case: size[case])
-    carried = force(size[most]) if entry["share"][most] > 1e-9 else "0 N"  # less is rounding
-    return [*cells, carried, f"{entry['share'][most]:.0%}", *([most] if several else [])]
+    largest_case = max(size, key=lambda case: size[case])
+    carried = force(size[largest_case]) if entry["share"][largest_case] > 1e-9 else "0 N"  # less is rounding
+    return [*cells, carried, f"{entry['share'][largest_case]:.0%}", *([largest_case] if several else [])]
 
 
-def _load(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
+def _load_row(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
     sizes = [vector_size(entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
     balanced = sizes[0] < 1e-3 * entry["sum_of_magnitudes_N"]  # as pressure all around cancels out
     sums = ["0 N" if balanced else force(size) for size in sizes]
-    way = "cancels out" if balanced else towards(entry["force_N"])
-    return entry["name"], *([entry["case"]] if several else []), *sums, way, _extent(entry)
+    direction = "cancels out" if balanced else direction_phrase(entry["force_N"])
+    return entry["name"], *([entry["case"]] if several else []), *sums, direction, _extent_words(entry)
 
 
-def _extent(entry: Mapping[str, Any]) -> str:
+def _extent_words(entry: Mapping[str, Any]) -> str:
     """For example '4.2 m' of a line, '18 m2' of faces, else 'points'."""
     if entry["along_m"]:
         return length(entry["along_m"])
@@ -122,24 +122,24 @@ def vector_size(vector: Sequence[float]) -> float:
 QUANTILES = ("5%", "50%", "95%")
 
 
-def quality_facts(found: "PatternQuality") -> dict[str, Any]:
+def quality_facts(quality: "PatternQuality") -> dict[str, Any]:
     """Return `pattern` of `design.json` in metres, degrees and shares; see `PatternQuality` for each number."""
-    families = {name: _family(one) for name, one in found.families}
-    both = {"crossing_angle_deg": found.crossing_angle, "symmetry_error": found.symmetry_error}
-    return {"summary": found.summary, **families, **both}
+    families = {name: _family_facts(family_quality) for name, family_quality in quality.families}
+    shared = {"crossing_angle_deg": quality.crossing_angle, "symmetry_error": quality.symmetry_error}
+    return {"summary": quality.summary, **families, **shared}
 
 
-def _family(found: "FamilyQuality") -> dict[str, Any]:
+def _family_facts(quality: "FamilyQuality") -> dict[str, Any]:
     return {
-        "drawn": found.drawn,
-        "spacing_m": dict(zip(QUANTILES, found.spacing, strict=True)),
-        "clear_opening_m": dict(zip(QUANTILES, found.opening, strict=True)),
-        "deviation_deg": found.deviation,
-        "share_off_by_over_30_deg": found.off,
-        "loose_ends_at_m": found.dead_ends.loose.tolist(),
-        "turns_at_m": found.dead_ends.turns.tolist(),
-        "slits": found.slits,
-        "slit_share": found.slit_share,
+        "drawn": quality.drawn,
+        "spacing_m": dict(zip(QUANTILES, quality.spacing, strict=True)),
+        "clear_opening_m": dict(zip(QUANTILES, quality.opening, strict=True)),
+        "deviation_deg": quality.deviation,
+        "share_off_by_over_30_deg": quality.off,
+        "loose_ends_at_m": quality.dead_ends.loose.tolist(),
+        "turns_at_m": quality.dead_ends.turns.tolist(),
+        "slits": quality.slits,
+        "slit_share": quality.slit_share,
     }
 
 
@@ -149,7 +149,9 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     for name in ("major", "minor"):
         if not facts[name].get("drawn", True):
             continue
-        opening, spacing = ([facts[name][key][at] for at in QUANTILES] for key in ("clear_opening_m", "spacing_m"))
+        opening, spacing = (
+            [facts[name][key][quantile] for quantile in QUANTILES] for key in ("clear_opening_m", "spacing_m")
+        )
         if not opening[2] > 0:
             yield f"{name} members: no opening between them"
             continue
@@ -161,23 +163,23 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
 SHARES = (0.05, 0.5, 0.95)
 """Shares of the walls whose widths `design.json` lists."""
 
-MEASURED = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
+MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
 """Key of `design.json` that each limit is compared with."""
 
 
-def fabrication_facts(made: "FabricationMeasures") -> dict[str, Any]:
+def fabrication_facts(measures: "FabricationMeasures") -> dict[str, Any]:
     """Return the measures of a design, metres, and the limits of its preset; null without a feature of a kind."""
-    found, wall = made.features, made.wall
+    features, wall = measures.features, measures.wall
     return {
-        "thickness_m": made.thickness,
-        "smallest_member": _feature(found.member),
-        "smallest_gap": _feature(found.gap),
-        "smallest_edge": _feature(found.edge),
+        "thickness_m": measures.thickness,
+        "smallest_member": _feature_facts(features.member),
+        "smallest_gap": _feature_facts(features.gap),
+        "smallest_edge": _feature_facts(features.edge),
         "thinnest_wall": None
         if wall is None
         else {"m": wall.thickness, "at_m": wall.place.tolist(), "what": "a wall of the solid"},
-        "member_widths": _widths(found),
-        "size_m": made.box.tolist(),
+        "member_widths": _width_facts(features),
+        "size_m": measures.box.tolist(),
         "pieces": [
             {
                 "area_m2": piece.area,
@@ -185,35 +187,35 @@ def fabrication_facts(made: "FabricationMeasures") -> dict[str, Any]:
                 "loads": list(piece.loads),
                 "touches": list(piece.names),
             }
-            for piece in made.pieces
+            for piece in measures.pieces
         ],
         "triangles": {
-            "worst_angle_deg": made.quality.worst_angle,
-            "worst_at_m": made.quality.place.tolist(),
-            "share_under_1_deg": made.quality.needles,
-            "median_quality": made.quality.median,
+            "worst_angle_deg": measures.quality.worst_angle,
+            "worst_at_m": measures.quality.place.tolist(),
+            "share_under_1_deg": measures.quality.needles,
+            "median_quality": measures.quality.median,
         },
-        "checks": [_check(check) for check in made.checks],
+        "checks": [_check_facts(check) for check in measures.checks],
     }
 
 
-def _feature(found: "Feature | None") -> dict[str, Any] | None:
-    if found is None:
+def _feature_facts(feature: "Feature | None") -> dict[str, Any] | None:
+    if feature is None:
         return None
-    return {"m": found.size, "at_m": found.place.tolist(), "what": found.what, "mesh_m": found.mesh}
+    return {"m": feature.size, "at_m": feature.place.tolist(), "what": feature.what, "mesh_m": feature.mesh}
 
 
-def _widths(found: "Features") -> dict[str, Any]:
-    limits, share = found.histogram()
-    quantiles = zip(SHARES, found.quantiles(SHARES).tolist(), strict=False)
+def _width_facts(features: "Features") -> dict[str, Any]:
+    limits, share = features.histogram()
+    quantiles = zip(SHARES, features.quantiles(SHARES).tolist(), strict=False)
     return {
-        "at_share_of_walls": {f"{at:.0%}": width for at, width in quantiles},
+        "at_share_of_walls": {f"{quantile_share:.0%}": width for quantile_share, width in quantiles},
         "histogram_limits_m": limits.tolist(),
         "histogram_shares": share.tolist(),
     }
 
 
-def _check(check: "Check") -> dict[str, Any]:
+def _check_facts(check: "Check") -> dict[str, Any]:
     return {
         "limit": check.name,
         "limit_m": list(check.limit),
@@ -230,52 +232,59 @@ def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
 
     The table lists limits of the preset, and limits that the design misses.
     """
-    found = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
-    told = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in found.items()]
-    usual = facts["member_widths"]["at_share_of_walls"].get("50%")
-    told += [f"members mostly {length(usual)}"] if usual else []
-    yield ", ".join(told) if told else "no members, gaps or walls to measure"
-    yield from _narrow(facts)
+    sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
+    words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
+    usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")
+    words += [f"members mostly {length(usual_width)}"] if usual_width else []
+    yield ", ".join(words) if words else "no members, gaps or walls to measure"
+    yield from _narrow_line(facts)
     if len(facts["pieces"]) > 1:
         for number, piece in enumerate(facts["pieces"], 1):
-            yield f"piece {number}: {piece['area_m2']:.3g} m2, touches {_touched(piece)}"
-    if checks := [check for check in facts["checks"] if _asked(check) or check["verdict"] == "fail"]:
-        rows = table(("limit", "asked", "measured", "verdict"), [_row(check) for check in checks]).split("\n")
-        yield from (f"{row}  {where}" for row, where in zip(rows, ["where", *map(_where, checks)], strict=True))
+            yield f"piece {number}: {piece['area_m2']:.3g} m2, touches {_touched_words(piece)}"
+    if checks := [check for check in facts["checks"] if _is_limit_of_preset(check) or check["verdict"] == "fail"]:
+        rows = table(("limit", "asked", "measured", "verdict"), [_check_row(check) for check in checks]).split("\n")
+        yield from (f"{row}  {where}" for row, where in zip(rows, ["where", *map(_place_words, checks)], strict=True))
 
 
-def _asked(check: Mapping[str, Any]) -> bool:
+def _is_limit_of_preset(check: Mapping[str, Any]) -> bool:
     """True if [fabrication] sets the limit; older files list such limits only."""
     return bool(check.get("asked", True))
 
 
-def _narrow(facts: Mapping[str, Any]) -> Iterator[str]:
+def _narrow_line(facts: Mapping[str, Any]) -> Iterator[str]:
     """Warn of features that are narrower than the sheet is thick and have no limit: place and remedy."""
-    thickness, limits = facts.get("thickness_m", 0.0), {c["limit"] for c in facts["checks"] if _asked(c)}
-    few = {key: facts[MEASURED[key]] for key in ("min_gap", "min_member") if facts[MEASURED[key]] and key not in limits}
-    narrow = {key: value for key, value in few.items() if value["m"] < thickness}
+    thickness, limits = facts.get("thickness_m", 0.0), {c["limit"] for c in facts["checks"] if _is_limit_of_preset(c)}
+    unlimited = {
+        key: facts[MEASURED_KEY[key]]
+        for key in ("min_gap", "min_member")
+        if facts[MEASURED_KEY[key]] and key not in limits
+    }
+    narrow = {key: value for key, value in unlimited.items() if value["m"] < thickness}
     if narrow:
-        places = (f"{value['what']} of {length(value['m'])} at {_point(value['at_m'])}" for value in narrow.values())
-        asked = " and ".join(f"fabrication.{key}" for key in narrow)
+        places = (
+            f"{value['what']} of {length(value['m'])} at {_point_words(value['at_m'])}" for value in narrow.values()
+        )
+        missing_limits = " and ".join(f"fabrication.{key}" for key in narrow)
         yield (
-            f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}; set {asked} and build "
+            f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}; set {missing_limits} "
+            "and build "
             "with --fix where that cannot be made"
         )
 
 
-def _touched(piece: Mapping[str, Any]) -> str:
+def _touched_words(piece: Mapping[str, Any]) -> str:
     numbered = (f"{word[:-1]} {number}" for word in ("supports", "loads") for number in piece[word])
     return ", ".join(piece.get("touches") or numbered) or "no support and no load"
 
 
-def _row(check: Mapping[str, Any]) -> Sequence[str]:
+def _check_row(check: Mapping[str, Any]) -> Sequence[str]:
     sizes = [" x ".join(length(x) for x in check[key]) or "none" for key in ("limit_m", "measured_m")]
     return (check["limit"], *sizes, check["verdict"])
 
 
-def _where(check: Mapping[str, Any]) -> str:
-    return f"{check['what']} at {_point(check['at_m'])}" if check["at_m"] else str(check["what"])
+def _place_words(check: Mapping[str, Any]) -> str:
+    return f"{check['what']} at {_point_words(check['at_m'])}" if check["at_m"] else str(check["what"])
 
 
-def _point(place: Sequence[float]) -> str:
+def _point_words(place: Sequence[float]) -> str:
     return f"({', '.join(f'{x + 0.0:.3g}' for x in place)}) m"

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from dsfab.core.messages import bounded, force, length
+from dsfab.core.messages import force, length, value_with_bound
 from dsfab.render.colouring import stress_label
 from dsfab.report.design.inspection import vector_size
 from dsfab.study.verdict.estimates import quantile
@@ -21,7 +21,7 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
     `answered_by` names the elements; compliance and displacement appear again if they differ from those of the statics.
     Frequencies and buckling factors appear only on request; a list without results is empty.
     """
-    answers, ask, areas = case.answers, design.preset.statics.ask, design.surface.areas
+    answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress = answers.stress
     facts: dict[str, Any] = {
         "answered_by": str(answers.elements),
@@ -38,12 +38,12 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
     if answers.equilibrium is not case.equilibrium:
         facts["answered_compliance_J"] = answers.equilibrium.compliance
         facts["answered_largest_displacement_m"] = answers.equilibrium.largest_displacement
-    if ask.strength:
-        facts["strength_Pa"], facts["utilisation"] = ask.strength, stress.peak.stress / ask.strength
-        facts["utilisation_99"] = facts["von_mises_99_Pa"] / ask.strength
-    if ask.frequencies:
+    if questions.strength:
+        facts["strength_Pa"], facts["utilisation"] = questions.strength, stress.peak.stress / questions.strength
+        facts["utilisation_99"] = facts["von_mises_99_Pa"] / questions.strength
+    if questions.frequencies:
         facts["frequencies_hz"] = answers.vibration.hertz.tolist() if answers.vibration else []
-    if ask.buckling:
+    if questions.buckling:
         facts["buckling_factors"] = answers.buckling.factor.tolist() if answers.buckling else []
     return facts
 
@@ -55,11 +55,11 @@ def uncut_modes(design: "Design") -> "ModeIntervals":
     """
     from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
 
-    ask = design.preset.statics.ask
-    return design.once(
+    questions = design.preset.statics.analyses
+    return design.cached_result(
         "statics",
         "mode_intervals",
-        lambda: mode_intervals(LoadedSurface.of(design), whole_sheet(design.surface), ask, BUDGET),
+        lambda: mode_intervals(LoadedSurface.from_design(design), whole_sheet(design.surface), questions, BUDGET),
     )
 
 
@@ -67,34 +67,37 @@ def mode_facts(design: "Design") -> dict[str, Any]:
     """Return `mode_intervals` of `design.json`: values with relative half widths of their intervals; empty without
     a request.
     """
-    if not design.preset.statics.ask.modes:
+    if not design.preset.statics.analyses.modes:
         return {}
-    found = uncut_modes(design)
+    intervals = uncut_modes(design)
     facts: dict[str, Any] = {
-        "buckling": {name: {"factor": one.value, "bound": one.known} for name, one in found.buckling.items()},
-        "triangles": [level.triangles for level in found.levels],
+        "buckling": {
+            name: {"factor": interval.value, "bound": interval.finite_bound}
+            for name, interval in intervals.buckling.items()
+        },
+        "triangles": [level.triangles for level in intervals.levels],
     }
-    if found.hertz:
-        facts["frequency"] = {"hertz": found.hertz.value, "bound": found.hertz.known}
-    told = {"assumed": found.assumed, "refusals": list(found.refusals)}
-    return {"mode_intervals": facts | {key: value for key, value in told.items() if value}}
+    if intervals.hertz:
+        facts["frequency"] = {"hertz": intervals.hertz.value, "bound": intervals.hertz.finite_bound}
+    remarks = {"assumed": intervals.assumed, "refusals": list(intervals.refusals)}
+    return {"mode_intervals": facts | {key: value for key, value in remarks.items() if value}}
 
 
 def mode_lines(design: "Design") -> list[str]:
     """Return the lowest buckling factor and frequency as a line, for the case that buckles first."""
-    if not design.preset.statics.ask.modes:
+    if not design.preset.statics.analyses.modes:
         return []
-    found, told = uncut_modes(design), []
-    if found.buckling:
-        name, least = min(found.buckling.items(), key=lambda one: one[1].value)
-        under = f", {name}" if len(found.buckling) > 1 else ""
-        told.append(f"lowest factor of buckling {bounded(least.value, least.known)}{under}")
-    if found.hertz:
-        told.append(f"lowest frequency {bounded(found.hertz.value, found.hertz.known, 'Hz')}")
-    if not told:
+    intervals, words = uncut_modes(design), []
+    if intervals.buckling:
+        name, lowest = min(intervals.buckling.items(), key=lambda item: item[1].value)
+        under = f", {name}" if len(intervals.buckling) > 1 else ""
+        words.append(f"lowest factor of buckling {value_with_bound(lowest.value, lowest.finite_bound)}{under}")
+    if intervals.hertz:
+        words.append(f"lowest frequency {value_with_bound(intervals.hertz.value, intervals.hertz.finite_bound, 'Hz')}")
+    if not words:
         return []
-    assumed = f"; {found.assumed}" if found.assumed else ""
-    return [f"uncut sheet, {len(found.levels)} meshes: {' and '.join(told)}{assumed}"]
+    assumed = f"; {intervals.assumed}" if intervals.assumed else ""
+    return [f"uncut sheet, {len(intervals.levels)} meshes: {' and '.join(words)}{assumed}"]
 
 
 def answer_lines(design: "Design") -> list[str]:
@@ -102,13 +105,17 @@ def answer_lines(design: "Design") -> list[str]:
     elements.
     """
     cases = design.statics.cases
-    told = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
-    under = {name: f", {name}" if len(cases) > 1 else "" for name in told}
+    answers_by_case = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
+    under = {name: f", {name}" if len(cases) > 1 else "" for name in answers_by_case}
     lines = []
-    worst = max(told, key=lambda name: told[name].stress.peak.stress)
-    if told[worst].elements.bending != "hinge":
-        lines.append(_stress_line(design, told[worst], under[worst]))
-    factors = {name: a.buckling.factor for name, a in told.items() if a.buckling is not None and len(a.buckling.factor)}
+    worst = max(answers_by_case, key=lambda name: answers_by_case[name].stress.peak.stress)
+    if answers_by_case[worst].elements.bending != "hinge":
+        lines.append(_largest_stress_line(design, answers_by_case[worst], under[worst]))
+    factors = {
+        name: a.buckling.factor
+        for name, a in answers_by_case.items()
+        if a.buckling is not None and len(a.buckling.factor)
+    }
     if factors:
         worst = min(factors, key=lambda name: float(factors[name][0]))
         listed = ", ".join(f"{factor:.3g}" for factor in factors[worst])
@@ -116,14 +123,14 @@ def answer_lines(design: "Design") -> list[str]:
             f"uncut sheet{under[worst]}: buckles at {listed} x the load (linear, perfect shape; real shells at a fifth "
             "to a half)"
         )
-    if (vibration := told[worst].vibration) is not None:
+    if (vibration := answers_by_case[worst].vibration) is not None:
         hertz = ", ".join(f"{value:.3g}" for value in vibration.hertz)
         several = len(vibration.hertz) > 1
         lines.append(f"uncut sheet: lowest {'frequencies' if several else 'frequency'} {hertz} Hz")
     return [*lines, *mode_lines(design)]
 
 
-def _stress_line(design: "Design", answers: "Answers", under: str) -> str:
+def _largest_stress_line(design: "Design", answers: "Answers", under: str) -> str:
     peak, strength = answers.stress.peak, design.preset.statics.strength
     where = ", ".join(f"{x:.3g}" for x in design.surface.centroids[peak.face] + 0.0)
     layer = {"top": "on the top", "middle": "in the middle", "bottom": "on the bottom"}[peak.layer]
@@ -149,12 +156,12 @@ def equilibrium_facts(design: "Design", load: "LoadCase", answer: "Equilibrium")
 
 def case_facts(design: "Design") -> dict[str, Any]:
     """Return the facts of each case and combination, by name."""
-    told = {}
+    facts_by_case = {}
     for name, case in design.statics.cases.items():
         factors = {} if case.factors is None else {"factors": dict(case.factors)}
         facts = equilibrium_facts(design, case.load, case.equilibrium)
-        told[name] = {**factors, **facts, **answer_facts(design, case)}
-    return told
+        facts_by_case[name] = {**factors, **facts, **answer_facts(design, case)}
+    return facts_by_case
 
 
 def cut_load_facts(design: "Design") -> dict[str, Any]:
@@ -201,43 +208,50 @@ def case_lines(design: "Design") -> list[str]:
     cases = design.statics.cases
     if len(cases) == 1:
         (case,) = cases.values()
-        return [f"uncut sheet: {_answered(case.equilibrium)}", _carried(design, case.load, case.equilibrium)]
-    followed, rule = design.preset.followed, design.preset.surface.combinations
-    governing = _governing(design) if rule else {}
-    made = {one.name for one in design.preset.surface.standard_sums}
+        return [
+            f"uncut sheet: {_stiffness_words(case.equilibrium)}",
+            _balance_words(design, case.load, case.equilibrium),
+        ]
+    followed, rule = design.preset.followed_weights, design.preset.surface.combinations
+    governing = _governing_combinations(design) if rule else {}
+    standard_names = {combination.name for combination in design.preset.surface.standard_sums}
     lines = [
-        f"uncut sheet, {name}{'*' if name in followed else ''}: {_answered(case.equilibrium)}; "
-        f"{_carried(design, case.load, case.equilibrium)}"
+        f"uncut sheet, {name}{'*' if name in followed else ''}: {_stiffness_words(case.equilibrium)}; "
+        f"{_balance_words(design, case.load, case.equilibrium)}"
         for name, case in cases.items()
-        if name not in made or name in governing
+        if name not in standard_names or name in governing
     ]
     if rule:
-        told = "; ".join(f"{what}: {name} = {formula}" for name, (what, formula) in governing.items())
-        return [*lines, f"{len(made)} combinations after {rule}, the pattern follows those of ULS together; {told}"]
+        governing_words = "; ".join(f"{what}: {name} = {formula}" for name, (what, formula) in governing.items())
+        return [
+            *lines,
+            f"{len(standard_names)} combinations after {rule}, the pattern follows those of ULS together; "
+            f"{governing_words}",
+        ]
     return [*lines, f"* the pattern follows {'this' if len(followed) == 1 else 'these together'}"]
 
 
-def _governing(design: "Design") -> dict[str, tuple[str, str]]:
+def _governing_combinations(design: "Design") -> dict[str, tuple[str, str]]:
     cases, preset = design.statics.cases, design.preset
-    formulas = {one.name: one.formula for one in preset.surface.sums}
-    strained = max(preset.judged_in("ULS", cases), key=lambda name: cases[name].answers.stress.peak.stress)
+    formulas = {combination.name: combination.formula for combination in preset.surface.sums}
+    stressed = max(preset.judged_in("ULS", cases), key=lambda name: cases[name].answers.stress.peak.stress)
     moved = max(preset.judged_in("SLS", cases), key=lambda name: cases[name].equilibrium.largest_displacement)
-    named = {strained: "stress is largest in", moved: "displacement in"}
-    return {name: (what, formulas.get(name, name)) for name, what in named.items()}
+    named = {stressed: "stress is largest in", moved: "displacement in"}
+    return {name: (quantity_words, formulas.get(name, name)) for name, quantity_words in named.items()}
 
 
-def _answered(answer: "Equilibrium") -> str:
+def _stiffness_words(answer: "Equilibrium") -> str:
     return f"compliance {answer.compliance:.4g} J, moves {length(answer.largest_displacement)} at most"
 
 
-def _carried(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
+def _balance_words(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
     sums = balance(design, load, answer)
 
-    def told(vector: list[float]) -> str:
+    def size_words(vector: list[float]) -> str:
         return force(vector_size(vector))
 
-    parts = ", ".join(told(part["reaction_N"]) for part in sums["supports"])
-    apart = sum(vector_size(part["reaction_N"]) for part in sums["supports"])
+    parts = ", ".join(size_words(part["reaction_N"]) for part in sums["supports"])
+    sum_of_sizes = sum(vector_size(part["reaction_N"]) for part in sums["supports"])
     # reactions of an arch also push sideways, so their sizes add up to more than the loads
-    thrust = ", their thrust included" if apart > 1.02 * vector_size(sums["load_N"]) else ""
-    return f"loads sum to {told(sums['load_N'])}; supports carry {parts}{thrust}"
+    thrust = ", their thrust included" if sum_of_sizes > 1.02 * vector_size(sums["load_N"]) else ""
+    return f"loads sum to {size_words(sums['load_N'])}; supports carry {parts}{thrust}"

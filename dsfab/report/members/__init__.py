@@ -18,25 +18,34 @@ from dsfab.preset.file import preset_toml
 from dsfab.render import up_axis
 from dsfab.report.assembly import assembly_page
 from dsfab.report.compliance import tables
-from dsfab.report.compliance.figures import BANDS, SIZE, WHITE, Chart, jpeg, lettering, png, trimmed
-from dsfab.report.compliance.findings import length, nice, percent, unit_for
+from dsfab.report.compliance.figures import (
+    BANDS,
+    SIZE,
+    WHITE,
+    ChartImage,
+    jpeg,
+    lettering,
+    png_with_size,
+    without_empty_rows,
+)
+from dsfab.report.compliance.findings import length_or_na, percent, prefixed_unit, round_number_above
 from dsfab.report.design.facts import versions
 from dsfab.report.html_pages import (
     Banner,
     Block,
     Bullets,
+    CaptionNumbers,
     Code,
+    ColourScale,
     Document,
-    Numbers,
     Paragraph,
     ReportFigure,
     ReportSection,
-    Scale,
     Table,
-    escaped,
-    page,
+    document_html,
+    escaped_text,
 )
-from dsfab.report.pdf_pages import pdf
+from dsfab.report.pdf_pages import document_pdf
 from dsfab.workshop import workshop_plan
 
 if TYPE_CHECKING:
@@ -47,16 +56,16 @@ if TYPE_CHECKING:
 
 UNITS = (*["N"] * 3, *["N m"] * 3)
 """Units of the components: forces, then moments."""
-SHOWN = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))
+DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))
 """Number, name and unit of each component."""
 
-WIDE, HIGH = 6.8, 0.68
+DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68
 """Inches of a row of diagrams; the axis below has half a row more."""
 RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 """Colours of positive values, negative values, and lines."""
 
 
-def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> Chart:
+def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
     """Draw two rows for each member in its case or combination: N, Vy, Vz, and below Mt, My, Mz.
 
     Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes.
@@ -65,43 +74,43 @@ def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> Chart:
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     across = 3  # forces above, moments below
-    lines = len(SHOWN) // across
+    lines = len(DIAGRAM_COMPONENTS) // across
     with lettering(**{"font.size": 7.5}):
         layout = ConstrainedLayoutEngine(hspace=0.06, h_pad=0.02)
-        figure = Figure(figsize=(WIDE, HIGH * (lines * len(rows) + 0.4)), layout=layout)
+        figure = Figure(figsize=(DIAGRAM_WIDTH, DIAGRAM_HEIGHT * (lines * len(rows) + 0.4)), layout=layout)
         grid = figure.subplots(lines * len(rows), across, squeeze=False)
         for number, (name, case) in enumerate(rows):
             block = grid[lines * number : lines * (number + 1)]
             forces = design.member_forces[name]
-            nodes = [node.at[node.members.index(name)] for node in design.members.along[name]]
-            for axes, (column, (letter, unit)) in zip(block.flat, SHOWN, strict=True):
-                _drawn(axes, forces, case, (column, letter, unit))
+            nodes = [node.at[node.members.index(name)] for node in design.members.nodes_along[name]]
+            for axes, (column, (letter, unit)) in zip(block.flat, DIAGRAM_COMPONENTS, strict=True):
+                _draw_component(axes, forces, case, (column, letter, unit))
                 axes.plot(nodes, np.zeros(len(nodes)), "|", color=INK, ms=4, transform=axes.get_xaxis_transform())
             for axes in block[:-1].flat:
                 axes.tick_params(labelbottom=False)
-            _titled(block[0, 0], name, case)
+            _add_title(block[0, 0], name, case)
         for axes in grid[-1]:
             axes.set_xlabel("along the member, m")
-        return png(figure)
+        return png_with_size(figure)
 
 
-def _titled(axes: "Axes", name: str, case: str) -> None:
+def _add_title(axes: "Axes", name: str, case: str) -> None:
     above: dict[str, Any] = {"textcoords": "offset points", "va": "bottom", "fontsize": 8.5}
     bold = axes.annotate(name, (0, 1), (0, 10), xycoords="axes fraction", fontweight="bold", **above)
     axes.annotate(case, (1, 0), (6, 0), xycoords=bold, **above)
 
 
-def _drawn(axes: "Axes", forces: "MemberForces", case: str, shown: tuple[int, str, str]) -> None:
-    column, letter, unit = shown
-    value, least, most = forces.forces[case][:, column], *np.moveaxis(forces.envelope[:, column], -1, 0)
-    factor, name = unit_for(max(float(np.abs([least, most]).max()), 1e-9), unit)
+def _draw_component(axes: "Axes", forces: "MemberForces", case: str, component: tuple[int, str, str]) -> None:
+    column, letter, unit = component
+    value, least, greatest = forces.forces[case][:, column], *np.moveaxis(forces.envelope[:, column], -1, 0)
+    factor, name = prefixed_unit(max(float(np.abs([least, greatest]).max()), 1e-9), unit)
     order = np.argsort(forces.s, kind="stable")
-    s, value, least, most = forces.s[order], value[order] / factor, least[order] / factor, most[order] / factor
+    s, value, least, greatest = forces.s[order], value[order] / factor, least[order] / factor, greatest[order] / factor
     for above, colour in ((True, RISING), (False, FALLING)):
         axes.fill_between(s, 0, value, where=(value >= 0) == above, color=colour, alpha=0.3, lw=0, interpolate=True)
     axes.plot(s, value, color=INK, lw=0.9)
     if len(forces.forces) > 1:
-        for edge in (least, most):
+        for edge in (least, greatest):
             axes.plot(s, edge, color="#9a948d", lw=0.6)
     axes.axhline(0, color=INK, lw=0.5)
     axes.set_title(f"{letter}, {name}", fontsize=7.5, loc="right", pad=2)
@@ -111,29 +120,31 @@ def _drawn(axes: "Axes", forces: "MemberForces", case: str, shown: tuple[int, st
     axes.tick_params(length=2, pad=2)
 
 
-WORST = 10
+WORST_COUNT = 10
 """Members with a row, a diagram and a name in the report."""
 
 
-def rating_figure(design: Design, number: Numbers) -> ReportFigure:
+def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
     """Draw the structure in the colours of its utilisation; without graphics the figure has the reason."""
     from dsfab.render import band_colours, rated_members_picture
 
-    found = design.member_utilisation
+    utilisation = design.member_utilisation
     value = bay_values(design)
     limit = float(np.nanmax(value)) if np.isfinite(value).any() else 1.0
-    step = nice(max(limit, 1e-3) / BANDS)
+    step = round_number_above(max(limit, 1e-3) / BANDS)
     count = max(2, math.ceil(limit / step - 1e-9))
     band = np.where(np.isnan(value), -1, np.minimum(np.nan_to_num(value) / step, count - 1)).astype(np.int64)
-    names = [found.bays.member[bay] for bay in found.worst_bays(WORST)]
+    names = [utilisation.bays.member[bay] for bay in utilisation.worst_bays(WORST_COUNT)]
     labels = [f"{100 * step * k:.4g} %" for k in range(count + 1)]
     caption = number.figure(
         f"What each bay bears of what it can, in the case and the check that decide. The {len(names)} worst members "
         "are named; plates, discs and fills are not checked and have no colour."
     )
-    scale = Scale("utilisation: 100 % is full", band_colours(count), labels)
+    scale = ColourScale("utilisation: 100 % is full", band_colours(count), labels)
     try:
-        pixels = trimmed(rated_members_picture(design, band, count, names, size=SIZE, palette=WHITE), WHITE.paper)
+        pixels = without_empty_rows(
+            rated_members_picture(design, band, count, names, size=SIZE, palette=WHITE), WHITE.paper
+        )
     except DsfabError as error:
         return ReportFigure(caption, b"", SIZE, missing=f"no picture: {error}")
     return ReportFigure(caption, jpeg(pixels), (pixels.shape[1], pixels.shape[0]), 0.86, scale)
@@ -144,36 +155,45 @@ def bay_values(design: Design) -> Floats:
 
     At a crossing the larger value counts.
     """
-    graph, found = design.members, design.member_utilisation
+    graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # points along a bay
-    for name in dict.fromkeys(found.bays.member):
-        member, own = graph.by_id[name], [k for k, one in enumerate(found.bays.member) if one == name]
+    for name in dict.fromkeys(utilisation.bays.member):
+        member, bays = (
+            graph.by_id[name],
+            [k for k, bay_member in enumerate(utilisation.bays.member) if bay_member == name],
+        )
         assert member.axis is not None
-        s = np.array([np.linspace(found.bays.s[k, 0], found.bays.s[k, -1], samples) for k in own]).ravel()
-        P = member.axis.at(s % member.axis.length if member.axis.closed else s)[0]
+        s = np.array([np.linspace(utilisation.bays.s[k, 0], utilisation.bays.s[k, -1], samples) for k in bays]).ravel()
+        P = member.axis.frames_at(s % member.axis.length if member.axis.closed else s)[0]
         nearest = np.asarray(cKDTree(P).query(graph.sheet.surface.centroids[member.cells])[1]) // samples
-        value[member.cells] = np.maximum(value[member.cells], found.largest[np.array(own)[nearest]])
+        value[member.cells] = np.maximum(value[member.cells], utilisation.largest[np.array(bays)[nearest]])
     return np.where(np.isinf(value), np.nan, value)
 
 
-def worst_words(found: Utilisation) -> str:
+def worst_member_words(utilisation: Utilisation) -> str:
     """Return for example 'B10, 63 %'."""
-    return f"{found.bays.member[found.order[0]]}, {percent(float(found.largest[found.order[0]]))}"
+    return (
+        f"{utilisation.bays.member[utilisation.order[0]]}, {percent(float(utilisation.largest[utilisation.order[0]]))}"
+    )
 
 
-def summary(found: Utilisation, picture: ReportFigure, number: Numbers) -> ReportSection:
+def summary_section(utilisation: Utilisation, picture: ReportFigure, number: CaptionNumbers) -> ReportSection:
     """The first page: a verdict on the members alone, and the structure."""
-    over = sum(value > 1 for value in found.by_member.values())
-    if found.standard.startswith("no standard"):
+    overloaded = sum(value > 1 for value in utilisation.by_member.values())
+    if utilisation.standard.startswith("no standard"):
         status, title = "unknown", "No standard: stress over strength"
-    elif over:
-        status, title = "fail", f"{over} of {len(found.by_member)} members bear more than they can"
+    elif overloaded:
+        status, title = "fail", f"{overloaded} of {len(utilisation.by_member)} members bear more than they can"
     else:
-        status = "pass" if found.combined else "unknown"
-        title = f"Each of {len(found.by_member)} members bears less than it can"
-        title += "" if found.combined else ", of loads without partial factors"
+        status = "pass" if utilisation.combined else "unknown"
+        title = f"Each of {len(utilisation.by_member)} members bears less than it can"
+        title += "" if utilisation.combined else ", of loads without partial factors"
     blocks: list[Block] = [
-        Banner(status, title, escaped(f"{found.told}. Checked by {found.standard}. {found.assumed[0]}")),
+        Banner(
+            status,
+            title,
+            escaped_text(f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"),
+        ),
         Paragraph(
             "Forces are summed up from the shell, section by section. Joints, and the stability of the structure as a "
             "whole, are not checked here: see what was not checked."
@@ -183,30 +203,32 @@ def summary(found: Utilisation, picture: ReportFigure, number: Numbers) -> Repor
     return ReportSection("Summary", blocks)
 
 
-def worst(found: Utilisation, number: Numbers) -> ReportSection:
+def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
     """The most used members, with the decisive clause and forces."""
-    chosen = found.worst_bays(WORST)
+    worst_bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
-    for bay in chosen:
-        check, case, _ = found.governing(bay)
-        share = percent(float(found.largest[bay]))
+    for bay in worst_bays:
+        check, case, _ = utilisation.governing(bay)
+        share = percent(float(utilisation.largest[bay]))
         words = check.name, check.clause, case
-        decisive.append((found.bays.member[bay], found.bays.name[bay], *map(escaped, words), share))
+        decisive.append((utilisation.bays.member[bay], utilisation.bays.name[bay], *map(escaped_text, words), share))
     head = ("Member", "Bay", "Check", "Clause and formula", "Case", "Utilisation")
     caption = number.table("The worst bay of each of the worst members.")
-    one = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
-    return ReportSection("The worst members", [one, _forces_table(found, chosen, number)], own_page=True)
+    worst_table = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
+    return ReportSection(
+        "The worst members", [worst_table, _decisive_forces_table(utilisation, worst_bays, number)], own_page=True
+    )
 
 
-def _forces_table(found: Utilisation, chosen: Sequence[int], number: Numbers) -> Table:
-    bays, at = found.bays, [(bay, *found.governing(bay)[1:]) for bay in chosen]
-    forces = np.array([bays.forces[case][bay, station] for bay, case, station in at])
-    scale = [_scale(forces[:, [unit == one for one in UNITS]], unit) for unit in UNITS]
+def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], number: CaptionNumbers) -> Table:
+    bays, stations = utilisation.bays, [(bay, *utilisation.governing(bay)[1:]) for bay in worst_bays]
+    forces = np.array([bays.forces[case][bay, station] for bay, case, station in stations])
+    scale = [_common_unit(forces[:, [unit == component_unit for component_unit in UNITS]], unit) for unit in UNITS]
     rows = []
-    for (bay, _, station), row in zip(at, forces, strict=True):
-        section = f"{length(float(bays.width[bay, station]))} × {length(bays.thickness)}"
-        numbers = [f"{x / factor:.{after}f}" for x, (factor, _, after) in zip(row, scale, strict=True)]
-        rows.append((bays.member[bay], section, length(float(bays.length[bay])), *numbers))
+    for (bay, _, station), row in zip(stations, forces, strict=True):
+        section = f"{length_or_na(float(bays.width[bay, station]))} × {length_or_na(bays.thickness)}"
+        numbers = [f"{x / factor:.{decimals}f}" for x, (factor, _, decimals) in zip(row, scale, strict=True)]
+        rows.append((bays.member[bay], section, length_or_na(float(bays.length[bay])), *numbers))
     heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
     caption = number.table("The same: section, length from node to node, and forces where that check decides.")
     note = "N positive is tension. My bends with the surface and stretches the side of its normal, Mz bends in it."
@@ -215,51 +237,55 @@ def _forces_table(found: Utilisation, chosen: Sequence[int], number: Numbers) ->
     )
 
 
-def _scale(values: Floats, unit: str) -> tuple[float, str, int]:
+def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
     """Divisor, unit and decimals for all forces or all moments, so that columns can be compared.
 
     The largest value has four digits; each has two decimals at least.
     """
     largest = max(float(np.abs(values).max()), 1e-9)
-    factor, name = unit_for(largest, unit)
+    factor, name = prefixed_unit(largest, unit)
     return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
 
 
-def along(design: Design, number: Numbers) -> ReportSection:
+def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
     """Diagrams of the same members."""
-    found = design.member_utilisation
-    rows = [(found.bays.member[bay], found.governing(bay)[1]) for bay in found.worst_bays(WORST)]
-    several = len(found.bays.forces) > 1
-    told = "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""
+    utilisation = design.member_utilisation
+    rows = [
+        (utilisation.bays.member[bay], utilisation.governing(bay)[1]) for bay in utilisation.worst_bays(WORST_COUNT)
+    ]
+    several = len(utilisation.bays.forces) > 1
+    case_note = (
+        "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""
+    )
     figures, count = [], 3  # members in a figure, so that two figures fill a page
-    for first in range(0, len(rows), count):
-        part = rows[first : first + count]
+    for start in range(0, len(rows), count):
+        part = rows[start : start + count]
         image, size = force_diagrams(design, part)
         names = ", ".join(name for name, _ in part)
-        words = f"Section forces along {names}. {told}Strokes at the bottom are nodes."
+        words = f"Section forces along {names}. {case_note}Strokes at the bottom are nodes."
         figures.append(ReportFigure(number.figure(words), image, size, 1.0))
     return ReportSection("Forces along them", figures, own_page=True)
 
 
-def checks(found: Utilisation, number: Numbers) -> ReportSection:
+def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
     """The largest value of each check."""
     rows = []
-    for column, check in enumerate(found.checks):
-        values = found.worst[:, column]
+    for column, check in enumerate(utilisation.checks):
+        values = utilisation.worst[:, column]
         bay = int(values.argmax())
-        member = found.bays.member[bay] if values[bay] > 0 else "-"
-        rows.append((escaped(check.name), escaped(check.clause), member, percent(float(values[bay]))))
+        member = utilisation.bays.member[bay] if values[bay] > 0 else "-"
+        rows.append((escaped_text(check.name), escaped_text(check.clause), member, percent(float(values[bay]))))
     caption = number.table("The largest of each check over all bays and cases.")
     table = Table(caption, ("Check", "Clause and formula", "Member", "Utilisation"), rows, 3, "", (3, 4.4, 1.2, 1.3))
     return ReportSection("Check by check", [table])
 
 
-def scope(found: Utilisation) -> ReportSection:
+def scope_section(utilisation: Utilisation) -> ReportSection:
     """Assumptions, and questions that nobody checked."""
-    assumed = [escaped(line) for line in found.assumed]
-    missing = [escaped(line[0].upper() + line[1:]) + "." for line in found.unchecked]
+    assumed = [escaped_text(line) for line in utilisation.assumed]
+    missing = [escaped_text(line[0].upper() + line[1:]) + "." for line in utilisation.unchecked]
     blocks: list[Block] = [
-        Paragraph(f"<b>Checked by</b> {escaped(found.standard)}."),
+        Paragraph(f"<b>Checked by</b> {escaped_text(utilisation.standard)}."),
         Bullets(assumed),
         Paragraph("<b>Not checked:</b>"),
         Bullets(missing),
@@ -268,37 +294,39 @@ def scope(found: Utilisation) -> ReportSection:
     return ReportSection("What was assumed, and what was not checked", blocks)
 
 
-def members(found: Utilisation, number: Numbers) -> ReportSection:
+def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
     """List of all members in three columns, the most used first."""
-    ranked, most = sorted(found.by_member.items(), key=lambda one: -one[1]), 400
-    shown = [(name, percent(value)) for name, value in ranked[:most]]
+    ranked, limit = sorted(utilisation.by_member.items(), key=lambda item: -item[1]), 400
+    shown = [(name, percent(value)) for name, value in ranked[:limit]]
     third = -(-len(shown) // 3)
     columns = [[*shown[k * third : (k + 1) * third]] for k in range(3)]
-    rows = [_across(columns, row) for row in range(third)]
-    more = f" {len(ranked) - most} more are in member_utilisation.csv." if len(ranked) > most else ""
-    caption = number.table("All members with bays between nodes, the largest of each." + more)
+    rows = [_table_row(columns, row) for row in range(third)]
+    rest_words = f" {len(ranked) - limit} more are in member_utilisation.csv." if len(ranked) > limit else ""
+    caption = number.table("All members with bays between nodes, the largest of each." + rest_words)
     head = ("Member", "Utilisation") * 3
     return ReportSection("All members", [Table(caption, head, rows, 0, "", (1, 1, 1, 1, 1, 1))])
 
 
-def _across(columns: Sequence[Sequence[tuple[str, str]]], row: int) -> list[str]:
-    return [cell for column in columns for cell in (column[row] if row < len(column) else ("", ""))]
+def _table_row(columns: Sequence[Sequence[tuple[str, str]]], row_number: int) -> list[str]:
+    return [cell for column in columns for cell in (column[row_number] if row_number < len(column) else ("", ""))]
 
 
-def reproduction(design: Design, command: str, known: Mapping[str, str], number: Numbers) -> ReportSection:
+def reproduction_section(
+    design: Design, command: str, library_versions: Mapping[str, str], number: CaptionNumbers
+) -> ReportSection:
     """Command, versions and preset of the report."""
     blocks: list[Block] = [
         Paragraph("Made by this command, with the preset below and these versions:"),
         Code(command),
-        tables.versions_table(known, number),
+        tables.versions_table(library_versions, number),
         Paragraph("The preset in full, with every value that was left out:"),
-        Code(preset_toml(design.settled, brief=True)),
+        Code(preset_toml(design.resolved_preset, for_people=True)),
     ]
     return ReportSection("Making it again", blocks, own_page=True)
 
 
 FILES = ("report.html", "report.pdf")
-STRUCTURE = "structure.html"
+STRUCTURE_FILE = "structure.html"
 """Interactive page of the structure, for clients."""
 
 
@@ -307,40 +335,42 @@ def member_report(design: Design, command: str) -> Document:
 
     Raises StaticsError without a code or strength of the material, or if nothing carries the loads.
     """
-    found, number, known = design.member_utilisation, Numbers(), versions()
+    utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),
         ("Date", datetime.now(UTC).strftime("%d %B %Y")),
-        ("Checked by", f"dsfab {known['dsfab']}"),
-        ("Worst member", worst_words(found)),
+        ("Checked by", f"dsfab {library_versions['dsfab']}"),
+        ("Worst member", worst_member_words(utilisation)),
     ]
-    parts = [
-        summary(found, rating_figure(design, number), number),
-        worst(found, number),
-        along(design, number),
-        checks(found, number),
-        scope(found),
-        members(found, number),
-        reproduction(design, command, known, number),
+    document_sections = [
+        summary_section(utilisation, rating_figure(design, number), number),
+        worst_section(utilisation, number),
+        diagrams_section(design, number),
+        checks_section(utilisation, number),
+        scope_section(utilisation),
+        members_section(utilisation, number),
+        reproduction_section(design, command, library_versions, number),
     ]
-    footer = f"Made by dsfab {known['dsfab']}; a first look at members, no proof of safety under a code"
-    return Document("Members against the code", design.preset.name.replace("_", " ").capitalize(), facts, parts, footer)
+    footer = f"Made by dsfab {library_versions['dsfab']}; a first look at members, no proof of safety under a code"
+    return Document(
+        "Members against the code", design.preset.name.replace("_", " ").capitalize(), facts, document_sections, footer
+    )
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
     """Write the report and the page of the structure; return their names, and a sentence for each step that failed."""
-    document, files, told = member_report(design, command), [FILES[0]], list[str]()
-    (folder / FILES[0]).write_text(page(document), encoding="utf-8")
+    document, files, messages = member_report(design, command), [FILES[0]], list[str]()
+    (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
     try:
-        (folder / FILES[1]).write_bytes(pdf(document))
+        (folder / FILES[1]).write_bytes(document_pdf(document))
         files.append(FILES[1])
     except ExportError as error:
-        told.append(str(error))
+        messages.append(str(error))
     try:
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, design.load))
     except DsfabError as error:
-        return files, [*told, f"{STRUCTURE} is left out, because the design has no flat parts: {error}"]
+        return files, [*messages, f"{STRUCTURE_FILE} is left out, because the design has no flat parts: {error}"]
     if plan.graph is None:
-        return files, told
-    (folder / STRUCTURE).write_text(assembly_page(plan, design, judged=True), encoding="utf-8")
-    return [*files, STRUCTURE], told
+        return files, messages
+    (folder / STRUCTURE_FILE).write_text(assembly_page(plan, design, judged=True), encoding="utf-8")
+    return [*files, STRUCTURE_FILE], messages

@@ -45,14 +45,14 @@ class Cells:
         slot[self.start[1:] - 1] = self.start[:-1]
         return slot
 
-    def ahead(self, values: NDArray[Any]) -> NDArray[Any]:
+    def next_values(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return for each slot the value (h,) on the next slot around the same polygon."""
         result: NDArray[Any] = np.empty_like(values)
         result[:-1] = values[1:]
         result[self.start[1:] - 1] = values[self.start[:-1]]
         return result
 
-    def reduced(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
+    def per_polygon(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
         """(c,) values (h,) on the slots, reduced over each polygon by `ufunc`."""
         if len(values) == 3 * len(self.sizes):  # triangles only
             a, b, c = values.reshape(-1, 3).T
@@ -61,11 +61,11 @@ class Cells:
 
     def sides(self, active: Bools) -> tuple[Ints, Ints]:
         """Return the first and the last vertex (s,) of every side of the active polygons (c,)."""
-        a, b = self.corner, self.ahead(self.corner)
+        a, b = self.corner, self.next_values(self.corner)
         if active.all():
             return a, b
-        on = np.flatnonzero(active[self.owner])
-        return a[on], b[on]
+        slots = np.flatnonzero(active[self.owner])
+        return a[slots], b[slots]
 
     def slots(self, which: Ints) -> Ints:
         """Return the slots of the polygons (k,), polygon by polygon."""
@@ -73,24 +73,24 @@ class Cells:
         ends = np.cumsum(sizes)
         return np.asarray(np.repeat(self.start[which] - (ends - sizes), sizes) + np.arange(int(sizes.sum())))
 
-    def some(self, which: Ints) -> "Cells":
+    def subset(self, which: Ints) -> "Cells":
         """Return the polygons (k,) as a list of their own."""
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[self.slots(which)])
 
-    def _run(self, begin: int, end: int) -> "Cells":
+    def _slice(self, begin: int, end: int) -> "Cells":
         start = self.start[begin : end + 1]
         return Cells(start - start[0], self.corner[start[0] : start[-1]])
 
     def areas(self, X: Floats) -> tuple[Floats, Floats]:
         """(c,) areas of the polygons, and (c,) the squared distance of the farthest corner from the first."""
         if len(self.sizes) > CHUNK:
-            parts = [self._run(k, k + CHUNK).areas(X) for k in range(0, len(self.sizes), CHUNK)]
+            parts = [self._slice(k, k + CHUNK).areas(X) for k in range(0, len(self.sizes), CHUNK)]
             area, reach = (np.concatenate(column) for column in zip(*parts, strict=True))
             return area, reach
         base = np.repeat(self.corner[self.start[:-1]], self.sizes)
         spoke = (X.take(self.corner, axis=0) - X.take(base, axis=0)).T
         x, y, z = spoke
-        u, v, w = (self.ahead(column) for column in spoke)
+        u, v, w = (self.next_values(column) for column in spoke)
         twice = [np.add.reduceat(part, self.start[:-1]) for part in (y * w - z * v, z * u - x * w, x * v - y * u)]
         reach = np.maximum.reduceat(x * x + y * y + z * z, self.start[:-1])
         return 0.5 * np.sqrt(twice[0] ** 2 + twice[1] ** 2 + twice[2] ** 2), reach
@@ -116,7 +116,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
         parts = waiting.pop(size)
         polygons, owner = (np.concatenate(column) for column in zip(*parts, strict=True))
         if size > LARGEST:
-            for half, whose in _halves(polygons, owner, X):
+            for half, whose in _chord_halves(polygons, owner, X):
                 waiting.setdefault(half.shape[1], []).append((half, whose))
         else:
             for k in range(0, len(polygons), CHUNK):
@@ -151,36 +151,39 @@ def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
     if size == 3:
         return polygons, np.arange(g)
     P = [np.ascontiguousarray(X.take(column, axis=0).T) for column in polygons.T]
-    best = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
+    quality_of_chord = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
     apex = np.zeros((size, size, g), dtype=np.int64)
     for span in range(2, size):
         for i in range(size - span):
             j = i + span
             worst = np.stack(
-                [np.minimum(np.minimum(best[i, k], best[k, j]), _quality(P[i], P[k], P[j])) for k in range(i + 1, j)]
+                [
+                    np.minimum(np.minimum(quality_of_chord[i, k], quality_of_chord[k, j]), _quality(P[i], P[k], P[j]))
+                    for k in range(i + 1, j)
+                ]
             )
             apex[i, j] = i + 1 + worst.argmax(axis=0)
-            best[i, j] = worst.max(axis=0)
+            quality_of_chord[i, j] = worst.max(axis=0)
     return _chosen_triangles(polygons, apex)
 
 
 def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
     g, size = polygons.shape
-    found, rows = [], []
+    triangles, rows = [], []
     chords = [(np.arange(g), np.zeros(g, dtype=np.int64), np.full(g, size - 1))]
     while chords:
         row, i, j = chords.pop()
-        open_ = j - i >= 2
-        row, i, j = row[open_], i[open_], j[open_]
+        divisible = j - i >= 2
+        row, i, j = row[divisible], i[divisible], j[divisible]
         if len(row):
             k = apex[i, j, row]
-            found.append(np.stack([polygons[row, i], polygons[row, k], polygons[row, j]], axis=1))
+            triangles.append(np.stack([polygons[row, i], polygons[row, k], polygons[row, j]], axis=1))
             rows.append(row)
             chords += [(row, i, k), (row, k, j)]
-    return np.concatenate(found), np.concatenate(rows)
+    return np.concatenate(triangles), np.concatenate(rows)
 
 
-def _halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
+def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
     """Each polygon (g, size) cut by the chord whose smaller side has the largest area, as groups of equal size."""
     size = polygons.shape[1]
     spoke = X[polygons] - X[polygons[:, :1]]
@@ -206,15 +209,15 @@ TIP = 1e-3
 """Both edges of a stripe of varying width meet if they are closer than this share of a side (or the smaller snap)."""
 
 
-def nearest(x: Floats, levels: Floats) -> Floats:
+def nearest_levels(x: Floats, levels: Floats) -> Floats:
     """(n,) the level nearest to each value x (n,); levels (k,) ascend."""
-    at = np.searchsorted(levels, x)
-    below, above = levels[np.maximum(at - 1, 0)], levels[np.minimum(at, len(levels) - 1)]
+    upper_index = np.searchsorted(levels, x)
+    below, above = levels[np.maximum(upper_index - 1, 0)], levels[np.minimum(upper_index, len(levels) - 1)]
     closest: Floats = np.where(np.abs(x - below) < np.abs(above - x), below, above)
     return closest
 
 
-def snapped(
+def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
     """Return a copy of x (n,) with values moved onto levels (k,) that are nearer than `fraction` of their edges' range.
@@ -223,17 +226,17 @@ def snapped(
     difference : the range of each edge.
     free       : (n,) values that may move.
     """
-    level = nearest(x, levels)
+    level = nearest_levels(x, levels)
     gap = np.abs(x - level)
-    maybe = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
-    on = np.flatnonzero(maybe[sides[0]] | maybe[sides[1]])
-    reach = ranges(len(x), (sides[0][on], sides[1][on]), difference[on])
-    near = maybe & free & (gap <= fraction * reach + _rounding(x))
-    moved: Floats = np.where(near, level, x)
+    may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
+    candidate_edges = np.flatnonzero(may_snap[sides[0]] | may_snap[sides[1]])
+    reach = largest_ranges(len(x), (sides[0][candidate_edges], sides[1][candidate_edges]), difference[candidate_edges])
+    snaps = may_snap & free & (gap <= fraction * reach + _rounding(x))
+    moved: Floats = np.where(snaps, level, x)
     return moved
 
 
-def snapped_together(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
+def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
     """Return a copy of x (n, 2), two fields on the same levels, with the relatively nearer value moved onto its level.
 
     reach : (n, 2) the largest range of each over the edges at a vertex.
@@ -241,24 +244,24 @@ def snapped_together(x: Floats, levels: Floats, reach: Floats, fraction: float) 
     The other value moves by as much, so that a stripe keeps its width, but not across a level. Fields at a constant
     distance move as a single field with the levels of both would.
     """
-    level = np.stack([nearest(x[:, i], levels) for i in (0, 1)], axis=1)
+    level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
     tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # upwards
-    first = (share[:, 0] < share[:, 1]) | tie
-    chosen = np.stack([first, ~first], axis=1)
+    upper_nearer = (share[:, 0] < share[:, 1]) | tie
+    chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)
-    near = np.any(chosen & (gap <= limit), axis=1)
+    snaps = np.any(chosen & (gap <= limit), axis=1)
     bounded = np.concatenate([[-np.inf], levels, [np.inf]])
     low = bounded[np.searchsorted(levels, x, side="right")]
     high = bounded[np.searchsorted(levels, x, side="left") + 1]
-    other = np.clip(x + step[:, None], low, high)
-    moved: Floats = np.where(near[:, None], np.where(chosen, level, other), x)
+    shifted = np.clip(x + step[:, None], low, high)
+    moved: Floats = np.where(snaps[:, None], np.where(chosen, level, shifted), x)
     return moved
 
 
-def settled_cells(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
+def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
     """Return masks (c,) of polygons wholly in stripes and wholly outside; y (h, 2) are the values at the slots."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
@@ -267,7 +270,7 @@ def settled_cells(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools
     return np.logical_and.reduceat(wide, begins), np.maximum.reduceat(width, begins) <= _rounding(y)
 
 
-def ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
+def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
     """(n,) the largest difference over the sides at each vertex."""
     reach = np.zeros(n)
     for end in sides:

@@ -6,15 +6,22 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, grouped
-from dsfab.slicing.cutting.cells import SNAP_FLOOR, nearest, ranges, settled_cells, snapped, snapped_together
+from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups
+from dsfab.slicing.cutting.cells import (
+    SNAP_FLOOR,
+    cells_without_edges,
+    largest_ranges,
+    nearest_levels,
+    snap_value_pairs,
+    snap_values,
+)
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.split import ROUNDS, SideValues, Split, collapsed_corners, split_cells
 from dsfab.surface.fields import CornerField
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
     values : (n', 1 or 2) at each vertex, as the face `lead` (n',) sees them.
@@ -30,13 +37,13 @@ class Seen:
     blank: Bools
 
     @classmethod
-    def of(cls, mesh: PolygonMesh, field: CornerField) -> Self:
+    def from_field(cls, mesh: PolygonMesh, field: CornerField) -> Self:
         """Evaluate the field at each vertex, in the first face around it that has a phase."""
         corner, n = mesh.cells.corner, len(mesh.X)
         lead = np.zeros(n, dtype=np.int64)
         lead[corner[::-1]] = mesh.face[::-1]
-        telling = np.flatnonzero(~field.blank[mesh.face])[::-1]
-        lead[corner[telling]] = mesh.face[telling]
+        valid_slots = np.flatnonzero(~field.blank[mesh.face])[::-1]
+        lead[corner[valid_slots]] = mesh.face[valid_slots]
         weights = mesh.weights
         row = np.repeat(np.arange(n), np.diff(weights.indptr))
         face, column = lead[row], weights.indices.astype(np.int64)
@@ -46,21 +53,26 @@ class Seen:
         for k in range(x.shape[1]):
             seen = np.where(sign > 0, x[:, k], -x[:, -1 - k]) + shift
             values[:, k] = np.bincount(row, weights.data * seen, n)
-        return cls._on(mesh, field, values, lead)
+        return cls._from_leads(mesh, field, values, lead)
 
     @classmethod
-    def _on(cls, mesh: PolygonMesh, field: CornerField, values: Floats, lead: Ints) -> Self:
+    def _from_leads(cls, mesh: PolygonMesh, field: CornerField, values: Floats, lead: Ints) -> Self:
         face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
-        at = np.flatnonzero(field.turned[face] | field.turned[lead][mesh.cells.corner])  # elsewhere signs agree
-        if len(at):
-            vertex, here = mesh.cells.corner[at], face[at]
-            there, stand = lead[vertex], mesh.support[vertex]
-            slot, first = 3 * here + mesh.corner(here, stand), 3 * there + mesh.corner(there, stand)
-            sign[at] = field.sign.ravel()[slot] * field.sign.ravel()[first]
-            shift[at] = field.shift.ravel()[slot] - sign[at] * field.shift.ravel()[first]
+        turned_slots = np.flatnonzero(
+            field.changed_faces[face] | field.changed_faces[lead][mesh.cells.corner]
+        )  # elsewhere signs agree
+        if len(turned_slots):
+            vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
+            lead_face, support_vertex = lead[vertex], mesh.support[vertex]
+            slot, lead_slot = (
+                3 * slot_face + mesh.corner(slot_face, support_vertex),
+                3 * lead_face + mesh.corner(lead_face, support_vertex),
+            )
+            sign[turned_slots] = field.sign.ravel()[slot] * field.sign.ravel()[lead_slot]
+            shift[turned_slots] = field.shift.ravel()[slot] - sign[turned_slots] * field.shift.ravel()[lead_slot]
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
-    def entity(self, side: int) -> Ints:
+    def value_index(self, side: int) -> Ints:
         """(h,) index into values.ravel() of the upper (0) or lower (1) field at each slot."""
         return self._lower if side else self._upper
 
@@ -73,7 +85,7 @@ class Seen:
     def _lower(self) -> Ints:
         return self._upper if self.values.shape[1] == 1 else self._upper ^ 1
 
-    def slots(self, side: int) -> Floats:
+    def slot_values(self, side: int) -> Floats:
         """(h,) the upper (0) or lower (1) field at the slots."""
         return self._slots[side]
 
@@ -88,54 +100,56 @@ class Seen:
         y += self.shift
         return np.asarray(y)
 
-    def with_values(self, values: Floats) -> "Seen":
+    def with_values(self, values: Floats) -> "PolygonField":
         """Return the same field with other values (n', s) for one or two sides."""
         if values is self.values:
             return self
-        other = replace(self, values=values)
-        other.__dict__.update({name: self.__dict__[name] for name in ("_upper", "_lower") if name in self.__dict__})
-        return other
+        changed = replace(self, values=values)
+        changed.__dict__.update({name: self.__dict__[name] for name in ("_upper", "_lower") if name in self.__dict__})
+        return changed
 
-    def sides(self, side: int, foreign: Bools | None = None) -> SideValues:
+    def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
         """Return the field at both ends of every side; `foreign` (h,) marks slots without a value."""
-        return SideValues.at(self.mesh.cells, self.slots(side), self.blank if foreign is None else foreign)
+        return SideValues.from_slots(
+            self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
+        )
 
-    def after(self, split: Split, side: int) -> "Seen":
+    def after_split(self, split: Split, side: int) -> "PolygonField":
         """Return the field on the mesh after a split by one of its sides; new vertices lie on levels exactly."""
-        mesh, following = self.mesh.after(split), self.mesh.cells.following
-        cut = self.slots(side)
+        mesh, following = self.mesh.after_split(split), self.mesh.cells.following
+        cut = self.slot_values(side)
         up = cut[split.side] < cut[following[split.side]]
         low = np.where(up, split.side, following[split.side])
         high = np.where(up, following[split.side], split.side)
-        new = np.empty((len(split.t), self.values.shape[1]))
-        for k in range(new.shape[1]):
-            y = self.slots(k)
-            new[:, k] = split.level if k == side else (1 - split.t) * y[low] + split.t * y[high]
+        new_values = np.empty((len(split.t), self.values.shape[1]))
+        for k in range(new_values.shape[1]):
+            y = self.slot_values(k)
+            new_values[:, k] = split.level if k == side else (1 - split.t) * y[low] + split.t * y[high]
         lead = np.concatenate([self.lead, self.mesh.face[split.side]])
-        return Seen._on(mesh, self.field, np.concatenate([self.values, new]), lead)
+        return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
         """(h,) sides on edges across which the field changes its sign: those of the first polygon, and of the
         second.
         """
         cells = self.mesh.cells
-        a, b = cells.corner, cells.ahead(cells.corner)
+        a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
         turned = np.zeros(len(self.mesh.X), dtype=bool)
         turned[a[self.sign < 0]] = True
-        near = np.flatnonzero(turned[a] | turned[b])
-        if not len(near):
+        candidates = np.flatnonzero(turned[a] | turned[b])
+        if not len(candidates):
             return leading, second
-        p, q = a[near], b[near]
-        order, begins, edge = grouped(np.minimum(p, q) * len(turned) + np.maximum(p, q))
-        telling = np.where(self.blank[near], len(a), near)
-        first = np.minimum.reduceat(telling[order], begins)[edge]
-        later = ~self.blank[near] & (first < near)
-        some, mate = near[later], first[later]
-        same = np.where(a[mate] == a[some], mate, cells.following[mate])
-        over = self.sign[same] * self.sign[some] < 0
-        second[some[over]] = True
-        leading[mate[over]] = True
+        p, q = a[candidates], b[candidates]
+        order, begins, edge = equal_key_groups(np.minimum(p, q) * len(turned) + np.maximum(p, q))
+        valid_slots = np.where(self.blank[candidates], len(a), candidates)
+        first_slot = np.minimum.reduceat(valid_slots[order], begins)[edge]
+        later = ~self.blank[candidates] & (first_slot < candidates)
+        later_slots, first_slots = candidates[later], first_slot[later]
+        same_vertex = np.where(a[first_slots] == a[later_slots], first_slots, cells.following[first_slots])
+        over = self.sign[same_vertex] * self.sign[later_slots] < 0
+        second[later_slots[over]] = True
+        leading[first_slots[over]] = True
         return leading, second
 
 
@@ -151,17 +165,17 @@ def corner_band(
     """
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
-        void &= _wanted_cells(mesh, field.wanted)
+        void &= _cells_to_cut(mesh, field.wanted)
     if not len(levels) or not void.any():
         return mesh, np.zeros(len(void), dtype=bool)
-    seen = Seen.of(mesh, field)
-    solid, empty = settled_cells(mesh.cells, np.stack([seen.slots(0), seen.slots(1)], axis=1), levels)
-    cutting = Cutting(seen, levels, tip, size, void & ~solid & ~empty, void & solid)
-    cutting = cutting.snapped(snap)
+    seen = PolygonField.from_field(mesh, field)
+    solid, empty = cells_without_edges(mesh.cells, np.stack([seen.slot_values(0), seen.slot_values(1)], axis=1), levels)
+    cutting = StripeCut(seen, levels, tip, size, void & ~solid & ~empty, void & solid)
+    cutting = cutting.with_snapped_stripes(snap)
     for side in (0, 1):
         cutting = cutting.with_turned_edges(side)
-    cutting, above = cutting.along(0, above=False)
-    cutting, below = cutting.along(1, above=True)
+    cutting, above = cutting.cut_along_levels(0, above=False)
+    cutting, below = cutting.cut_along_levels(1, above=True)
     mesh, material = cutting.seen.mesh, cutting.solid | (above[cutting.source] > below)
     return mesh, material | _nodes(mesh, field.blank, material)
 
@@ -171,40 +185,40 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
-    owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.ahead(mesh.cells.corner)
-    on = np.zeros(len(mesh.X), dtype=bool)
-    on[corner[inner[owner]]] = True
-    near = np.flatnonzero(on[corner] & on[ahead])  # no other side is on an edge of these
-    p, q, of = corner[near], ahead[near], owner[near]
+    owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
+    touched = np.zeros(len(mesh.X), dtype=bool)
+    touched[corner[inner[owner]]] = True
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # no other side is on an edge of these
+    p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
-    order, begins, edge = grouped(np.minimum(p, q) * len(on) + np.maximum(p, q))
-    borders = np.add.reduceat(material[of][order].astype(np.int64), begins)[edge] > material[of]
-    around, shared = np.bincount(of, length, len(inner)), np.bincount(of, length * borders, len(inner))
+    order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
+    borders = np.add.reduceat(material[polygon][order].astype(np.int64), begins)[edge] > material[polygon]
+    around, shared = np.bincount(polygon, length, len(inner)), np.bincount(polygon, length * borders, len(inner))
     return np.asarray(inner & (shared > 0.5 * around))
 
 
-def _wanted_cells(mesh: PolygonMesh, wanted: Floats) -> Bools:
+def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
     """(c,) polygons in openings with enough of a wanted share (m,), and on members between them that are cut again."""
     least = 0.5  # share of an opening in which the field is wanted
-    crossed = mesh.again & (wanted > least)[mesh.parent]
+    crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
-    opening = mesh.parts(mesh.void)
-    here = opening >= 0
+    opening = mesh.part_labels(mesh.void)
+    in_opening = opening >= 0
     area = mesh.cells.areas(mesh.X)[0]
-    total = np.bincount(opening[here], area[here])
-    wishes = np.bincount(opening[here], (area * wanted[mesh.parent])[here])
-    return np.asarray(crossed | (here & (wishes > least * total)[opening]))
+    total = np.bincount(opening[in_opening], area[in_opening])
+    wanted_area = np.bincount(opening[in_opening], (area * wanted_share[mesh.parent])[in_opening])
+    return np.asarray(crossed | (in_opening & (wanted_area > least * total)[opening]))
 
 
 @dataclass(frozen=True, eq=False)
-class Cutting:
+class StripeCut:
     """A corner field during a cut, with the polygons (c,) that are active or solid.
 
     source : (c,) the polygon that each was before the last split.
     """
 
-    seen: Seen
+    seen: PolygonField
     levels: Floats
     tip: float
     size: float
@@ -212,75 +226,75 @@ class Cutting:
     solid: Bools
     source: Ints | None = None
 
-    def _ends(self, side: int) -> tuple[Ints, Ints, Floats]:
+    def _side_ends(self, side: int) -> tuple[Ints, Ints, Floats]:
         """The value indices at both ends of the sides of active polygons, and their difference."""
-        place, y = self.seen.entity(side), self.seen.slots(side)
-        on, ahead = self._sides
-        return place[on], place[ahead], np.abs(y[on] - y[ahead])
+        place, y = self.seen.value_index(side), self.seen.slot_values(side)
+        slots, next_slots = self._sides
+        return place[slots], place[next_slots], np.abs(y[slots] - y[next_slots])
 
     @cached_property
     def _sides(self) -> tuple[Ints, Ints]:
         cells = self.seen.mesh.cells
-        on = np.flatnonzero(self.active[cells.owner])
-        return on, cells.following[on]
+        slots = np.flatnonzero(self.active[cells.owner])
+        return slots, cells.following[slots]
 
-    def snapped(self, fraction: float) -> "Cutting":
+    def with_snapped_stripes(self, fraction: float) -> "StripeCut":
         """Move each stripe onto vertices near its edges, with its width unchanged."""
         values = self.seen.values
         reach = np.zeros(values.size)
         for side in (0, 1):
-            a, b, difference = self._ends(side)
-            reach = np.maximum(reach, ranges(values.size, (a, b), difference))
-        moved = snapped_together(values, self.levels, reach.reshape(-1, 2), max(fraction, SNAP_FLOOR))
+            a, b, difference = self._side_ends(side)
+            reach = np.maximum(reach, largest_ranges(values.size, (a, b), difference))
+        moved = snap_value_pairs(values, self.levels, reach.reshape(-1, 2), max(fraction, SNAP_FLOOR))
         return replace(self, seen=self.seen.with_values(moved))
 
-    def tipped(self, side: int) -> "Cutting":
+    def with_snapped_values(self, side: int) -> "StripeCut":
         """Move single values onto levels that they nearly meet."""
         x = self.seen.values.ravel()
-        a, b, difference = self._ends(side)
+        a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)
-        moved = snapped(x, self.levels, (a, b), difference, max(self.tip, SNAP_FLOOR), free)
+        moved = snap_values(x, self.levels, (a, b), difference, max(self.tip, SNAP_FLOOR), free)
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
-    def with_turned_edges(self, side: int) -> "Cutting":
+    def with_turned_edges(self, side: int) -> "StripeCut":
         """Add vertices on edges across which the field changes sign, at levels of the first polygon's field on
         `side`.
         """
-        first, second = self.seen.turned_edges()
+        leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
-        if not self.active[owner[first | second]].any():
+        if not self.active[owner[leading | second]].any():
             return self
-        state = self.tipped(side)
-        sides = state.seen.sides(side, state.seen.blank | second)
-        nothing = np.zeros(len(self.active), dtype=bool)
-        live = first | second
-        split = split_cells(state.seen.mesh.cells, len(state.seen.mesh.X), sides, self.levels, nothing, live=live)
-        return state._after(split, side)
+        state = self.with_snapped_values(side)
+        sides = state.seen.side_values(side, state.seen.blank | second)
+        inactive = np.zeros(len(self.active), dtype=bool)
+        live = leading | second
+        split = split_cells(state.seen.mesh.cells, len(state.seen.mesh.X), sides, self.levels, inactive, live=live)
+        return state._after_split(split, side)
 
-    def along(self, side: int, above: bool) -> tuple["Cutting", Ints]:
+    def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
         """Cut the active polygons along the levels of one side of the field; return also the number of levels below
         (c',).
 
         above : the strip of a polygon that lies on a level. Like `clean_split`, it leaves no polygon without area.
         """
-        state = self.tipped(side)
+        state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh
             over = np.full(len(self.levels), above)
-            split = split_cells(mesh.cells, len(mesh.X), seen.sides(side), self.levels, self.active, over)
-            corners = collapsed_corners(split, split.extended(mesh.X), self.size)
+            split = split_cells(mesh.cells, len(mesh.X), seen.side_values(side), self.levels, self.active, over)
+            corners = collapsed_corners(split, split.with_new_values(mesh.X), self.size)
             bad = np.zeros(len(mesh.X), dtype=bool)
             bad[corners[corners < len(mesh.X)]] = True
-            place = np.unique(seen.entity(side)[bad[mesh.cells.corner] & self.active[mesh.cells.owner]])
+            place = np.unique(seen.value_index(side)[bad[mesh.cells.corner] & self.active[mesh.cells.owner]])
             x = seen.values.ravel().copy()
-            stray = place[x[place] != nearest(x[place], self.levels)]
+            stray = place[x[place] != nearest_levels(x[place], self.levels)]
             if not len(stray):
                 break
-            x[stray] = nearest(x[stray], self.levels)
+            x[stray] = nearest_levels(x[stray], self.levels)
             state = replace(state, seen=seen.with_values(x.reshape(seen.values.shape)))
-        return state._after(split, side), split.strip
+        return state._after_split(split, side), split.strip
 
-    def _after(self, split: Split, side: int) -> "Cutting":
+    def _after_split(self, split: Split, side: int) -> "StripeCut":
         source = split.source
-        seen = self.seen.after(split, side)
+        seen = self.seen.after_split(split, side)
         return replace(self, seen=seen, active=self.active[source], solid=self.solid[source], source=source)

@@ -7,18 +7,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints, first, sorted_order
+from dsfab.core.arrays import Bools, Floats, Ints, first_few, sorted_order
 from dsfab.core.errors import PatternError, SurfaceError
-from dsfab.slicing.cutting.cells import SNAP_FLOOR, TIP, Cells, ranges, settled_cells, snapped_together, triangulate
+from dsfab.slicing.cutting.cells import (
+    SNAP_FLOOR,
+    TIP,
+    Cells,
+    cells_without_edges,
+    largest_ranges,
+    snap_value_pairs,
+    triangulate,
+)
 from dsfab.slicing.cutting.corner_fields import corner_band
-from dsfab.slicing.cutting.loose_ends import Tidy, tidied, with_closed, with_meeting_ends
+from dsfab.slicing.cutting.loose_ends import Tidy, with_closed_openings, with_meeting_ends, without_loose_ends
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.cutting.split import Snapping, Split, clean_split
 from dsfab.slicing.cutting.straight_bars import with_straight_bars
 from dsfab.slicing.cutting.stubs import without_stubs
 from dsfab.surface import Surface, corners_of, faces_at
-from dsfab.surface.fields import CornerField, Divided, DividedField
+from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.surface.mesh import ZERO_AREA
 
 LEVEL_GAP = 1e-6
@@ -70,42 +78,44 @@ def cut_polygons(
 ) -> PolygonMesh:
     """Return the polygons of `cut` before they are filled with triangles."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
-    steps = [_checked_levels(k, x, wanted) for k, (x, wanted) in enumerate(zip(values, levels, strict=True))]
+    steps = [
+        _checked_levels(k, x, field_levels) for k, (x, field_levels) in enumerate(zip(values, levels, strict=True))
+    ]
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
-    mesh, beside = PolygonMesh.of(surface, divided), list[Bools]()
+    mesh, adjacent = PolygonMesh.from_surface(surface, divided), list[Bools]()
     for k, (field, x, lines) in enumerate(zip(fields, values, steps, strict=True)):
         blank = np.zeros(surface.m, dtype=bool)
         if isinstance(field, CornerField):
-            mesh, material = corner_band(mesh, field, lines, snap, _tip(snap), surface.size)
+            mesh, material = corner_band(mesh, field, lines, snap, _tip_snap(snap), surface.size)
             blank = field.blank
         else:
             y = on_parts[k] if isinstance(field, DividedField) else np.asarray(mesh.weights @ x)
-            splits, material = _plain(mesh, y, lines, snap, surface.size)
+            splits, material = _plain_splits(mesh, y, lines, snap, surface.size)
             for split in splits:
-                mesh = mesh.after(split)
-                on_parts = {j: split.extended(y) for j, y in on_parts.items() if j > k}
+                mesh = mesh.after_split(split)
+                on_parts = {j: split.with_new_values(y) for j, y in on_parts.items() if j > k}
         mesh = mesh.with_material(k, material, blank)
         if tidy:
-            beside.append(_beside(surface, blank))
-            mesh = replace(mesh, again=mesh.again | tidy.ends(mesh, k, blank | beside[k]))
+            adjacent.append(_adjacent_faces(surface, blank))
+            mesh = replace(mesh, again=mesh.again | tidy.recut_polygons(mesh, k, blank | adjacent[k]))
     if not tidy:
         return mesh
     mesh = with_meeting_ends(mesh, fields, steps)
     nodes = (mesh.also == mesh.family) & ~mesh.void
-    mesh, stubs = without_stubs(tidied(with_closed(mesh, tidy.closed), tidy), nodes, tidy)
+    mesh, stubs = without_stubs(without_loose_ends(with_closed_openings(mesh, tidy.closed), tidy), nodes, tidy)
     nodes = (mesh.also == mesh.family) & ~mesh.void
-    near = np.array(beside)[mesh.family, mesh.parent]  # means nothing for void polygons
-    mesh, straight = with_straight_bars(mesh, nodes, near, tidy, surface.size)
+    near_blank = np.array(adjacent)[mesh.family, mesh.parent]  # means nothing for void polygons
+    mesh, straight = with_straight_bars(mesh, nodes, near_blank, tidy, surface.size)
     return replace(mesh, stubs=stubs + straight)
 
 
-def _beside(surface: Surface, faces: Bools) -> Bools:
+def _adjacent_faces(surface: Surface, faces: Bools) -> Bools:
     return faces_at(surface.F, corners_of(surface.F, faces, surface.n)) & ~faces
 
 
-def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:
+def _division(fields: Sequence[Field]) -> tuple[DividedSurface | None, dict[int, Floats]]:
     on_parts = {k: field for k, field in enumerate(fields) if isinstance(field, DividedField)}
     if not on_parts:
         return None, {}
@@ -117,11 +127,11 @@ def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats
     return divided, {k: field.x for k, field in on_parts.items()}
 
 
-def _tip(snap: float) -> float:
+def _tip_snap(snap: float) -> float:
     return min(max(snap, LEVEL_GAP), TIP)
 
 
-def _plain(mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float) -> tuple[list[Split], Bools]:
+def _plain_splits(mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float) -> tuple[list[Split], Bools]:
     """The splits of the void polygons by a plain field or a pair, x at their vertices; and the mask of the material."""
     if x.ndim == 2:
         return _band(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
@@ -142,17 +152,17 @@ def _band(
     """
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
-    solid, empty = settled_cells(cells, x[cells.corner], levels)
+    solid, empty = cells_without_edges(cells, x[cells.corner], levels)
     solid, active = void & solid, void & ~solid & ~empty
     a, b = cells.sides(active)
-    reach = np.stack([ranges(len(x), (a, b), np.abs(x[a, i] - x[b, i])) for i in (0, 1)], axis=1)
-    x = snapped_together(x, levels, reach, max(snap, SNAP_FLOOR))
-    tip, every = Snapping(_tip(snap), size), np.ones(len(levels), dtype=bool)
-    one = clean_split(cells, X, x[:, 0], levels, active, tip, above=~every)
-    X, second = one.extended(X), one.extended(x[:, 1])
-    two = clean_split(one.cells, X, second, levels, active[one.source], tip, above=every)
-    more = one.strip[two.source] > two.strip
-    return [one, two], solid[one.source][two.source] | more
+    reach = np.stack([largest_ranges(len(x), (a, b), np.abs(x[a, i] - x[b, i])) for i in (0, 1)], axis=1)
+    x = snap_value_pairs(x, levels, reach, max(snap, SNAP_FLOOR))
+    tip, every = Snapping(_tip_snap(snap), size), np.ones(len(levels), dtype=bool)
+    upper_split = clean_split(cells, X, x[:, 0], levels, active, tip, above=~every)
+    X, lower_values = upper_split.with_new_values(X), upper_split.with_new_values(x[:, 1])
+    lower_split = clean_split(upper_split.cells, X, lower_values, levels, active[upper_split.source], tip, above=every)
+    in_stripe = upper_split.strip[lower_split.source] > lower_split.strip
+    return [upper_split, lower_split], solid[upper_split.source][lower_split.source] | in_stripe
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
@@ -168,7 +178,7 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
         areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
         bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
         raise PatternError(
-            f"{len(bad)} of {len(F)} cells have no area (in faces {first(np.unique(parent[cell[bad]]))}); "
+            f"{len(bad)} of {len(F)} cells have no area (in faces {first_few(np.unique(parent[cell[bad]]))}); "
             "raise snap or the pinch radius, or remesh these faces if they are slivers themselves"
         ) from refused
 
@@ -183,7 +193,7 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
         raise ValueError(f"field {k} must have shape ({surface.n},) or ({surface.n}, 2), got {x.shape}")
     bad = np.flatnonzero(~np.isfinite(x.reshape(surface.n, -1)).all(axis=1))
     if len(bad):
-        raise PatternError(f"field {k} is not finite at {len(bad)} of {surface.n} vertices (first: {first(bad)})")
+        raise PatternError(f"field {k} is not finite at {len(bad)} of {surface.n} vertices (first: {first_few(bad)})")
     return x
 
 
@@ -192,15 +202,15 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
     For two fields each group leaves one.
     """
-    wanted = np.asarray(levels, dtype=np.float64)
-    if wanted.ndim != 1 or not np.isfinite(wanted).all() or (np.diff(wanted) < 0).any():
+    values = np.asarray(levels, dtype=np.float64)
+    if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
-    if not len(wanted):
-        return wanted
-    begins = np.flatnonzero(np.diff(wanted, prepend=-np.inf) > LEVEL_GAP * np.ptp(field))
+    if not len(values):
+        return values
+    begins = np.flatnonzero(np.diff(values, prepend=-np.inf) > LEVEL_GAP * np.ptp(field))
     if field.ndim == 2:
-        return np.asarray(wanted[begins])
-    distinct: Floats = wanted[begins[np.diff(begins, append=len(wanted)) % 2 == 1]]
+        return np.asarray(values[begins])
+    distinct: Floats = values[begins[np.diff(begins, append=len(values)) % 2 == 1]]
     return distinct
 
 
@@ -214,47 +224,49 @@ class Recut:
     mesh: PolygonMesh
 
     @classmethod
-    def of(cls, sheet: Sheet, cells: Ints) -> "Recut":
+    def from_cells(cls, sheet: Sheet, cells: Ints) -> "Recut":
         """Take cells (k,) of a sheet and their neighbours, which get new vertices on their sides."""
         surface = sheet.surface
-        near = np.zeros(surface.m, dtype=bool)
-        near[cells] = True
-        one, two = surface.edges.pairs.T // 3
-        some = near[one] | near[two]
-        near[one[some]] = near[two[some]] = True
-        which = np.flatnonzero(near)
+        selected = np.zeros(surface.m, dtype=bool)
+        selected[cells] = True
+        cell_a, cell_b = surface.edges.pairs.T // 3
+        touching = selected[cell_a] | selected[cell_b]
+        selected[cell_a[touching]] = selected[cell_b[touching]] = True
+        which = np.flatnonzero(selected)
         vertices, F = np.unique(surface.F[which], return_inverse=True)
         triangles, X = Cells.triangles(F.reshape(-1, 3)), surface.V[vertices]
-        mesh = PolygonMesh.plain(F, triangles, X, sheet.weights[vertices], sheet.parent[which], sheet.family[which])
+        mesh = PolygonMesh.from_cells(
+            F, triangles, X, sheet.weights[vertices], sheet.parent[which], sheet.family[which]
+        )
         return cls(sheet, which, vertices, mesh)
 
-    def together(self, mesh: PolygonMesh, source: Ints) -> Sheet:
+    def merged_sheet(self, mesh: PolygonMesh, source: Ints) -> Sheet:
         """Return the whole sheet, in order, with these cells replaced by the polygons of `mesh`.
 
         source : (c,) the row in `cells` of each polygon.
         """
-        sheet, surface, new = self.sheet, self.sheet.surface, len(mesh.X) - len(self.vertices)
-        number = np.concatenate([self.vertices, surface.n + np.arange(new)])
+        sheet, surface, new_count = self.sheet, self.sheet.surface, len(mesh.X) - len(self.vertices)
+        number = np.concatenate([self.vertices, surface.n + np.arange(new_count)])
         stay = np.ones(surface.m, dtype=bool)
         stay[self.cells] = False
-        others = np.flatnonzero(stay)
-        start = np.concatenate([3 * np.arange(len(others)), 3 * len(others) + mesh.cells.start])
-        cells = Cells(start, np.concatenate([surface.F[others].ravel(), number[mesh.cells.corner]]))
-        came = np.concatenate([others, self.cells[source]])
-        order = sorted_order(came)
+        unchanged = np.flatnonzero(stay)
+        start = np.concatenate([3 * np.arange(len(unchanged)), 3 * len(unchanged) + mesh.cells.start])
+        cells = Cells(start, np.concatenate([surface.F[unchanged].ravel(), number[mesh.cells.corner]]))
+        source_cell = np.concatenate([unchanged, self.cells[source]])
+        order = sorted_order(source_cell)
         X = np.concatenate([surface.V, mesh.X[len(self.vertices) :]])
         weights = csr_array(vstack([sheet.weights, mesh.weights[len(self.vertices) :]], format="csr"))
-        cells, parent = cells.some(order), sheet.parent[came[order]]
-        family = np.concatenate([sheet.family[others], mesh.family])[order]
-        done, cell = filled_polygons(cells, X, parent)
-        return Sheet(done, parent[cell], family[cell], weights)
+        cells, parent = cells.subset(order), sheet.parent[source_cell[order]]
+        family = np.concatenate([sheet.family[unchanged], mesh.family])[order]
+        cut_surface, cell = filled_polygons(cells, X, parent)
+        return Sheet(cut_surface, parent[cell], family[cell], weights)
 
 
-def divided_at_vertices(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
+def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
     """Interpolate a field that is linear over parts of the faces of `uncut` to a sheet's vertices: (n',) or (n', 2)."""
     divided, F = field.divided, sheet.surface.F
-    found = sheet.carry(field.at_vertices)
-    parts = divided.new()
+    values = sheet.carry(field.at_vertices)
+    parts = divided.cut_parts()
     order = np.argsort(divided.parent[parts], kind="stable")
     parts = parts[order]
     parents = divided.parent[parts]
@@ -262,14 +274,16 @@ def divided_at_vertices(sheet: Sheet, uncut: Surface, field: DividedField) -> Fl
     inside = np.isin(sheet.parent, parents)
     face[F[inside]] = sheet.parent[inside][:, None]
     vertex = np.flatnonzero(face >= 0)
-    at = np.stack([np.asarray(sheet.weights[vertex, uncut.F[face[vertex], c]]).ravel() for c in range(3)], axis=1)
+    coordinates = np.stack(
+        [np.asarray(sheet.weights[vertex, uncut.F[face[vertex], c]]).ravel() for c in range(3)], axis=1
+    )
     begin, end = (np.searchsorted(parents, face[vertex], side=side) for side in ("left", "right"))
     count = end - begin
-    of = np.repeat(np.arange(len(vertex)), count)
+    vertex_row = np.repeat(np.arange(len(vertex)), count)
     part = parts[np.repeat(begin - (np.cumsum(count) - count), count) + np.arange(int(count.sum()))]
-    own = np.einsum("ki,kij->kj", at[of], np.linalg.inv(divided.corners(part)))
-    order = np.lexsort([-own.min(axis=1), of])
-    best = order[np.concatenate([[True], np.diff(of[order]) > 0])] if len(order) else order
-    corners = field.x[divided.surface.F[part[best]]]
-    found[vertex[of[best]]] = np.einsum("kc,kc...->k...", own[best], corners)
-    return found
+    part_coordinates = np.einsum("ki,kij->kj", coordinates[vertex_row], np.linalg.inv(divided.corners(part)))
+    order = np.lexsort([-part_coordinates.min(axis=1), vertex_row])
+    chosen = order[np.concatenate([[True], np.diff(vertex_row[order]) > 0])] if len(order) else order
+    corners = field.x[divided.surface.F[part[chosen]]]
+    values[vertex[vertex_row[chosen]]] = np.einsum("kc,kc...->k...", part_coordinates[chosen], corners)
+    return values

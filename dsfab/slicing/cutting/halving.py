@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantiles
-from dsfab.slicing.cutting.corner_fields import Cutting, Seen
-from dsfab.slicing.cutting.loose_ends import limit
+from dsfab.slicing.cutting.corner_fields import PolygonField, StripeCut
+from dsfab.slicing.cutting.loose_ends import split_value
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField
-from dsfab.surface.topology import connected
+from dsfab.surface.topology import link_components
 
 GAIN = 0.45
 """Least gain of evenness, as a power of two of P95 over P5 of the spacings, for leaving out more lines.
@@ -25,7 +25,7 @@ Crowded lines are stressed; structures are up to a tenth softer without them.
 
 
 @dataclass(frozen=True, eq=False)
-class Halved:
+class LineHalving:
     """A surface divided along the lines at which levels change.
 
     mesh   : its polygons.    level : (c, 2) number of halvings of each family in each polygon.
@@ -38,56 +38,65 @@ class Halved:
     phases: tuple[CornerField, CornerField]
     first: int = 0
 
-    def wanted(self, surface: Surface, family: int, level: int) -> Floats:
+    def drawn_share(self, surface: Surface, family: int, level: int) -> Floats:
         """(m,) share of each face with at most `level` halvings, where the lines of that level are drawn."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
-        here = area * (self.level[:, family] <= level)
-        return np.asarray(np.bincount(self.mesh.parent, here, surface.m) / surface.areas)
+        drawn_area = area * (self.level[:, family] <= level)
+        return np.asarray(np.bincount(self.mesh.parent, drawn_area, surface.m) / surface.areas)
 
-    def scale(self, surface: Surface, family: int) -> Floats:
+    def mean_scale(self, surface: Surface, family: int) -> Floats:
         """(m,) mean share of the lines that remain."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
-        left = area * 0.5 ** self.level[:, family]
-        return np.asarray(np.bincount(self.mesh.parent, left, surface.m) / surface.areas)
+        scaled_area = area * 0.5 ** self.level[:, family]
+        return np.asarray(np.bincount(self.mesh.parent, scaled_area, surface.m) / surface.areas)
 
 
-def halved(
+def halve_lines(
     surface: Surface,
     phases: tuple[CornerField, CornerField],
-    wish: tuple[Floats, Floats],
-    most: tuple[int, int],
-    free: tuple[Floats, Floats] | None = None,
-) -> Halved:
+    target: tuple[Floats, Floats],
+    level_limits: tuple[int, int],
+    uncapped_target: tuple[Floats, Floats] | None = None,
+) -> LineHalving:
     """Halve two families of lines, at whole numbers of phases (n, 1), in the openings between them.
 
     target         : (m,) each, wanted number of halvings; an opening takes the whole number under its mean.
     level_limits   : largest number of halvings of each family: multiples of 2^limit are drawn everywhere.
     uncapped_target : (m,) each, targets without limits; taken if spacings become more even by `GAIN`.
     """
-    mesh, free = PolygonMesh.of(surface), free or wish
+    mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
     level = np.zeros((surface.m, 2), dtype=np.int64)
-    if not any(most):
-        return Halved(mesh, level, phases)
-    phases = tuple(_snapped(mesh, field, surface.size) for field in phases)  # type: ignore[assignment]
-    for field, c in zip(phases, most, strict=True):
+    if not any(level_limits):
+        return LineHalving(mesh, level, phases)
+    phases = tuple(_snapped_field(mesh, field, surface.size) for field in phases)  # type: ignore[assignment]
+    for field, c in zip(phases, level_limits, strict=True):
         mesh, _ = _with_lines(mesh, field, 2**c, 0, mesh.void, surface.size)
-    first, second = sorted((0, 1), key=lambda k: float(np.ptp(np.percentile(wish[k], (5, 95)))))
-    whole = [np.full(len(mesh.parent), 2 ** most[k]) for k in (0, 1)]
-    walls = _walls(mesh, phases[first], whole[first]) | _walls(mesh, phases[second], whole[second])
-    own = _levels(mesh, walls, wish[first], free[first], most[first])
-    for finer in range(most[first] - 1, -1, -1):
-        mesh, source = _with_lines(mesh, phases[first], 2 ** (finer + 1), 2**finer, own <= finer, surface.size)
-        own = own[source]
-    every = np.full(len(own), 2 ** most[second])
-    walls = _walls(mesh, phases[first], 2**own) | _walls(mesh, phases[second], every)
-    level = np.empty((len(own), 2), dtype=np.int64)
-    level[:, first], level[:, second] = own, _levels(mesh, walls, wish[second], free[second], most[second])
-    return Halved(mesh, level, phases, first)
+    first_family, second_family = sorted((0, 1), key=lambda k: float(np.ptp(np.percentile(target[k], (5, 95)))))
+    periods = [np.full(len(mesh.parent), 2 ** level_limits[k]) for k in (0, 1)]
+    walls = _walls(mesh, phases[first_family], periods[first_family]) | _walls(
+        mesh, phases[second_family], periods[second_family]
+    )
+    first_level = _levels(mesh, walls, target[first_family], uncapped_target[first_family], level_limits[first_family])
+    for finer in range(level_limits[first_family] - 1, -1, -1):
+        mesh, source = _with_lines(
+            mesh, phases[first_family], 2 ** (finer + 1), 2**finer, first_level <= finer, surface.size
+        )
+        first_level = first_level[source]
+    all_periods = np.full(len(first_level), 2 ** level_limits[second_family])
+    walls = _walls(mesh, phases[first_family], 2**first_level) | _walls(mesh, phases[second_family], all_periods)
+    level = np.empty((len(first_level), 2), dtype=np.int64)
+    level[:, first_family], level[:, second_family] = (
+        first_level,
+        _levels(mesh, walls, target[second_family], uncapped_target[second_family], level_limits[second_family]),
+    )
+    return LineHalving(mesh, level, phases, first_family)
 
 
-def _snapped(mesh: PolygonMesh, field: CornerField, size: float) -> CornerField:
+def _snapped_field(mesh: PolygonMesh, field: CornerField, size: float) -> CornerField:
     every = _multiples(field, mesh.F, 1, 0)
-    cutting = Cutting(Seen.of(mesh, field), every, 0.05, size, ~field.blank, ~mesh.void).tipped(0)
+    cutting = StripeCut(
+        PolygonField.from_field(mesh, field), every, 0.05, size, ~field.blank, ~mesh.void
+    ).with_snapped_values(0)
     seen = cutting.seen
     return replace(field, x=seen.values, sign=seen.sign.reshape(-1, 3), shift=seen.shift.reshape(-1, 3))
 
@@ -104,8 +113,8 @@ def _with_lines(
     """Divide active polygons along field = offset + j period; return also the old polygon of each."""
     active = active & ~field.blank[mesh.parent]
     levels = _multiples(field, mesh.F, period, offset)
-    cutting = Cutting(Seen.of(mesh, field), levels, 0.0, size, active, np.zeros_like(active))
-    cutting, _ = cutting.along(0, above=False)
+    cutting = StripeCut(PolygonField.from_field(mesh, field), levels, 0.0, size, active, np.zeros_like(active))
+    cutting, _ = cutting.cut_along_levels(0, above=False)
     assert cutting.source is not None
     return cutting.seen.mesh, cutting.source
 
@@ -116,35 +125,35 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
     Neighbours see the field with their own sign and shift. The strip between two lines is identified by its middle,
     half of a whole number, which is converted without rounding. Blank faces are all walls.
     """
-    one, two, there = mesh.neighbours
-    seen, owner = Seen.of(mesh, field), mesh.cells.owner
-    y = seen.slots(0)
-    middle = mesh.cells.reduced(np.add, y) / mesh.cells.sizes
-    f, g = owner[one], owner[two]
-    sign = seen.sign[one] * seen.sign[there]
-    shift = seen.shift[one] - sign * seen.shift[there]
+    slot_a, slot_b, slot_at_start = mesh.neighbours
+    seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
+    y = seen.slot_values(0)
+    middle = mesh.cells.per_polygon(np.add, y) / mesh.cells.sizes
+    f, g = owner[slot_a], owner[slot_b]
+    sign = seen.sign[slot_a] * seen.sign[slot_at_start]
+    shift = seen.shift[slot_a] - sign * seen.shift[slot_at_start]
     p = np.minimum(period[f], period[g])
-    here, other = ((np.floor(middle[of] / p) + 0.5) * p for of in (f, g))
-    return np.asarray((here != sign * other + shift) | seen.blank[one] | seen.blank[two])
+    strip_a, strip_b = ((np.floor(middle[polygon] / p) + 0.5) * p for polygon in (f, g))
+    return np.asarray((strip_a != sign * strip_b + shift) | seen.blank[slot_a] | seen.blank[slot_b])
 
 
-def _levels(mesh: PolygonMesh, walls: Bools, wish: Floats, free: Floats, most: int) -> Ints:
+def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
     """(c,) the whole number under the mean target of each opening, 0 to the limit; see `split_value`.
 
     A part of an opening may want more than the limit. That counts if spacings become more even by `GAIN`. For example,
     an opening with targets 2 and 0.4 is halved once under a limit of 1; otherwise it would never be.
     """
-    one, two, _ = mesh.neighbours
+    slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
-    count, opening = connected(len(mesh.parent), owner[one[open_]], owner[two[open_]])
-    area, here = mesh.cells.areas(mesh.X)[0], free[mesh.parent]
-    total, found = np.bincount(opening, area, count), list[Ints]()
-    for counted in (wish[mesh.parent], here):
+    count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])
+    area, uncapped = mesh.cells.areas(mesh.X)[0], uncapped_target[mesh.parent]
+    total, levels = np.bincount(opening, area, count), list[Ints]()
+    for counted in (target[mesh.parent], uncapped):
         mean = np.bincount(opening, area * counted, count) / total
-        limits = np.array([limit(mean, k) for k in range(1, most + 1)])
-        found.append(np.asarray((mean[:, None] >= limits).sum(axis=1), dtype=np.int64)[opening])
-    gain = _spread(found[0] - here, area) - _spread(found[1] - here, area)
-    return found[1] if gain > GAIN else found[0]
+        limits = np.array([split_value(mean, k) for k in range(1, level_limit + 1)])
+        levels.append(np.asarray((mean[:, None] >= limits).sum(axis=1), dtype=np.int64)[opening])
+    gain = _spread(levels[0] - uncapped, area) - _spread(levels[1] - uncapped, area)
+    return levels[1] if gain > GAIN else levels[0]
 
 
 def _spread(x: Floats, area: Floats) -> float:

@@ -6,51 +6,54 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
-from dsfab.slicing.cutting.cells import Cells, nearest
+from dsfab.slicing.cutting.cells import Cells, nearest_levels
 from dsfab.slicing.cutting.polygon_mesh import Contacts, PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID
-from dsfab.surface import connected
+from dsfab.surface import link_components
 from dsfab.surface.fields import CornerField
 
 ALIKE = 0.05
 """Values (relative) of openings or bars that differ by less may be equal but for the mesh."""
 
 
-def with_closed(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> PolygonMesh:
+def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> PolygonMesh:
     """Make openings material by field values.
 
     closed : for each field (n,) values at the uncut vertices, or None. An opening becomes material of the first field
              with a positive mean over its area. Nearly equal openings close all or none.
     """
-    given = {k: x for k, x in enumerate(closed) if x is not None}
-    if not given or not mesh.void.any():
+    close_values = {k: x for k, x in enumerate(closed) if x is not None}
+    if not close_values or not mesh.void.any():
         return mesh
-    _, opening = np.unique(mesh.parts(mesh.void), return_inverse=True)  # number 0 is all material
+    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0 is all material
     area = np.where(mesh.void, mesh.cells.areas(mesh.X)[0], 0.0)
     total = np.bincount(opening, area)
     family, also = mesh.family, mesh.also
-    for k, x in given.items():
-        at = (mesh.weights @ x)[mesh.cells.corner]
-        mean = mesh.cells.reduced(np.add, at) / mesh.cells.sizes
+    for k, x in close_values.items():
+        slot_values = (mesh.weights @ x)[mesh.cells.corner]
+        mean = mesh.cells.per_polygon(np.add, slot_values) / mesh.cells.sizes
         means = np.divide(np.bincount(opening, area * mean), total, out=np.full(len(total), -np.inf), where=total > 0)
-        closes = means > limit(means[np.isfinite(means)], 0.0, alike=0.1)
-        mine = (family == VOID) & closes[opening.ravel()]
-        family, also = np.where(mine, k, family), np.where(mine, k, also)  # a joint, like a crossing
+        closes = means > split_value(means[np.isfinite(means)], 0.0, tolerance=0.1)
+        closed_polygons = (family == VOID) & closes[opening.ravel()]
+        family, also = (
+            np.where(closed_polygons, k, family),
+            np.where(closed_polygons, k, also),
+        )  # a joint, like a crossing
     return replace(mesh, family=family, also=also)
 
 
-def limit(values: Floats, least: float, alike: float = ALIKE) -> float:
+def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
     """Return a value near `threshold` that splits values (k,) into small and large ones.
 
     It is the threshold itself, or the middle of the widest gap within `tolerance` of it. So nearly equal things, such
     as the openings between two rings of a dome, are on the same side.
     """
-    near = values[np.abs(values - least) < alike]
-    if not len(near):
-        return least
-    below = values[values <= least - alike].max(initial=least - 2 * alike)
-    above = values[values >= least + alike].min(initial=least + 2 * alike)
-    x = np.sort(np.array([below, *near, above]))
+    close_values = values[np.abs(values - threshold) < tolerance]
+    if not len(close_values):
+        return threshold
+    below = values[values <= threshold - tolerance].max(initial=threshold - 2 * tolerance)
+    above = values[values >= threshold + tolerance].min(initial=threshold + 2 * tolerance)
+    x = np.sort(np.array([below, *close_values, above]))
     widest = int(np.argmax(np.round(np.diff(x), 6)))
     return float(x[widest : widest + 2].mean())
 
@@ -77,40 +80,40 @@ class Tidy:
     def __post_init__(self) -> None:
         lock(self, "anchor", np.bool_, (None,))
 
-    def ends(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
+    def recut_polygons(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
         """(c,) material of field k that later fields must divide: stripes that meet a blank face (m,) or go astray."""
-        mine = (mesh.family == k) | (mesh.also == k)
-        if not self.striped[k] or not mine.any():
-            return np.zeros_like(mine)
+        own_polygons = (mesh.family == k) | (mesh.also == k)
+        if not self.striped[k] or not own_polygons.any():
+            return np.zeros_like(own_polygons)
         astray = self.astray[k]
         suspect = blank if astray is None else blank | astray
-        at = np.zeros(len(mesh.X), dtype=bool)
-        at[mesh.cells.corner[suspect[mesh.face]]] = True
-        part = mesh.parts(mine)
-        touched = mine & mesh.cells.reduced(np.logical_or, at[mesh.cells.corner])
-        return np.asarray(mine & np.isin(part, part[touched]))
+        suspect_vertices = np.zeros(len(mesh.X), dtype=bool)
+        suspect_vertices[mesh.cells.corner[suspect[mesh.face]]] = True
+        part = mesh.part_labels(own_polygons)
+        touched = own_polygons & mesh.cells.per_polygon(np.logical_or, suspect_vertices[mesh.cells.corner])
+        return np.asarray(own_polygons & np.isin(part, part[touched]))
 
 
-def tidied(mesh: PolygonMesh, tidy: Tidy) -> PolygonMesh:
+def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> PolygonMesh:
     """Remove parts of stripes that go astray, and then, part after part, those that lead nowhere."""
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
-    loose, islands = _leading_nowhere(mesh, tidy.anchor, part, gone, stays)
+    loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
     return replace(mesh, family=np.where(loose | islands, VOID, mesh.family))
 
 
-def held_by(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
+def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
     """(c,) the polygons of nodes (c,), and of parts that would lead nowhere without them."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
-    return _leading_nowhere(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
+    return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
 
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
     """(c,) the part of each polygon of a stripe between two crossings, and of nodes (c,); -1 elsewhere."""
     part, _, stays = _parts(mesh, tidy, nodes)
-    plain = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
-    return np.where(plain, part, -1)
+    single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
+    return np.where(single_stripe, part, -1)
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
@@ -121,16 +124,16 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
     kind[nodes] = NODE
-    one, two, _ = mesh.neighbours
-    f, g = mesh.cells.owner[one], mesh.cells.owner[two]
-    same = material[f] & material[g] & (kind[f] == kind[g])
-    count, part = connected(len(kind), f[same], g[same])
+    slot_a, slot_b, _ = mesh.neighbours
+    f, g = mesh.cells.owner[slot_a], mesh.cells.owner[slot_b]
+    same_kind = material[f] & material[g] & (kind[f] == kind[g])
+    count, part = link_components(len(kind), f[same_kind], g[same_kind])
     gone, stays = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     gone[part[~material]], stays[part[kind == KEPT]] = True, True
     return part, gone, stays
 
 
-def _leading_nowhere(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
+def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
     """(c,) polygons of removed parts (p,) and of parts that then lead nowhere; (c,) polygons that this cuts off.
 
     stays : (p,) parts that always stay. A crossing that has lost one member is the end of the other. So a part with a
@@ -138,24 +141,24 @@ def _leading_nowhere(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, 
     """
     before = gone
     while True:
-        touching = Contacts.of(mesh, part, anchor)
-        while (loose := ~gone & ~stays & touching.ending(gone)).any():
+        touching = Contacts.from_parts(mesh, part, anchor)
+        while (loose := ~gone & ~stays & touching.dead_ends(gone)).any():
             gone = gone | loose
-        one, two = touching.single(gone)
-        if not (joined := ~stays[one]).any():
+        leaf, neighbour = touching.single_contacts(gone)
+        if not (joined := ~stays[leaf]).any():
             return gone[part], touching.islands(before, gone, stays)[part]
-        count, label = connected(len(gone), one[joined], two[joined])
+        count, label = link_components(len(gone), leaf[joined], neighbour[joined])
         part = label[part]
         before, gone, stays = (np.bincount(label, marked, count) > 0 for marked in (before, gone, stays))
 
 
 def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
     """(p,) parts with more than 30 % of their area where their stripes run across their direction."""
-    area, off = mesh.cells.areas(mesh.X)[0], np.zeros(len(part), dtype=bool)
+    area, strays = mesh.cells.areas(mesh.X)[0], np.zeros(len(part), dtype=bool)
     for k, astray in enumerate(tidy.astray):
         if astray is not None:
-            off |= (mesh.family == k) & (mesh.also == VOID) & astray[mesh.parent]
-    return np.asarray(np.bincount(part, area * off, count) > 0.3 * np.bincount(part, area, count))
+            strays |= (mesh.family == k) & (mesh.also == VOID) & astray[mesh.parent]
+    return np.asarray(np.bincount(part, area * strays, count) > 0.3 * np.bincount(part, area, count))
 
 
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Sequence[Floats]) -> PolygonMesh:
@@ -163,29 +166,29 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Seque
 
     fields, levels : those of the cut, in order; only a `CornerField` has such faces.
     """
-    drawn = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
-    blank = {k: field.blank[mesh.parent] & mesh.void for k, field in drawn.items()}
+    corner_fields = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
+    blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
     open_ = np.any(list(blank.values()), axis=0) if blank else np.zeros(len(mesh.parent), dtype=bool)
-    if not open_.any() and not _old_nodes(mesh, drawn).any():
+    if not open_.any() and not _old_nodes(mesh, corner_fields).any():
         return mesh
-    gap = mesh.parts(open_)
+    gap = mesh.part_labels(open_)
     family, count = np.full(len(mesh.parent), VOID), np.zeros(int(gap.max()) + 2, dtype=np.int64)
-    for k, field in drawn.items():
-        at, vertex = _ends(mesh, field, k, blank[k], levels[k])
-        once = np.unique(np.stack([gap[at], vertex]), axis=1)
-        np.add.at(count, once[0], 1)
+    for k, field in corner_fields.items():
+        polygon, vertex = _ends(mesh, field, k, blank[k], levels[k])
+        unique_ends = np.unique(np.stack([gap[polygon], vertex]), axis=1)
+        np.add.at(count, unique_ends[0], 1)
         family[blank[k] & (family == VOID)] = k
     faces = np.bincount(gap[open_], minlength=len(count))
     # a gap in more than six faces is no singular point, but a region without stripes
     node = open_ & (count[gap] >= 2) & (faces[gap] <= 6)
     family, also = np.where(node, family, mesh.family), np.where(node, family, mesh.also)
-    return _without_corners(replace(mesh, family=family, also=also), node | _old_nodes(mesh, drawn))
+    return _without_corners(replace(mesh, family=family, also=also), node | _old_nodes(mesh, corner_fields))
 
 
-def _old_nodes(mesh: PolygonMesh, drawn: dict[int, CornerField]) -> Bools:
+def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
     """(c,) existing nodes: whole faces without a phase that their own field made material."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
-    blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in drawn.items()]
+    blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
 
 
@@ -195,61 +198,69 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     An end on a side has a unique number below 0 instead. On the plane of a mirror middles run through vertices: both
     sides see such an end, and it counts once.
     """
-    one, two, _ = mesh.neighbours
+    slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
-    inner, outer = np.concatenate([one, two]), np.concatenate([two, one])
+    inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
     ends = blank[owner[inner]] & (mesh.family[owner[outer]] == k) & ~field.blank[mesh.face[outer]]
     inner, outer = inner[ends], outer[ends]
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
-    whole = nearest(z.ravel(), levels).reshape(z.shape)
-    on = np.abs(z - whole) < 1e-6  # periods: such a middle ends at the vertex
-    low, high = np.sort(np.where(on, whole, z), axis=0)
+    level = nearest_levels(z.ravel(), levels).reshape(z.shape)
+    on_level = np.abs(z - level) < 1e-6  # periods: such a middle ends at the vertex
+    low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
-    at = np.concatenate([inside, *(owner[inner[here]] for here in on)])
+    polygon = np.concatenate([inside, *(owner[inner[at_vertex]] for at_vertex in on_level)])
     vertex = np.concatenate(
-        [-1 - np.arange(len(inside)), *(corner[slot[here]] for slot, here in zip(slots, on, strict=True))]
+        [
+            -1 - np.arange(len(inside)),
+            *(corner[slot[at_vertex]] for slot, at_vertex in zip(slots, on_level, strict=True)),
+        ]
     )
-    return at, vertex
+    return polygon, vertex
 
 
 def _middle(mesh: PolygonMesh, field: CornerField, side: Ints, slot: Ints) -> Floats:
     face, rows = mesh.face[side], mesh.weights[mesh.cells.corner[slot]].tocoo()
-    row, vertex = (np.asarray(at, dtype=np.int64) for at in rows.coords)
+    row, vertex = (np.asarray(index, dtype=np.int64) for index in rows.coords)
     seen = field.corners(mesh.F).mean(axis=2)[face[row], mesh.corner(face[row], vertex)]
     return np.bincount(row, rows.data * seen, len(side)).astype(np.float64)
 
 
 def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
-    cells, beside = mesh.cells, (mesh.beyond >= 0) & ~mesh.void[mesh.beyond]
+    cells, has_neighbour = mesh.cells, (mesh.polygon_across >= 0) & ~mesh.void[mesh.polygon_across]
     rest, polygons = np.flatnonzero(~nodes), []
     source, void = rest.tolist(), [False] * len(rest)
     for node in np.flatnonzero(nodes).tolist():
-        own = slice(cells.start[node], cells.start[node + 1])
-        parts = _parted(mesh.X[cells.corner[own]], beside[own])
-        polygons += [cells.corner[own][part] for part in parts]
+        slots = slice(cells.start[node], cells.start[node + 1])
+        parts = _without_free_corners(mesh.X[cells.corner[slots]], has_neighbour[slots])
+        polygons += [cells.corner[slots][part] for part in parts]
         source += [node] * len(parts)
         void += [k > 0 for k in range(len(parts))]
     sizes = np.concatenate([[0], cells.sizes[rest], [len(polygon) for polygon in polygons]])
-    every = Cells(np.cumsum(sizes).astype(np.int64), np.concatenate([cells.some(rest).corner, *polygons]))
+    every = Cells(np.cumsum(sizes).astype(np.int64), np.concatenate([cells.subset(rest).corner, *polygons]))
     order = np.argsort(source, kind="stable")  # by parent faces again
-    of, gone = np.array(source, dtype=np.int64)[order], np.array(void)[order]
-    family, also = (np.where(gone, VOID, x[of]) for x in (mesh.family, mesh.also))
+    source_polygon, removed = np.array(source, dtype=np.int64)[order], np.array(void)[order]
+    family, also = (np.where(removed, VOID, x[source_polygon]) for x in (mesh.family, mesh.also))
     return replace(
-        mesh, cells=every.some(order), parent=mesh.parent[of], family=family, also=also, again=mesh.again[of]
+        mesh,
+        cells=every.subset(order),
+        parent=mesh.parent[source_polygon],
+        family=family,
+        also=also,
+        again=mesh.again[source_polygon],
     )
 
 
-def _parted(X: Floats, beside: Bools) -> list[Ints]:
+def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
     """Divide a convex polygon X (s, 3): first the part between its marked sides (s,), then the corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners stay
-    marked = beside | np.roll(beside, 1)
+    marked = has_neighbour | np.roll(has_neighbour, 1)
     if not marked.any():
         return [every]
     corners = []
-    for start in np.flatnonzero(marked & ~beside).tolist():
+    for start in np.flatnonzero(marked & ~has_neighbour).tolist():
         length = 1 + int(np.argmax(np.roll(marked, -start - 1)))
         corner = (start + np.arange(length + 1)) % count
         if length > 1 and _area(X[corner]) > least:

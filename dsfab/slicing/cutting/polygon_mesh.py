@@ -7,13 +7,13 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, grouped, sorted_order
+from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, sorted_order
 from dsfab.slicing.cutting.cells import Cells
 from dsfab.slicing.cutting.sheet import VOID
 from dsfab.slicing.cutting.split import Split
 from dsfab.surface import Surface
-from dsfab.surface.fields import Divided
-from dsfab.surface.topology import connected
+from dsfab.surface.fields import DividedSurface
+from dsfab.surface.topology import link_components
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +36,18 @@ class PolygonMesh:
     stubs: int = 0
 
     @classmethod
-    def of(cls, surface: Surface, divided: Divided | None = None) -> Self:
+    def from_surface(cls, surface: Surface, divided: DividedSurface | None = None) -> Self:
         """Return the faces of a surface as void polygons, or the parts that `divided` makes of them."""
         if divided:
             parts = divided.surface
             cells, family = Cells.triangles(parts.F), np.full(parts.m, VOID)
-            return cls.plain(surface.F, cells, parts.V, divided.weights, divided.parent, family)
+            return cls.from_cells(surface.F, cells, parts.V, divided.weights, divided.parent, family)
         n, m = surface.n, surface.m
         cells, weights = Cells.triangles(surface.F), csr_array(eye_array(n))
-        return cls.plain(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))
+        return cls.from_cells(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))
 
     @classmethod
-    def plain(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
+    def from_cells(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
         """Return polygons with parent and family (c,) on X (n', 3), metres, without crossings."""
         count = len(family)
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
@@ -56,9 +56,9 @@ class PolygonMesh:
         """Make polygons (c,) material of field k if they are void; in a blank face (m,) they become a joint, where
         stripes end.
         """
-        new = material & self.void
-        joint = (material & ~new & self.again) | (new & blank[self.parent])
-        family, also = np.where(new, k, self.family), np.where(joint, k, self.also)
+        new_material = material & self.void
+        joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
+        family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
         return replace(self, family=family, also=also)
 
     @property
@@ -81,11 +81,11 @@ class PolygonMesh:
         """(n',) one of the uncut vertices that each vertex lies between."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
-    def after(self, split: Split) -> "PolygonMesh":
+    def after_split(self, split: Split) -> "PolygonMesh":
         """Return the mesh divided by a split."""
-        weights = extended_weights(self.weights, split)
+        weights = weights_after_split(self.weights, split)
         source = split.source
-        X, parent, family = split.extended(self.X), self.parent[source], self.family[source]
+        X, parent, family = split.with_new_values(self.X), self.parent[source], self.family[source]
         return PolygonMesh(self.F, split.cells, X, weights, parent, family, self.again[source], self.also[source])
 
     @cached_property
@@ -93,26 +93,26 @@ class PolygonMesh:
         """(p,) slots of both sides of each inner edge, and the slot of the second polygon at the start of the first
         side.
         """
-        a, b = self.cells.corner, self.cells.ahead(self.cells.corner)
-        order, _, edge = grouped(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
+        a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
+        order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
-        one, two = order[pair], order[pair + 1]
-        return one, two, np.where(a[one] == a[two], two, self.cells.following[two])
+        slot_a, slot_b = order[pair], order[pair + 1]
+        return slot_a, slot_b, np.where(a[slot_a] == a[slot_b], slot_b, self.cells.following[slot_b])
 
     @cached_property
-    def beyond(self) -> Ints:
+    def polygon_across(self) -> Ints:
         """(h,) the polygon across each side, or -1."""
-        one, two, _ = self.neighbours
-        owner, found = self.cells.owner, np.full(len(self.cells.corner), -1)
-        found[one], found[two] = owner[two], owner[one]
-        return found
+        slot_a, slot_b, _ = self.neighbours
+        owner, polygon = self.cells.owner, np.full(len(self.cells.corner), -1)
+        polygon[slot_a], polygon[slot_b] = owner[slot_b], owner[slot_a]
+        return polygon
 
-    def parts(self, marked: Bools) -> Ints:
+    def part_labels(self, marked: Bools) -> Ints:
         """(c,) connected part of each marked polygon, -1 for the rest; parts connect across sides."""
-        one, two, _ = self.neighbours
-        f, g = self.cells.owner[one], self.cells.owner[two]
-        both = marked[f] & marked[g]
-        label = connected(len(marked), f[both], g[both])[1]
+        slot_a, slot_b, _ = self.neighbours
+        f, g = self.cells.owner[slot_a], self.cells.owner[slot_b]
+        joined = marked[f] & marked[g]
+        label = link_components(len(marked), f[joined], g[joined])[1]
         label[~marked] = -1
         return label
 
@@ -126,18 +126,20 @@ class PolygonMesh:
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
 
-def places(F: Ints, vertex: Ints) -> Ints:
+def corner_places(F: Ints, vertex: Ints) -> Ints:
     """(k,) positions in faces (k, 3) of their corners `vertex` (k,)."""
     _, second, third = F.T
     return np.asarray((second == vertex) + 2 * (third == vertex))
 
 
-def extended_weights(weights: csr_array, split: Split) -> csr_array:
+def weights_after_split(weights: csr_array, split: Split) -> csr_array:
     """Append rows for the new vertices of a split: (n' + k, n), at most three entries in a row, all of one face."""
-    new = split.blend(weights.shape[0]) @ weights
-    data, indices = (np.concatenate([getattr(part, name) for part in (weights, new)]) for name in ("data", "indices"))
-    begins = np.concatenate([weights.indptr, weights.indptr[-1] + new.indptr[1:]])
-    return csr_array((data, indices, begins), shape=(weights.shape[0] + new.shape[0], weights.shape[1]))
+    new_weights = split.new_weights(weights.shape[0]) @ weights
+    data, indices = (
+        np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
+    )
+    begins = np.concatenate([weights.indptr, weights.indptr[-1] + new_weights.indptr[1:]])
+    return csr_array((data, indices, begins), shape=(weights.shape[0] + new_weights.shape[0], weights.shape[1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,87 +158,94 @@ class Contacts:
     around: Floats
 
     @classmethod
-    def of(cls, mesh: PolygonMesh, part: Ints, anchor: Bools) -> "Contacts":
+    def from_parts(cls, mesh: PolygonMesh, part: Ints, anchor: Bools) -> "Contacts":
         """Return the contacts of parts (c,); consecutive sides between the same two parts make one stretch.
 
         anchor : (n,) uncut vertices at which stripes may end.
         """
-        one, two, _ = mesh.neighbours
+        slot_a, slot_b, _ = mesh.neighbours
         owner, cells = mesh.cells.owner, mesh.cells
-        f, g = part[owner[one]], part[owner[two]]
-        between = (f != g) & ~mesh.void[owner[one]] & ~mesh.void[owner[two]]
-        rim = (mesh.beyond < 0) & ~mesh.void[owner]
-        side = np.concatenate([one[between], np.flatnonzero(rim)])
-        first = np.concatenate([np.minimum(f, g)[between], part[owner[rim]]])
-        second = np.concatenate([np.maximum(f, g)[between], np.full(int(rim.sum()), -1)])
+        f, g = part[owner[slot_a]], part[owner[slot_b]]
+        between = (f != g) & ~mesh.void[owner[slot_a]] & ~mesh.void[owner[slot_b]]
+        rim = (mesh.polygon_across < 0) & ~mesh.void[owner]
+        side = np.concatenate([slot_a[between], np.flatnonzero(rim)])
+        part_a = np.concatenate([np.minimum(f, g)[between], part[owner[rim]]])
+        part_b = np.concatenate([np.maximum(f, g)[between], np.full(int(rim.sum()), -1)])
         ends = np.stack([cells.corner[side], cells.corner[cells.following[side]]], axis=1)
-        pair = np.unique(np.stack([first, second], axis=1), axis=0, return_inverse=True)[1].ravel()
-        i, j = meeting(pair, ends, len(mesh.X))
-        _, at, of = np.unique(connected(len(side), i, j)[1], return_index=True, return_inverse=True)
-        held = np.flatnonzero(np.append(anchor, np.zeros(len(mesh.X) - len(anchor), dtype=bool))[cells.corner])
-        held = held[~mesh.void[owner[held]]]
-        anchored = np.unique(part[owner[held]])
-        pairs = np.concatenate(
-            [np.stack([first[at], second[at]], axis=1), np.stack([anchored, np.full(len(anchored), -1)], axis=1)]
+        pair = np.unique(np.stack([part_a, part_b], axis=1), axis=0, return_inverse=True)[1].ravel()
+        i, j = adjacent_sides(pair, ends, len(mesh.X))
+        _, first_side, stretch_of_side = np.unique(
+            link_components(len(side), i, j)[1], return_index=True, return_inverse=True
         )
-        size = np.linalg.norm(mesh.X[cells.corner] - mesh.X[cells.ahead(cells.corner)], axis=1)
+        anchor_slots = np.flatnonzero(np.append(anchor, np.zeros(len(mesh.X) - len(anchor), dtype=bool))[cells.corner])
+        anchor_slots = anchor_slots[~mesh.void[owner[anchor_slots]]]
+        anchored = np.unique(part[owner[anchor_slots]])
+        pairs = np.concatenate(
+            [
+                np.stack([part_a[first_side], part_b[first_side]], axis=1),
+                np.stack([anchored, np.full(len(anchored), -1)], axis=1),
+            ]
+        )
+        size = np.linalg.norm(mesh.X[cells.corner] - mesh.X[cells.next_values(cells.corner)], axis=1)
         outer = np.ones(len(owner), dtype=bool)
         within = f == g
-        outer[one[within]], outer[two[within]] = False, False
+        outer[slot_a[within]], outer[slot_b[within]] = False, False
         around = np.bincount(part[owner[outer]], size[outer], int(part.max()) + 1).astype(np.float64)
-        length = np.concatenate([np.bincount(of.ravel(), size[side], len(at)), np.zeros(len(anchored))])
-        inner = second >= 0
-        whose = np.concatenate([first[inner], second[inner]])
-        stretch = np.concatenate([of.ravel()[inner], of.ravel()[inner] + len(pairs)])
-        i, j = meeting(whose, np.tile(ends[inner], (2, 1)), len(mesh.X))
+        length = np.concatenate(
+            [np.bincount(stretch_of_side.ravel(), size[side], len(first_side)), np.zeros(len(anchored))]
+        )
+        inner = part_b >= 0
+        whose = np.concatenate([part_a[inner], part_b[inner]])
+        stretch = np.concatenate([stretch_of_side.ravel()[inner], stretch_of_side.ravel()[inner] + len(pairs)])
+        i, j = adjacent_sides(whose, np.tile(ends[inner], (2, 1)), len(mesh.X))
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
-    def ending(self, gone: Bools) -> Bools:
+    def dead_ends(self, gone: Bools) -> Bools:
         """(p,) parts that touch others, or an edge of the surface, at one place, along less than half their outline.
 
         Consecutive stretches count as one place. For example, a stripe that ends in the corner between two others has
         one.
         gone : (p,) parts that are removed already.
         """
-        part, _, length, row = self._left(gone)
+        part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
         live[row] = True
         i, j = self.links[live[self.links].all(axis=1)].T
-        label = connected(len(live), i, j)[1]
+        label = link_components(len(live), i, j)[1]
         place = np.unique(np.stack([part, label[row]], axis=1), axis=0)[:, 0]
         places = np.bincount(place, minlength=len(gone))
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
-    def single(self, gone: Bools) -> tuple[Ints, Ints]:
+    def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
         """(k,) parts that touch nothing but one other part along one stretch, and (k,) that part."""
-        part, other, _, _ = self._left(gone)
-        alone = (np.bincount(part, minlength=len(gone))[part] == 1) & (other >= 0)
-        return part[alone], other[alone]
+        part, neighbour, _, _ = self._remaining(gone)
+        is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
+        return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
         """(p,) parts that the last removal disconnected from all supports: parts that stay, edges and anchors."""
-        return self._grounded(before, stays) & ~self._grounded(gone, stays) & ~gone
+        return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
-    def _grounded(self, gone: Bools, stays: Bools) -> Bools:
-        part, other, _, _ = self._left(gone)
-        inner = other >= 0
-        count, label = connected(len(gone), part[inner], other[inner])
+    def _has_ground(self, gone: Bools, stays: Bools) -> Bools:
+        part, neighbour, _, _ = self._remaining(gone)
+        inner = neighbour >= 0
+        count, label = link_components(len(gone), part[inner], neighbour[inner])
         ground = np.zeros(count, dtype=bool)
         ground[label[part[~inner]]] = True
         ground[label[stays]] = True
         return np.asarray(ground[label])
 
-    def _left(self, gone: Bools) -> tuple[Ints, Ints, Floats, Ints]:
+    def _remaining(self, gone: Bools) -> tuple[Ints, Ints, Floats, Ints]:
         """The remaining contacts from both sides: part, neighbour, metres, and the number as in `links`."""
         a, b = self.parts.T
-        here = np.flatnonzero(~gone[a] & ((b < 0) | ~gone[b]))
-        both = here[b[here] >= 0]
-        rows = np.concatenate([here, both])
-        part, other = np.concatenate([a[here], b[both]]), np.concatenate([b[here], a[both]])
-        return part, other, self.length[rows], np.concatenate([here, both + len(a)])
+        remaining = np.flatnonzero(~gone[a] & ((b < 0) | ~gone[b]))
+        inner = remaining[b[remaining] >= 0]
+        rows = np.concatenate([remaining, inner])
+        part, neighbour = np.concatenate([a[remaining], b[inner]]), np.concatenate([b[remaining], a[inner]])
+        return part, neighbour, self.length[rows], np.concatenate([remaining, inner + len(a)])
 
 
-def meeting(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
+def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
     """Pairs (l,), (l,) of sides of the same group (k,) that share one of their ends (k, 2), vertices below `count`."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)

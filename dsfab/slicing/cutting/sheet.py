@@ -80,12 +80,12 @@ class Sheet:
         return bool(material.any() and not material.all())
 
     @cached_property
-    def void_beside(self) -> Ints:
+    def void_neighbours(self) -> Ints:
         """(m', 3) the void neighbour across each side of the void cells, -1 elsewhere."""
-        one, two = self.surface.edges.pairs.T
-        inner = ~(self.material[one // 3] | self.material[two // 3])
+        side_a, side_b = self.surface.edges.pairs.T
+        inner = ~(self.material[side_a // 3] | self.material[side_b // 3])
         cell = np.full(3 * self.surface.m, -1)
-        cell[one[inner]], cell[two[inner]] = two[inner] // 3, one[inner] // 3
+        cell[side_a[inner]], cell[side_b[inner]] = side_b[inner] // 3, side_a[inner] // 3
         return cell.reshape(-1, 3)
 
     def carry(self, x: Floats) -> Floats:
@@ -103,51 +103,51 @@ class Sheet:
         parent = self.parent[corner // 3]
         weights = self.weights.tocoo()
         row, column = weights.coords
-        at = (F[parent[row]] == column[:, None]).argmax(axis=1)
-        values = weights.data[:, None] * x[parent[row], at]
+        corner_place = (F[parent[row]] == column[:, None]).argmax(axis=1)
+        values = weights.data[:, None] * x[parent[row], corner_place]
         total = np.stack([np.bincount(row, v, self.surface.n) for v in values.T], axis=1)
         return np.asarray(np.where((corner >= 0)[:, None], total, 0.0))
 
-    def between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
+    def vertices_between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
         """Return a mask (n', ...) of the vertices that lie between marked vertices (n, ...) of the uncut surface.
 
         edges : (e, ...) marked edges of the uncut surface; default: the edges that the marks span (`spanned_edges`).
         A vertex within a face counts if all three edges of the face are marked and at least one is an inner edge.
         """
-        found: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
+        result: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
         table = surface.edges
         edges = spanned_edges(surface.F, table, marks) if edges is None else edges
-        column, weight = three_each(self.weights)
-        off = weight > 1 - ON_SIMPLEX
+        column, weight = weight_entries(self.weights)
+        nonzero = weight > 1 - ON_SIMPLEX
         free = np.ones(self.surface.n, dtype=bool)
         for i, j in ((0, 1), (1, 2), (0, 2)):
-            both = np.flatnonzero(off[:, i] & off[:, j])
-            edge = table.between(column[both, i], column[both, j])
-            found[both] &= edges[edge]
-            free[both] &= table.boundary[edge]
-        found[off.all(axis=1) & free] = False
-        return found
+            on_edge = np.flatnonzero(nonzero[:, i] & nonzero[:, j])
+            edge = table.edges_between(column[on_edge, i], column[on_edge, j])
+            result[on_edge] &= edges[edge]
+            free[on_edge] &= table.boundary[edge]
+        result[nonzero.all(axis=1) & free] = False
+        return result
 
     def same_vertex(self) -> Ints:
         """(n,) the vertex of this sheet at each vertex of the uncut surface, -1 for vertices that the cut removed."""
         weights = self.weights.tocoo()
-        whole = weights.data >= ON_SIMPLEX
-        at = np.full(weights.shape[1], -1)
-        at[weights.coords[1][whole]] = weights.coords[0][whole]
-        return at
+        is_vertex = weights.data >= ON_SIMPLEX
+        vertex = np.full(weights.shape[1], -1)
+        vertex[weights.coords[1][is_vertex]] = weights.coords[0][is_vertex]
+        return vertex
 
-    def kept(self, mask: Bools | None = None) -> "Sheet":
+    def subset(self, mask: Bools | None = None) -> "Sheet":
         """Return the sheet of the marked cells (m',), by default of the material, without unused vertices.
 
         Raises PatternError if no cell is marked.
         """
-        return self._material_alone if mask is None else self._kept(mask)
+        return self._material_sheet if mask is None else self._subset(mask)
 
     @cached_property
-    def _material_alone(self) -> "Sheet":
-        return self._kept(self.material)
+    def _material_sheet(self) -> "Sheet":
+        return self._subset(self.material)
 
-    def _kept(self, mask: Bools) -> "Sheet":
+    def _subset(self, mask: Bools) -> "Sheet":
         if not mask.any():
             raise PatternError(
                 f"none of the {self.surface.m} cells is kept: there is nothing to build; "
@@ -163,7 +163,7 @@ class Sheet:
         )
 
 
-def three_each(weights: csr_array) -> tuple[Ints, Floats]:
+def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
     """Return (k, 3) columns and values of the rows of barycentric weights (k, n), padded with zeros."""
     count = np.diff(weights.indptr)
     place = np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], count)
@@ -173,7 +173,7 @@ def three_each(weights: csr_array) -> tuple[Ints, Floats]:
     return column, value
 
 
-def part_of(surface: Surface, mask: Bools) -> tuple[Surface, Ints]:
+def face_subset(surface: Surface, mask: Bools) -> tuple[Surface, Ints]:
     """Return the marked faces as a surface, and their indices in `surface`."""
     F, used = surface.F[mask], np.zeros(surface.n, dtype=bool)
     used[F] = True
@@ -181,40 +181,40 @@ def part_of(surface: Surface, mask: Bools) -> tuple[Surface, Ints]:
     return Surface(surface.V[used], number[F]), np.flatnonzero(mask)
 
 
-def whole_edges(part: Surface, whole: Surface, faces: Ints) -> Ints:
+def parent_edges(part: Surface, surface: Surface, faces: Ints) -> Ints:
     """(e,) the edges of the surface that belong to those of a part; `faces` (f,) are the indices of its faces."""
-    found = np.empty(len(part.edges.ends), dtype=np.int64)
-    found[part.edges.of] = whole.edges.of[faces]
-    return found
+    edges = np.empty(len(part.edges.ends), dtype=np.int64)
+    edges[part.edges.of] = surface.edges.of[faces]
+    return edges
 
 
-def inner_walls(void: Surface, whole: Surface, faces: Ints) -> Bools:
+def inner_walls(void: Surface, surface: Surface, faces: Ints) -> Bools:
     """(e,) mask of the boundary edges of a part that lie inside the surface."""
-    return np.asarray(void.edges.boundary & ~whole.edges.boundary[whole_edges(void, whole, faces)])
+    return np.asarray(void.edges.boundary & ~surface.edges.boundary[parent_edges(void, surface, faces)])
 
 
-def round_sizes(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
+def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
     """(count,) hydraulic diameters 4 area / perimeter of the pieces of a part; infinite for a piece not enclosed by
     walls.
     """
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
-    whose = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
-    around = np.bincount(whose, length[edge], count)
-    enclosed = (np.bincount(whose, ~walls[edge], count) == 0) & (around > 0)
+    piece = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
+    perimeter = np.bincount(piece, length[edge], count)
+    enclosed = (np.bincount(piece, ~walls[edge], count) == 0) & (perimeter > 0)
     areas = np.bincount(label, part.areas, count)
-    sizes: Floats = np.divide(4 * areas, around, out=np.full(count, np.inf), where=enclosed)
+    sizes: Floats = np.divide(4 * areas, perimeter, out=np.full(count, np.inf), where=enclosed)
     return sizes
 
 
-def medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
+def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
     """(count,) weighted median of the values under each label; infinite without weight. NaN values do not count."""
-    good = np.flatnonzero((weight > 0) & ~np.isnan(values))
-    order = good[np.lexsort((values[good], label[good]))]
-    x, of = values[order], label[order]
-    total = np.bincount(of, weight[order], count)
-    upto = np.cumsum(weight[order]) - (np.cumsum(total) - total)[of]
-    half = np.flatnonzero(upto >= 0.5 * total[of])
-    found = np.full(count, np.inf)
-    found[of[half][::-1]] = x[half][::-1]
-    return found
+    valid = np.flatnonzero((weight > 0) & ~np.isnan(values))
+    order = valid[np.lexsort((values[valid], label[valid]))]
+    x, group = values[order], label[order]
+    total = np.bincount(group, weight[order], count)
+    upto = np.cumsum(weight[order]) - (np.cumsum(total) - total)[group]
+    half = np.flatnonzero(upto >= 0.5 * total[group])
+    result = np.full(count, np.inf)
+    result[group[half][::-1]] = x[half][::-1]
+    return result

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, grouped, sorted_order
-from dsfab.slicing.cutting.cells import SNAP_FLOOR, Cells, nearest, snapped
+from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, sorted_order
+from dsfab.slicing.cutting.cells import SNAP_FLOOR, Cells, nearest_levels, snap_values
 from dsfab.surface.mesh import ZERO_AREA
 
 
@@ -32,17 +32,26 @@ class Split:
     level: Floats
 
     @classmethod
-    def none(cls, cells: Cells, active: Bools) -> "Split":
+    def unchanged(cls, cells: Cells, active: Bools) -> "Split":
         """Return the polygons unchanged, the active ones (c,) in strip 0."""
-        no, none = np.empty(0, dtype=np.int64), np.empty(0)
-        return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), no, no, none, no, none)
+        no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
+        return cls(
+            cells,
+            np.arange(len(cells.sizes)),
+            np.where(active, 0, -1),
+            no_index,
+            no_index,
+            no_value,
+            no_index,
+            no_value,
+        )
 
-    def extended(self, old: Floats) -> Floats:
+    def with_new_values(self, values: Floats) -> Floats:
         """Append interpolated values on the new vertices to values (n, ...) on the old ones."""
-        t = self.t.reshape(-1, *[1] * (old.ndim - 1))
-        return np.concatenate([old, (1 - t) * old[self.low] + t * old[self.high]])
+        t = self.t.reshape(-1, *[1] * (values.ndim - 1))
+        return np.concatenate([values, (1 - t) * values[self.low] + t * values[self.high]])
 
-    def blend(self, n: int) -> csr_array:
+    def new_weights(self, n: int) -> csr_array:
         """(k, n) sparse weights of the new vertices on the n old ones."""
         k = len(self.t)
         data = np.stack([1 - self.t, self.t], axis=1).ravel()
@@ -64,31 +73,34 @@ class SideValues:
     own: Floats
 
     @classmethod
-    def of(cls, cells: Cells, x: Floats) -> "SideValues":
+    def from_vertices(cls, cells: Cells, x: Floats) -> "SideValues":
         """Return the values of a field x (n,) on the vertices."""
-        return cls.at(cells, x[cells.corner])
+        return cls.from_slots(cells, x[cells.corner])
 
     @classmethod
-    def at(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
+    def from_slots(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
         """Return the values of a field y (h,) at the slots; `foreign` (h,) marks sides of polygons without a value."""
         if foreign is None or not foreign.any():
-            return cls(y, cells.ahead(y), np.empty(0, dtype=np.int64), y)
-        start, end = y.copy(), cells.ahead(y)
+            return cls(y, cells.next_values(y), np.empty(0, dtype=np.int64), y)
+        start, end = y.copy(), cells.next_values(y)
         ends = end.copy()
-        a, b = cells.corner, cells.ahead(cells.corner)
+        a, b = cells.corner, cells.next_values(cells.corner)
         which = np.flatnonzero(foreign)
-        on = np.zeros(int(a.max()) + 1, dtype=bool)
-        on[a[which]] = on[b[which]] = True
-        near = np.flatnonzero(on[a] & on[b])  # no other side is on an edge of these
-        p, q = a[near], b[near]
-        order, begins, edge = grouped(np.minimum(p, q) * len(on) + np.maximum(p, q))
-        first = np.minimum.reduceat(np.where(foreign[near], len(a), near)[order], begins)[edge]
-        mate = first[foreign[near]]
-        alone = mate == len(a)
-        start[which[alone]] = end[which[alone]] = y[~foreign].min(initial=0.0)
-        some, mate = which[~alone], mate[~alone]
-        same = a[some] == a[mate]
-        start[some], end[some] = np.where(same, y[mate], ends[mate]), np.where(same, ends[mate], y[mate])
+        touched = np.zeros(int(a.max()) + 1, dtype=bool)
+        touched[a[which]] = touched[b[which]] = True
+        candidates = np.flatnonzero(touched[a] & touched[b])  # no other side is on an edge of these
+        p, q = a[candidates], b[candidates]
+        order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
+        first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
+        mate = first_slot[foreign[candidates]]
+        unpaired = mate == len(a)
+        start[which[unpaired]] = end[which[unpaired]] = y[~foreign].min(initial=0.0)
+        paired, mate = which[~unpaired], mate[~unpaired]
+        same_direction = a[paired] == a[mate]
+        start[paired], end[paired] = (
+            np.where(same_direction, y[mate], ends[mate]),
+            np.where(same_direction, ends[mate], y[mate]),
+        )
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
@@ -98,14 +110,14 @@ class SideValues:
         """
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
-            start[only], end[only] = _places(self.start[only], levels), _places(self.end[only], levels)
+            start[only], end[only] = _level_places(self.start[only], levels), _level_places(self.end[only], levels)
             return start, end
-        own = _places(self.own, levels)
-        start, end = own, cells.ahead(own)
+        slot_places = _level_places(self.own, levels)
+        start, end = slot_places, cells.next_values(slot_places)
         if len(self.foreign):
-            start = own.copy()
-            start[self.foreign] = _places(self.start[self.foreign], levels)
-            end[self.foreign] = _places(self.end[self.foreign], levels)
+            start = slot_places.copy()
+            start[self.foreign] = _level_places(self.start[self.foreign], levels)
+            end[self.foreign] = _level_places(self.end[self.foreign], levels)
         return start, end
 
 
@@ -132,11 +144,11 @@ class _Sides:
     flat: Bools
     along: Bools
 
-    def at(self, slots: Ints) -> "_Sides":
+    def subset(self, slots: Ints) -> "_Sides":
         return _Sides(*(getattr(self, field.name)[slots] for field in fields(self)))
 
 
-class _Between(NamedTuple):
+class _NewVertices(NamedTuple):
     """New vertices (k,) at (1 - t) low + t high of two old ones, on a side and a level."""
 
     low: Ints
@@ -167,28 +179,30 @@ def split_cells(
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
     if live is not None and not active.any():  # other polygons are not changed
-        only = cells.slots(np.flatnonzero(cells.reduced(np.logical_or, live)))
+        only = cells.slots(np.flatnonzero(cells.per_polygon(np.logical_or, live)))
     ends = x.places(cells, levels, only)
-    least, most = (cells.reduced(np.minimum, ends[0]) + 1) // 2, cells.reduced(np.maximum, ends[0]) // 2
+    lowest, highest = (cells.per_polygon(np.minimum, ends[0]) + 1) // 2, cells.per_polygon(np.maximum, ends[0]) // 2
     if len(x.foreign):
-        least = np.minimum(least, (cells.reduced(np.minimum, ends[1]) + 1) // 2)
-        most = np.maximum(most, cells.reduced(np.maximum, ends[1]) // 2)
-    strip = np.where(most < least, most + above[np.minimum(most, len(levels) - 1)], least)  # of uncut polygons
+        lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
+        highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
+    strip = np.where(
+        highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest
+    )  # of uncut polygons
     strip[~active] = -1
-    which = np.flatnonzero(most > least)
+    which = np.flatnonzero(highest > lowest)
     slots = cells.slots(which)
     crossed = Cells(np.concatenate([[0], np.cumsum(cells.sizes[which])]), cells.corner[slots])
-    sides, new = _sides(crossed, n, x, levels, active[which], slots, ends, live)
-    cut = active[which] | (crossed.reduced(np.maximum, sides.count) > 0)
+    sides, new_vertices = _sides(crossed, n, x, levels, active[which], slots, ends, live)
+    cut = active[which] | (crossed.per_polygon(np.maximum, sides.count) > 0)
     if not cut.all():
-        some = np.flatnonzero(cut)
-        sides, crossed, which = sides.at(crossed.slots(some)), crossed.some(some), which[some]
-    part, label = _subdivided(crossed, sides)
+        kept_rows = np.flatnonzero(cut)
+        sides, crossed, which = sides.subset(crossed.slots(kept_rows)), crossed.subset(kept_rows), which[kept_rows]
+    part, label = _with_new_corners(crossed, sides)
     label[~active[which][part.owner]] = -1
-    return _merged(cells, strip, which, _grouped(part, label, len(levels)), new)
+    return _with_pieces(cells, strip, which, _strip_polygons(part, label, len(levels)), new_vertices)
 
 
-def _places(x: Floats, levels: Floats) -> Ints:
+def _level_places(x: Floats, levels: Floats) -> Ints:
     """Positions of values: 2 k in strip k, above k levels; 2 k + 1 on levels[k]."""
     below = np.searchsorted(levels, x)
     return np.asarray(2 * below + (levels[np.minimum(below, len(levels) - 1)] == x))
@@ -203,43 +217,46 @@ def _sides(
     slots: Ints,
     places: tuple[Ints, Ints],
     live: Bools | None,
-) -> tuple[_Sides, _Between]:
+) -> tuple[_Sides, _NewVertices]:
     """The crossings of all sides, and the new vertices; polygons share the vertices of a common edge.
 
     slots : (h,) slots of `cells` among all polygons; x, `places` and `live` refer to all polygons.
     """
-    a, b = cells.corner, cells.ahead(cells.corner)
-    start, end, one, two = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
+    a, b = cells.corner, cells.next_values(cells.corner)
+    start, end, start_place, end_place = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
     up = start < end
-    low, high = (np.minimum(one, two) + 1) // 2, np.maximum(one, two) // 2
+    low, high = (np.minimum(start_place, end_place) + 1) // 2, np.maximum(start_place, end_place) // 2
     crossed = np.flatnonzero(high > low)
     p, q = a[crossed], b[crossed]
-    order, begins, edge = grouped(np.minimum(p, q) * n + np.maximum(p, q))
-    some = crossed[order[begins]]
-    wanted = active[cells.owner[crossed]]
+    order, begins, edge = equal_key_groups(np.minimum(p, q) * n + np.maximum(p, q))
+    first_sides = crossed[order[begins]]
+    gets_vertices = active[cells.owner[crossed]]
     if live is not None:
-        wanted = wanted | live[slots[crossed]]
-    if len(x.foreign) and len(some):  # take the first side whose polygon has values
+        gets_vertices = gets_vertices | live[slots[crossed]]
+    if len(x.foreign) and len(first_sides):  # take the first side whose polygon has values
         foreign = np.zeros(len(x.start), dtype=bool)
         foreign[x.foreign] = True
         rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
-        some = crossed[np.minimum.reduceat(rank[order], begins) % len(a)]
-    cut = np.logical_or.reduceat(wanted[order], begins) if len(some) else some > 0
-    levels_on = np.where(cut, high[some] - low[some], 0)
+        first_sides = crossed[np.minimum.reduceat(rank[order], begins) % len(a)]
+    cut = np.logical_or.reduceat(gets_vertices[order], begins) if len(first_sides) else first_sides > 0
+    levels_on = np.where(cut, high[first_sides] - low[first_sides], 0)
     begin = np.cumsum(levels_on) - levels_on
-    new = np.repeat(np.arange(len(some)), levels_on)
-    value = levels[low[some][new] + np.arange(len(new)) - begin[new]]
-    p, q, least, most = (
-        np.where(up[some], pair[0][some], pair[1][some])[new] for pair in ((a, b), (b, a), (start, end), (end, start))
+    edge_of_vertex = np.repeat(np.arange(len(first_sides)), levels_on)
+    value = levels[low[first_sides][edge_of_vertex] + np.arange(len(edge_of_vertex)) - begin[edge_of_vertex]]
+    p, q, low_value, high_value = (
+        np.where(up[first_sides], pair[0][first_sides], pair[1][first_sides])[edge_of_vertex]
+        for pair in ((a, b), (b, a), (start, end), (end, start))
     )
-    count, first, along = np.zeros_like(a), np.zeros_like(a), up.copy()
-    count[crossed], first[crossed] = levels_on[edge], n + begin[edge]
-    along[crossed] = a[crossed] == np.where(up[some], a[some], b[some])[edge]
-    sides = _Sides(low, count, first, up, high < low, along)
-    return sides, _Between(p, q, (value - least) / (most - least), slots[some][new], value)
+    count, first_vertex, along = np.zeros_like(a), np.zeros_like(a), up.copy()
+    count[crossed], first_vertex[crossed] = levels_on[edge], n + begin[edge]
+    along[crossed] = a[crossed] == np.where(up[first_sides], a[first_sides], b[first_sides])[edge]
+    sides = _Sides(low, count, first_vertex, up, high < low, along)
+    return sides, _NewVertices(
+        p, q, (value - low_value) / (high_value - low_value), slots[first_sides][edge_of_vertex], value
+    )
 
 
-def _subdivided(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
+def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     """The same polygons with the new vertices as corners, and the strip of each side.
 
     A side on a level gets the strip of the last other side before it, around its polygon, which must have one.
@@ -252,20 +269,20 @@ def _subdivided(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
     corner[offset[:-1]] = cells.corner
     strip, divided = sides.low[side] + climbed, Cells(offset[cells.start], corner)
-    return divided, _carried_over(divided, strip, sides.flat[side])
+    return divided, _flat_sides_relabelled(divided, strip, sides.flat[side])
 
 
-def _carried_over(cells: Cells, strip: Ints, flat: Bools) -> Ints:
+def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
     if not flat.any():
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
     before = source < cells.start[:-1][cells.owner]  # none in this polygon yet: its last one
-    source[before] = cells.reduced(np.maximum, slot)[cells.owner[before]]
+    source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
 
-def _grouped(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
+def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
     """Polygons of one strip each: the sides of one strip of one polygon, closed by chords.
 
         b            Sides a-b and c-d are of strip 1. Each gives its first corner, and its last one too
@@ -277,32 +294,34 @@ def _grouped(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, 
     key = sides.owner * (level_count + 2) + strip + 1
     order = sorted_order(key)
     leaves = (strip[sides.following] != strip)[order]
-    at = np.cumsum(1 + leaves) - (1 + leaves)
+    position = np.cumsum(1 + leaves) - (1 + leaves)
     corner = np.empty(len(order) + int(leaves.sum()), dtype=np.int64)
-    corner[at] = sides.corner[order]
-    corner[at[leaves] + 1] = sides.corner[sides.following[order[leaves]]]
+    corner[position] = sides.corner[order]
+    corner[position[leaves] + 1] = sides.corner[sides.following[order[leaves]]]
     begins = np.flatnonzero(np.diff(key[order], prepend=-1))
-    found = key[order][begins]
-    start = np.append(at[begins], len(corner))
-    return Cells(start, corner), found // (level_count + 2), found % (level_count + 2) - 1
+    group = key[order][begins]
+    start = np.append(position[begins], len(corner))
+    return Cells(start, corner), group // (level_count + 2), group % (level_count + 2) - 1
 
 
-def _merged(cells: Cells, strip: Ints, which: Ints, made: tuple[Cells, Ints, Ints], new: _Between) -> Split:
+def _with_pieces(
+    cells: Cells, strip: Ints, which: Ints, pieces_of_split: tuple[Cells, Ints, Ints], new_vertices: _NewVertices
+) -> Split:
     """Polygons in order, the rows `which` (k,) replaced by their pieces; strip : (c,) of the unchanged polygons."""
-    pieces, of, label = made
+    pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
-    count[which] = np.bincount(of, minlength=len(which))
+    count[which] = np.bincount(row, minlength=len(which))
     replaced = np.zeros(len(strip), dtype=bool)
     replaced[which] = True
     source = np.repeat(np.arange(len(count)), count)
-    at = np.flatnonzero(replaced[source])
+    replaced_cells = np.flatnonzero(replaced[source])
     strips, sizes = strip[source], cells.sizes[source]
-    strips[at], sizes[at] = label, pieces.sizes
+    strips[replaced_cells], sizes[replaced_cells] = label, pieces.sizes
     start, begin = np.concatenate([[0], np.cumsum(sizes)]), cells.start[source]
-    begin[at] = len(cells.corner) + pieces.start[:-1]
+    begin[replaced_cells] = len(cells.corner) + pieces.start[:-1]
     slots = np.repeat(begin - start[:-1], sizes) + np.arange(start[-1])
     corner = np.concatenate([cells.corner, pieces.corner])[slots]
-    return Split(Cells(start, corner), source, strips, *new)
+    return Split(Cells(start, corner), source, strips, *new_vertices)
 
 
 CELL_AREA = 1e3 * ZERO_AREA
@@ -334,19 +353,19 @@ def clean_split(
     """
     snap, size, hold = snapping
     if not len(levels) or not active.any():
-        return Split.none(cells, active)
+        return Split.unchanged(cells, active)
     free = np.ones(len(x), dtype=bool)
     free[[] if hold is None else hold] = False
     a, b = cells.sides(active)
-    x = snapped(x, levels, (a, b), np.abs(x[a] - x[b]), max(snap, SNAP_FLOOR), free)
+    x = snap_values(x, levels, (a, b), np.abs(x[a] - x[b]), max(snap, SNAP_FLOOR), free)
     for _ in range(ROUNDS):
-        split = split_cells(cells, len(x), SideValues.of(cells, x), levels, active, above)
-        corners = collapsed_corners(split, split.extended(X), size)
+        split = split_cells(cells, len(x), SideValues.from_vertices(cells, x), levels, active, above)
+        corners = collapsed_corners(split, split.with_new_values(X), size)
         corners = corners[corners < len(x)]
-        stray = corners[(x[corners] != nearest(x[corners], levels)) & free[corners]]
+        stray = corners[(x[corners] != nearest_levels(x[corners], levels)) & free[corners]]
         if not len(stray):
             break
-        x[stray] = nearest(x[stray], levels)
+        x[stray] = nearest_levels(x[stray], levels)
     return split
 
 
@@ -355,7 +374,7 @@ def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided
-    cells = split.cells.some(divided)
+    cells = split.cells.subset(divided)
     area, squared_reach = cells.areas(X)
     flat = 1e-12 * squared_reach  # the corners of such a cell lie on one line
     bad = area <= np.maximum(CELL_AREA * size**2, flat)

@@ -6,12 +6,12 @@ from typing import Self
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.loose_ends import Tidy, between_crossings, limit
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, meeting
+from dsfab.slicing.cutting.loose_ends import Tidy, between_crossings, split_value
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, adjacent_sides
 from dsfab.slicing.cutting.sheet import VOID
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.cutting.stubs import with_crossings
-from dsfab.surface import connected
+from dsfab.surface import link_components
 
 TINY = 1e-12
 
@@ -33,7 +33,7 @@ class FairBar:
     bow: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
-    def of(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
+    def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
         """Return the straight bar of polygons (c,), as wide as the narrower contact; None without two square
         contacts.
         """
@@ -41,8 +41,11 @@ class FairBar:
         if len(contacts) != 2:
             return None
         ends, step = contacts.mean(axis=1), np.diff(contacts, axis=1)[:, 0]
-        here = cells[mesh.cells.owner]
-        spoke, ahead = (mesh.X[at[here]] - ends[0] for at in (mesh.cells.corner, mesh.cells.ahead(mesh.cells.corner)))
+        bar_slots = cells[mesh.cells.owner]
+        spoke, ahead = (
+            mesh.X[vertices[bar_slots]] - ends[0]
+            for vertices in (mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner))
+        )
         normal = np.cross(spoke, ahead).sum(axis=0)
         normal /= np.linalg.norm(normal)
         axis = ends[1] - ends[0]
@@ -53,7 +56,7 @@ class FairBar:
             return None
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
-    def bent(self, mesh: PolygonMesh) -> Self | None:
+    def with_bow(self, mesh: PolygonMesh) -> Self | None:
         """Return the bar with the mean bow and widths of its walls, by least squares; None if too steep or without
         width.
         """
@@ -61,12 +64,14 @@ class FairBar:
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
         side = np.where(ahead > 0, -1, 1)  # counter-clockwise: ahead along the right side
-        here, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
+        between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
-        (a, b, *half), *_ = np.linalg.lstsq((basis * weight[:, None])[here], (y * weight)[here], rcond=None)
-        new = replace(self, bow=(float(a), float(b)), half=(float(half[0]), float(half[1])))
-        steepest = np.abs(new._middle(np.linspace(0, 1, 21))[1]).max()
-        return new if steepest < 1 and min(half) > 0 else None
+        (a, b, *half), *_ = np.linalg.lstsq(
+            (basis * weight[:, None])[between_ends], (y * weight)[between_ends], rcond=None
+        )
+        bowed = replace(self, bow=(float(a), float(b)), half=(float(half[0]), float(half[1])))
+        steepest = np.abs(bowed._bow_at(np.linspace(0, 1, 21))[1]).max()
+        return bowed if steepest < 1 and min(half) > 0 else None
 
     @property
     def width(self) -> float:
@@ -77,17 +82,17 @@ class FairBar:
         """(2, k) metres of places X (k, 3) inside each side of the bar."""
         t, y = self._places(X)
         t = np.clip(t, 0, 1)
-        middle, slope = self._middle(t)
+        middle, slope = self._bow_at(t)
         half = self.half[0] + (self.half[1] - self.half[0]) * t
         return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
-    def beside(self, X: Floats) -> Bools:
+    def near_length(self, X: Floats) -> Bools:
         """(k,) mask of places X (k, 3) between the contacts, or beyond them by less than the width of the bar."""
         beyond = self.width / self.length
         t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
-    def off(self, mesh: PolygonMesh) -> float:
+    def deviation(self, mesh: PolygonMesh) -> float:
         """Largest distance of the present outline outside the new one, over the width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
@@ -102,34 +107,39 @@ class FairBar:
         away = X - self.ends[0]
         return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
 
-    def _middle(self, t: Floats) -> tuple[Floats, Floats]:
+    def _bow_at(self, t: Floats) -> tuple[Floats, Floats]:
         """(k,) metres to the left at shares t (k,) of the length, and the slope there."""
-        (a, b), both = self.bow, t * (1 - t)
-        return both * (a + b * t), ((1 - 2 * t) * (a + b * t) + both * b) / self.length
+        (a, b), parabola = self.bow, t * (1 - t)
+        return parabola * (a + b * t), ((1 - 2 * t) * (a + b * t) + parabola * b) / self.length
 
 
 def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
     """(k, 3) metres: begin and end of the sides of polygons (c,) towards void, counter-clockwise."""
-    mine, beyond = bar[mesh.cells.owner], mesh.beyond
-    wall = np.flatnonzero(mine & (beyond >= 0) & mesh.void[beyond])
-    return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.ahead(mesh.cells.corner)[wall]]
+    in_bar, beyond = bar[mesh.cells.owner], mesh.polygon_across
+    wall = np.flatnonzero(in_bar & (beyond >= 0) & mesh.void[beyond])
+    return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.next_values(mesh.cells.corner)[wall]]
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     """(k, 2, 3) metres: begin and end of each counter-clockwise contact of polygons (c,); none at a surface edge."""
-    cells, mine, beyond = mesh.cells, bar[mesh.cells.owner], mesh.beyond
-    held = np.flatnonzero(mine & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
-    if (mine & (beyond < 0)).any() or not len(held):
+    cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
+    contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
+    if (in_bar & (beyond < 0)).any() or not len(contact_slots):
         return np.empty((0, 2, 3))
-    start, end = cells.corner[held], cells.ahead(cells.corner)[held]
-    count, place = connected(len(held), *meeting(np.zeros_like(held), np.stack([start, end], axis=1), len(mesh.X)))
-    found = []
+    start, end = cells.corner[contact_slots], cells.next_values(cells.corner)[contact_slots]
+    count, place = link_components(
+        len(contact_slots), *adjacent_sides(np.zeros_like(contact_slots), np.stack([start, end], axis=1), len(mesh.X))
+    )
+    contacts = []
     for k in range(count):
-        first, last = np.setdiff1d(start[place == k], end[place == k]), np.setdiff1d(end[place == k], start[place == k])
-        if len(first) != 1 or len(last) != 1:  # a closed contact, or two that meet in a point
+        begins, finishes = (
+            np.setdiff1d(start[place == k], end[place == k]),
+            np.setdiff1d(end[place == k], start[place == k]),
+        )
+        if len(begins) != 1 or len(finishes) != 1:  # a closed contact, or two that meet in a point
             return np.empty((0, 2, 3))
-        found.append(mesh.X[[first[0], last[0]]])
-    return np.array(found)
+        contacts.append(mesh.X[[begins[0], finishes[0]]])
+    return np.array(contacts)
 
 
 ASKEW = 0.25
@@ -147,7 +157,7 @@ LARGER = 2.5
 
 
 def with_straight_bars(
-    mesh: PolygonMesh, nodes: Bools, near: Bools, tidy: Tidy, size: float
+    mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy, size: float
 ) -> tuple[PolygonMesh, int]:
     """Replace bars through nodes (c,) between two contacts by straight ones, and bars near singular points (c,) by
     even bows.
@@ -156,69 +166,69 @@ def with_straight_bars(
 
     Parts stay connected: both contacts remain, and nothing else touches a bar.
     """
-    nodes, near, count = nodes & ~mesh.void, near & ~mesh.void, 0
-    if not (nodes | near).any() or not mesh.void.any():
+    nodes, near_singular, count = nodes & ~mesh.void, near_singular & ~mesh.void, 0
+    if not (nodes | near_singular).any() or not mesh.void.any():
         return mesh, count
-    bars = _askew_bars(mesh, nodes, near, tidy)
+    bars = _askew_bars(mesh, nodes, near_singular, tidy)
     mark = np.full(len(nodes), -1)
     for k, bar in enumerate(bars):
         mark[bar.cells] = k
     for k, bar in enumerate(bars):
-        better, label = _straightened(mesh, mark == k, bar, size)
+        better, label = _with_fair_bar(mesh, mark == k, bar, size)
         if better is not None:
             mesh, mark, count = better, mark[label], count + 1
     return mesh, count
 
 
-def _askew_bars(mesh: PolygonMesh, nodes: Bools, near: Bools, tidy: Tidy) -> list[FairBar]:
+def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
     """Bars to replace: nodes (c,) with the stretches that touch them, and stretches near singular points (c,); no
     overlap.
 
     Crossings that touch a node count as node if that makes a bar, because stripes may overlap before they end.
     """
-    found, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
-    for lumps, some in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near)):
-        label = mesh.parts(_with_beside(mesh, lumps | some, between_crossings(mesh, tidy, lumps)))
-        for wanted in np.unique(label[some & (label >= 0) & ~taken]):
-            cells = label == wanted
-            bar = None if taken[cells].any() else FairBar.of(mesh, cells)
-            if bar is not None and some is not nodes:
-                bar = bar.bent(mesh)
+    bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
+    for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
+        label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))
+        for part in np.unique(label[seeds & (label >= 0) & ~taken]):
+            cells = label == part
+            bar = None if taken[cells].any() else FairBar.straight(mesh, cells)
+            if bar is not None and seeds is not nodes:
+                bar = bar.with_bow(mesh)
             if bar is not None:
-                found.append(bar)
+                bars.append(bar)
                 taken |= cells
-    off = np.array([bar.off(mesh) for bar in found])
-    straight, bent, most = (limit(off, each) for each in (ASKEW, UNEVEN, FAR))
-    return [bar for bar, x in zip(found, off, strict=True) if (bent if any(bar.bow) else straight) < x < most]
+    deviations = np.array([bar.deviation(mesh) for bar in bars])
+    straight, bent, largest = (split_value(deviations, threshold) for threshold in (ASKEW, UNEVEN, FAR))
+    return [bar for bar, x in zip(bars, deviations, strict=True) if (bent if any(bar.bow) else straight) < x < largest]
 
 
-def _with_beside(mesh: PolygonMesh, some: Bools, part: Ints) -> Bools:
-    one, two, _ = mesh.neighbours
-    f, g = mesh.cells.owner[one], mesh.cells.owner[two]
-    near = some.copy()
-    near[np.concatenate([g[some[f]], f[some[g]]])] = True
-    return np.asarray((part >= 0) & np.isin(part, part[near & (part >= 0)]))
+def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Bools:
+    slot_a, slot_b, _ = mesh.neighbours
+    f, g = mesh.cells.owner[slot_a], mesh.cells.owner[slot_b]
+    touching = seeds.copy()
+    touching[np.concatenate([g[seeds[f]], f[seeds[g]]])] = True
+    return np.asarray((part >= 0) & np.isin(part, part[touching & (part >= 0)]))
 
 
-def _straightened(mesh: PolygonMesh, bar: Bools, new: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
+def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
     """Replace polygons (c,) of a bar by the new bar; return also the old polygon (c',) of each. None for a large
     change.
     """
-    opening = mesh.parts(mesh.void | bar)
-    inside, made, source = np.isin(opening, opening[bar]) & (opening >= 0), mesh, np.arange(len(bar))
+    opening = mesh.part_labels(mesh.void | bar)
+    inside, result, source = np.isin(opening, opening[bar]) & (opening >= 0), mesh, np.arange(len(bar))
     for side in (0, 1):
-        x = new.heights(made.X)[side]
-        x[np.abs(x) < SNAP * new.width] = 0.0
-        inside = inside & made.cells.reduced(np.logical_or, new.beside(made.X)[made.cells.corner])
-        split = clean_split(made.cells, made.X, x, np.zeros(1), inside, Snapping(0.0, size))
-        made, source = made.after(split), source[split.source]
+        x = fair_bar.heights(result.X)[side]
+        x[np.abs(x) < SNAP * fair_bar.width] = 0.0
+        inside = inside & result.cells.per_polygon(np.logical_or, fair_bar.near_length(result.X)[result.cells.corner])
+        split = clean_split(result.cells, result.X, x, np.zeros(1), inside, Snapping(0.0, size))
+        result, source = result.after_split(split), source[split.source]
         inside = inside[split.source] & (split.strip == 1)
-    old, part = bar[source], made.parts(inside)
-    filled = np.isin(part, part[old & inside]) & inside
-    area = made.cells.areas(made.X)[0]
-    sizes = sorted((float(area[old].sum()), float(area[filled].sum())))
+    old_bar, part = bar[source], result.part_labels(inside)
+    filled = np.isin(part, part[old_bar & inside]) & inside
+    area = result.cells.areas(result.X)[0]
+    sizes = sorted((float(area[old_bar].sum()), float(area[filled].sum())))
     if not sizes[1] < LARGER * sizes[0]:
         return None, source
-    family = np.where(old, VOID, made.family)
+    family = np.where(old_bar, VOID, result.family)
     family[filled] = np.bincount(mesh.family[bar]).argmax()
-    return replace(made, family=family, also=np.where(old & ~filled, VOID, made.also)), source
+    return replace(result, family=family, also=np.where(old_bar & ~filled, VOID, result.also)), source

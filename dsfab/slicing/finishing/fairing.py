@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, diags_array, vstack
 from scipy.sparse.linalg import spsolve
 
 from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.sheet import Sheet, three_each
+from dsfab.slicing.cutting.sheet import Sheet, weight_entries
 from dsfab.slicing.finishing.mesh_quality import independent
 from dsfab.slicing.finishing.walls import Walls
 from dsfab.surface import Surface
@@ -46,7 +46,7 @@ def faired_walls(sheet: Sheet) -> Sheet:
     number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch 1967; Wahba 1990]. Cells stay in
     their uncut faces; vertices of the uncut surface stay where they are.
     """
-    walls = Walls.of(sheet)
+    walls = Walls.from_sheet(sheet)
     if not len(walls.start):
         return sheet
     free = _freedom(sheet, walls)
@@ -54,9 +54,9 @@ def faired_walls(sheet: Sheet) -> Sheet:
         return sheet
     step = _fair_steps(sheet, walls, free)
     move = np.einsum("kj,kji->ki", step, free.along)
-    far = np.linalg.norm(move, axis=1)
-    step = step * np.minimum(1.0, free.most / np.maximum(far, 1e-300))[:, None]
-    return _moved(sheet, free, step)
+    length = np.linalg.norm(move, axis=1)
+    step = step * np.minimum(1.0, free.most / np.maximum(length, 1e-300))[:, None]
+    return _move_vertices(sheet, free, step)
 
 
 def _freedom(sheet: Sheet, walls: Walls) -> Freedom:
@@ -69,19 +69,19 @@ def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
 
     Vertices on edges slide along them, vertices within faces move anywhere in them, others are left out.
     """
-    column, weight = three_each(weights)
-    held = weight > 0
-    count = held.sum(axis=1)
-    order = np.argsort(~held, axis=1, kind="stable")
+    column, weight = weight_entries(weights)
+    has_weight = weight > 0
+    count = has_weight.sum(axis=1)
+    order = np.argsort(~has_weight, axis=1, kind="stable")
     column = np.take_along_axis(column, order, axis=1)
-    at = sheet.same_vertex()[column]
-    able = (count > 1) & ((at >= 0) | (np.arange(3) >= count[:, None])).all(axis=1)
-    a, b, c = (sheet.surface.V[at[able][:, i]] for i in range(3))
+    sheet_vertex = sheet.same_vertex()[column]
+    movable = (count > 1) & ((sheet_vertex >= 0) | (np.arange(3) >= count[:, None])).all(axis=1)
+    a, b, c = (sheet.surface.V[sheet_vertex[movable][:, i]] for i in range(3))
     length = np.linalg.norm(b - a, axis=1)
     along, share = np.zeros((2, len(length), 2, 3))
     along[:, 0] = (b - a) / length[:, None]
     share[:, 0, :2] = np.stack([-1 / length, 1 / length], axis=1)
-    face = count[able] == 3
+    face = count[movable] == 3
     v, x = (c - a)[face], along[face, 0]
     lean = np.einsum("ki,ki->k", v, x)
     y = v - lean[:, None] * x
@@ -89,7 +89,7 @@ def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
     along[face, 1] = y / height[:, None]
     lean = lean / length[face]
     share[face, 1] = np.stack([(lean - 1) / height, -lean / height, 1 / height], axis=1)
-    return Freedom(vertex[able], along, share, column[able], 0.1 * length)
+    return Freedom(vertex[movable], along, share, column[movable], 0.1 * length)
 
 
 def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
@@ -100,27 +100,33 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
     corner = np.zeros(n, dtype=bool)
     corner[walls.start[np.abs(walls.turns(sheet)) > CORNER]] = True
     segment = (walls.total / np.diff(walls.begin))[walls.chain]
-    every = np.arange(len(walls.start))
-    (before, there), (after, too) = walls.ahead(every, every * 0 - 1), walls.ahead(every, every * 0 + 1)
-    p = np.stack([walls.start[before], walls.start, walls.end, walls.end[after]], axis=1)
-    bends = there & ~corner[walls.start]
-    changes = bends & too & ~corner[walls.end] & (p[:, 0] != p[:, 3])
-    side = _lateral(sheet, walls, p)
-    rows, right = list[csr_array](), list[Floats]()
-    for used, points, order, size in ((changes, p, 3, REACH * segment), (bends, p[:, :3], 2, BEND * segment)):
+    all_walls = np.arange(len(walls.start))
+    (before, has_previous), (after, has_next) = (
+        walls.walls_ahead(all_walls, all_walls * 0 - 1),
+        walls.walls_ahead(all_walls, all_walls * 0 + 1),
+    )
+    wall_vertices = np.stack([walls.start[before], walls.start, walls.end, walls.end[after]], axis=1)
+    bends = has_previous & ~corner[walls.start]
+    changes = bends & has_next & ~corner[walls.end] & (wall_vertices[:, 0] != wall_vertices[:, 3])
+    side = _lateral(sheet, walls, wall_vertices)
+    rows, right_side = list[csr_array](), list[Floats]()
+    for used, points, order, size in (
+        (changes, wall_vertices, 3, REACH * segment),
+        (bends, wall_vertices[:, :3], 2, BEND * segment),
+    ):
         q, least = points[used], 0.02 * segment[used]  # nearer vertices count as so far apart
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
         rows.append(row)
-        right.append(-np.einsum("kji,kji->k", value, sheet.surface.V[q]))
+        right_side.append(-np.einsum("kji,kji->k", value, sheet.surface.V[q]))
     for end in (walls.start, walls.end):
         row, _ = _rows(end[:, None], (np.sqrt(walls.length / 2)[:, None] * side)[:, None], place, free)
         rows.append(row)
-        right.append(np.zeros(len(end)))
+        right_side.append(np.zeros(len(end)))
     A = csr_array(vstack(rows, format="csr"))
     hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # weight of moves along a wall against moves across
-    x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right))
+    x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right_side))
     return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
 
 
@@ -129,8 +135,8 @@ def _lateral(sheet: Sheet, walls: Walls, p: Ints) -> Floats:
     up = normals[walls.inside // 3] + normals[walls.outside // 3]
     across = np.cross(up, V[p[:, 3]] - V[p[:, 0]])
     flat = np.cross(up, V[p[:, 2]] - V[p[:, 1]])
-    size, other = (np.linalg.norm(one, axis=1)[:, None] for one in (across, flat))
-    return np.asarray(np.where(size > 0, across / np.maximum(size, 1e-300), flat / np.maximum(other, 1e-300)))
+    size, flat_size = (np.linalg.norm(vectors, axis=1)[:, None] for vectors in (across, flat))
+    return np.asarray(np.where(size > 0, across / np.maximum(size, 1e-300), flat / np.maximum(flat_size, 1e-300)))
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
@@ -145,13 +151,13 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
     """Rows over the steps of the vertices for sums of value (k, j, 3) . position of vertices q (k, j); and `value`."""
     k, j = np.nonzero(place[q] >= 0)
-    at = place[q[k, j]]
-    data = np.einsum("pi,pci->pc", value[k, j], free.along[at])
-    row, column = np.repeat(k, 2), (2 * at[:, None] + np.arange(2)).ravel()
+    free_vertex = place[q[k, j]]
+    data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
+    row, column = np.repeat(k, 2), (2 * free_vertex[:, None] + np.arange(2)).ravel()
     return csr_array((data.ravel(), (row, column)), shape=(len(q), 2 * len(free.vertex))), value
 
 
-def _moved(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
+def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     """The sheet with vertices moved by steps (k, 2), by less if cells would become slim or turn over."""
     surface = sheet.surface
     share = np.ones(surface.n)
@@ -191,9 +197,9 @@ class Division:
     V: Floats
     weights: csr_array
 
-    def some(self, chosen: Bools) -> "Division":
-        at = np.flatnonzero(chosen)
-        return Division(self.wall[at], self.V[at], self.weights[at])
+    def subset(self, chosen: Bools) -> "Division":
+        rows = np.flatnonzero(chosen)
+        return Division(self.wall[rows], self.V[rows], self.weights[rows])
 
 
 def divided_walls(sheet: Sheet) -> Sheet:
@@ -205,11 +211,11 @@ def divided_walls(sheet: Sheet) -> Sheet:
     face, and corners stay sharp.
     """
     for _ in range(3):  # each round about halves the turns
-        walls = Walls.of(sheet)
+        walls = Walls.from_sheet(sheet)
         division = _division(sheet, walls)
         if not len(division.wall):
             break
-        sheet = _divided(sheet, walls, division)
+        sheet = _divide_walls(sheet, walls, division)
     return sheet
 
 
@@ -217,13 +223,15 @@ def _bows(sheet: Sheet, walls: Walls) -> Floats:
     """(w,) distance of the curve through each wall's ends from its middle, to the right, metres; 0 under 3 degrees."""
     if not len(walls.start):
         return np.empty(0)
-    turn, every = walls.turns(sheet), np.arange(len(walls.start))
-    (before, there), (after, too) = (walls.ahead(every, np.full(len(every), k)) for k in (-1, 1))
-    plain = there & (np.abs(turn) < CORNER)
+    turn, all_walls = walls.turns(sheet), np.arange(len(walls.start))
+    (before, has_previous), (after, has_next) = (
+        walls.walls_ahead(all_walls, np.full(len(all_walls), k)) for k in (-1, 1)
+    )
+    has_turn = has_previous & (np.abs(turn) < CORNER)
     curvature = np.zeros(len(turn))
-    curvature[plain] = (turn / ((walls.length[before] + walls.length) / 2))[plain]
-    ends = plain.astype(np.int64) + (plain[after] & too)
-    mean = (curvature + np.where(too, curvature[after], 0.0)) / np.maximum(ends, 1)
+    curvature[has_turn] = (turn / ((walls.length[before] + walls.length) / 2))[has_turn]
+    ends = has_turn.astype(np.int64) + (has_turn[after] & has_next)
+    mean = (curvature + np.where(has_next, curvature[after], 0.0)) / np.maximum(ends, 1)
     bent = np.abs(mean) * walls.length > np.radians(3)
     return np.asarray(np.where(bent, mean * walls.length**2 / 8, 0.0))
 
@@ -231,8 +239,8 @@ def _bows(sheet: Sheet, walls: Walls) -> Floats:
 def _division(sheet: Sheet, walls: Walls) -> Division:
     """The walls to divide next: of two at one cell the one with the larger bow."""
     bow = _bows(sheet, walls)
-    one, two = walls.inside // 3, walls.outside // 3
-    wall = np.flatnonzero((bow != 0) & (sheet.parent[one] == sheet.parent[two]))
+    void_cell, material_cell = walls.inside // 3, walls.outside // 3
+    wall = np.flatnonzero((bow != 0) & (sheet.parent[void_cell] == sheet.parent[material_cell]))
     wall = wall[np.argsort(-np.abs(bow[wall]), kind="stable")]
     middle = csr_array(0.5 * (sheet.weights[walls.start[wall]] + sheet.weights[walls.end[wall]]))
     free = freedom(sheet, np.arange(len(wall)), middle)
@@ -240,56 +248,56 @@ def _division(sheet: Sheet, walls: Walls) -> Division:
     wall, middle, along, share = wall[free.vertex], middle[free.vertex], free.along, free.share
     V = sheet.surface.V
     a, b = V[walls.start[wall]], V[walls.end[wall]]
-    left = np.cross(sheet.surface.normals[one[wall]], b - a) / walls.length[wall][:, None]
-    step = -bow[wall][:, None] * np.einsum("kji,ki->kj", along, left)
+    left_normal = np.cross(sheet.surface.normals[void_cell[wall]], b - a) / walls.length[wall][:, None]
+    step = -bow[wall][:, None] * np.einsum("kji,ki->kj", along, left_normal)
     row = np.repeat(np.arange(len(wall)), 3)
     change = (np.einsum("kj,kjc->kc", step, share).ravel(), (row, free.column.ravel()))
     weights = csr_array(middle + csr_array(change, shape=middle.shape))
-    new = Division(wall, (a + b) / 2 + np.einsum("kj,kji->ki", step, along), weights)
-    within = np.full(len(wall), np.inf)
-    np.minimum.at(within, np.repeat(np.arange(len(wall)), np.diff(weights.indptr)), weights.data)
-    return _apart(sheet, walls, new.some(face & (within > 1e-3)))  # inside the uncut face
+    division = Division(wall, (a + b) / 2 + np.einsum("kj,kji->ki", step, along), weights)
+    least_weight = np.full(len(wall), np.inf)
+    np.minimum.at(least_weight, np.repeat(np.arange(len(wall)), np.diff(weights.indptr)), weights.data)
+    return _independent_divisions(sheet, walls, division.subset(face & (least_weight > 1e-3)))  # inside the uncut face
 
 
-def _apart(sheet: Sheet, walls: Walls, new: Division) -> Division:
-    new = new.some(_plump(sheet, walls, new))
-    rank = np.arange(len(new.wall))
-    cells = np.concatenate([walls.inside[new.wall], walls.outside[new.wall]]) // 3
-    return new.some(independent(np.concatenate([rank, rank]), cells, rank, sheet.surface.m))
+def _independent_divisions(sheet: Sheet, walls: Walls, division: Division) -> Division:
+    division = division.subset(_keeps_angles(sheet, walls, division))
+    rank = np.arange(len(division.wall))
+    cells = np.concatenate([walls.inside[division.wall], walls.outside[division.wall]]) // 3
+    return division.subset(independent(np.concatenate([rank, rank]), cells, rank, sheet.surface.m))
 
 
-def _halves(sheet: Sheet, half_edge: Ints, new: Ints) -> tuple[Ints, Ints]:
+def _halves(sheet: Sheet, half_edge: Ints, new_vertex: Ints) -> tuple[Ints, Ints]:
     """The cells (k, 3) before and behind new vertices (k,) on the half-edges of cells (k,)."""
     cell, side = np.divmod(half_edge, 3)
     a, b, c = (sheet.surface.F[cell, (side + j) % 3] for j in range(3))
-    return np.stack([a, new, c], axis=1), np.stack([new, b, c], axis=1)
+    return np.stack([a, new_vertex, c], axis=1), np.stack([new_vertex, b, c], axis=1)
 
 
-def _plump(sheet: Sheet, walls: Walls, new: Division) -> Bools:
+def _keeps_angles(sheet: Sheet, walls: Walls, division: Division) -> Bools:
     """(k,) True if the four cells at a new vertex keep half of their smallest angle, or 2 degrees."""
     surface = sheet.surface
-    V, number = np.concatenate([surface.V, new.V]), surface.n + np.arange(len(new.wall))
-    good = np.ones(len(new.wall), dtype=bool)
-    for h in (walls.inside[new.wall], walls.outside[new.wall]):
+    V, number = np.concatenate([surface.V, division.V]), surface.n + np.arange(len(division.wall))
+    accepted = np.ones(len(division.wall), dtype=bool)
+    for h in (walls.inside[division.wall], walls.outside[division.wall]):
         normals = surface.normals[h // 3]
         least = 0.5 * np.minimum(4.0, least_angles(surface.V[surface.F[h // 3]], normals))
         for F in _halves(sheet, h, number):
-            good &= least_angles(V[F], normals) >= least
-    return good
+            accepted &= least_angles(V[F], normals) >= least
+    return accepted
 
 
-def _divided(sheet: Sheet, walls: Walls, new: Division) -> Sheet:
+def _divide_walls(sheet: Sheet, walls: Walls, division: Division) -> Sheet:
     surface = sheet.surface
-    number = surface.n + np.arange(len(new.wall))
-    F, rows, came = surface.F.copy(), list[Ints](), list[Ints]()
-    for h in (walls.inside[new.wall], walls.outside[new.wall]):
-        first, second = _halves(sheet, h, number)
-        F[h // 3] = first
-        rows.append(second)
-        came.append(h // 3)
-    source = np.concatenate([np.arange(surface.m), *came])
+    number = surface.n + np.arange(len(division.wall))
+    F, rows, source_cells = surface.F.copy(), list[Ints](), list[Ints]()
+    for h in (walls.inside[division.wall], walls.outside[division.wall]):
+        front, back = _halves(sheet, h, number)
+        F[h // 3] = front
+        rows.append(back)
+        source_cells.append(h // 3)
+    source = np.concatenate([np.arange(surface.m), *source_cells])
     order = np.argsort(source, kind="stable")
     source = source[order]
-    done = Surface(np.concatenate([surface.V, new.V]), np.concatenate([F, *rows])[order])
-    weights = csr_array(vstack([sheet.weights, new.weights], format="csr"))
-    return replace(sheet, surface=done, parent=sheet.parent[source], family=sheet.family[source], weights=weights)
+    divided = Surface(np.concatenate([surface.V, division.V]), np.concatenate([F, *rows])[order])
+    weights = csr_array(vstack([sheet.weights, division.weights], format="csr"))
+    return replace(sheet, surface=divided, parent=sheet.parent[source], family=sheet.family[source], weights=weights)

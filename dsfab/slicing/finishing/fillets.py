@@ -12,13 +12,13 @@ from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.finishing.flat_openings import FlatOpenings, nearest_in_plane
-from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, crossing, touching_arcs, unit
+from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, circle_centres, tangent_arcs, unit
 from dsfab.slicing.finishing.point_contacts import pinched_vertices
-from dsfab.slicing.finishing.walls import SHARPEST, Stretches, following
+from dsfab.slicing.finishing.walls import SHARPEST, Stretches, next_in_chains
 
 
 @dataclass(frozen=True, eq=False)
-class Stops:
+class DiscStops:
     """Stops of discs that roll in the flat.
 
     middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from there to the walls that they touch.
@@ -33,8 +33,8 @@ class Stops:
     share_a: Floats
     share_b: Floats
 
-    def some(self, chosen: Bools) -> "Stops":
-        return Stops(*(getattr(self, field.name)[chosen] for field in fields(self)))
+    def subset(self, chosen: Bools) -> "DiscStops":
+        return DiscStops(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
@@ -45,26 +45,28 @@ def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iter
     space, are left out. It yields twice, for the vertices nearest to the discs and for the farthest ones: on a curved
     surface only one of them may see the arc. The second time `taken` stretches are left out.
     """
-    flat = FlatOpenings.of(corners.sheet, corners.walls)
+    flat = FlatOpenings.from_sheet(corners.sheet, corners.walls)
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
         stop, *tips = _tips(flat, _stops(flat, loops, radius), loops, radius)
         walls = corners.walls
         for tip in tips:
-            wall, left = flat.wall[tip], np.ones(len(tip), dtype=bool)
+            wall, free = flat.wall[tip], np.ones(len(tip), dtype=bool)
             for stretches in taken:
-                left &= ~stretches.cover(walls.chain[wall], walls.place[wall])
-            yield _seen(corners, flat, stop.some(left), tip[left], radius)
+                free &= ~stretches.covers(walls.chain[wall], walls.place[wall])
+            yield _arcs_in_planes(corners, flat, stop.subset(free), tip[free], radius)
 
 
-def _seen(corners: Corners, flat: FlatOpenings, stop: Stops, tip: Ints, radius: float) -> tuple[Corners, Arcs]:
+def _arcs_in_planes(
+    corners: Corners, flat: FlatOpenings, stop: DiscStops, tip: Ints, radius: float
+) -> tuple[Corners, Arcs]:
     """The arcs in the planes that touch the surface where walls `tip` (p,) start."""
     walls, V = corners.walls, corners.sheet.surface.V
     wall_a, wall_b, wall = flat.wall[stop.a], flat.wall[stop.b], flat.wall[tip]
-    total, here, size = walls.total[walls.chain[wall]], walls.place[wall], np.full(len(wall), radius)
-    way_a = (here - walls.place[wall_a] - stop.share_a * walls.length[wall_a]) % total
-    way_b = (walls.place[wall_b] + stop.share_b * walls.length[wall_b] - here) % total
-    tips = Corners(corners.sheet, walls, wall, np.zeros(len(wall)), here)
+    total, tip_place, size = walls.total[walls.chain[wall]], walls.place[wall], np.full(len(wall), radius)
+    way_a = (tip_place - walls.place[wall_a] - stop.share_a * walls.length[wall_a]) % total
+    way_b = (walls.place[wall_b] + stop.share_b * walls.length[wall_b] - tip_place) % total
+    tips = Corners(corners.sheet, walls, wall, np.zeros(len(wall)), tip_place)
 
     def in_frame(w: Ints, share: Floats, to_wall: Floats) -> tuple[Floats, Floats]:
         """Feet and unit normals into the void, (p, 2) in the frames of the tips."""
@@ -73,21 +75,24 @@ def _seen(corners: Corners, flat: FlatOpenings, stop: Stops, tip: Ints, radius: 
         p, n = (np.einsum("pi,pji->pj", x, tips.frames) for x in (foot, inward))
         return p, unit(n)
 
-    one, two = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
-    first, exists = crossing(*one, *two, size)
-    every, more = np.arange(len(wall)), 0.6 * radius  # beyond the feet in the flat
-    lines = tips.line(every, way_a + more, back=True), tips.line(every, way_b + more, back=False)
-    arcs = touching_arcs(*lines, size, first)
-    good = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
-    good = good[tips.some(good).stretches(arcs.some(good)).disjoint(len(good))]
-    return tips.some(good), arcs.some(good)
+    line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
+    centre, exists = circle_centres(*line_a, *line_b, size)
+    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # beyond the feet in the flat
+    lines = tips.wall_line(all_tips, way_a + margin, back=True), tips.wall_line(all_tips, way_b + margin, back=False)
+    arcs = tangent_arcs(*lines, size, centre)
+    valid = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
+    valid = valid[tips.subset(valid).stretches(arcs.subset(valid)).disjoint(len(valid))]
+    return tips.subset(valid), arcs.subset(valid)
 
 
-def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> Stops:
+def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
     middle, before, behind = _left_turns(loops)
-    (a, share_a), (b, share_b) = flat.touched(middle + radius * before), flat.touched(middle + radius * behind)
-    some = (flat.chain[a] == flat.chain[b]) & (a != b)
-    return Stops(middle, before, behind, a, b, share_a, share_b).some(some)
+    (a, share_a), (b, share_b) = (
+        flat.nearest_walls(middle + radius * before),
+        flat.nearest_walls(middle + radius * behind),
+    )
+    between_walls = (flat.chain[a] == flat.chain[b]) & (a != b)
+    return DiscStops(middle, before, behind, a, b, share_a, share_b).subset(between_walls)
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
@@ -98,14 +103,14 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
         ahead = unit(np.roll(loop, -1, axis=0) - loop)
         back = np.roll(ahead, 1, axis=0)
         turn = np.arctan2(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0], (back * ahead).sum(axis=1))
-        at = turn > SHARPEST
-        points.append(loop[at])
+        turns = turn > SHARPEST
+        points.append(loop[turns])
         for right, along in zip(rights, (back, ahead), strict=True):
-            right.append(np.stack([along[at, 1], -along[at, 0]], axis=1))
+            right.append(np.stack([along[turns, 1], -along[turns, 0]], axis=1))
     return np.concatenate(points), np.concatenate(rights[0]), np.concatenate(rights[1])
 
 
-def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -> tuple[Stops, Ints, Ints]:
+def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
     """The stops beyond which no other disc has room; and for each two walls (p,) that start beyond, a near and a far
     one.
 
@@ -113,28 +118,31 @@ def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -
     """
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
-    first, most = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
-    count = (stop.b - stop.a) % most
+    chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
+    count = (stop.b - stop.a) % chain_size
     row = np.repeat(np.arange(len(count)), count)
     step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 1
-    wall = first[row] + (stop.a[row] - first[row] + step) % most[row]
+    wall = chain_start[row] + (stop.a[row] - chain_start[row] + step) % chain_size[row]
     start = flat.start[wall]
     touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
         touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # not at the foot
     free = np.bincount(row, touched, len(count)) == 0
-    far = np.linalg.norm(start - stop.middle[row], axis=1)
-    near = far < 1.2 * radius
+    distance = np.linalg.norm(start - stop.middle[row], axis=1)
+    close_by = distance < 1.2 * radius
     nearby, farthest = (
         wall[order][np.unique(row[order], return_index=True)[1]]
-        for order in (np.lexsort((np.where(near, -far, far), near, row)), np.lexsort((-far, row)))
+        for order in (
+            np.lexsort((np.where(close_by, -distance, distance), close_by, row)),
+            np.lexsort((-distance, row)),
+        )
     )
-    return stop.some(free), nearby[free], farthest[free]
+    return stop.subset(free), nearby[free], farthest[free]
 
 
 def _distance(points: Floats, loops: list[Floats]) -> Floats:
-    after = following(np.repeat(np.arange(len(loops)), [len(loop) for loop in loops]))
+    after = next_in_chains(np.repeat(np.arange(len(loops)), [len(loop) for loop in loops]))
     edges = np.stack([np.arange(len(after)), after], axis=1)
     return nearest_in_plane(points, np.concatenate(loops), edges).distance
 
@@ -170,15 +178,15 @@ class Fillets:
     def count(self) -> int:
         return len(self.wall)
 
-    def beyond(self, arc: Ints, X: Floats) -> Floats:
+    def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
         """(p,) largest distance of points X (p, 3) beyond a chord of an arc (p,), metres."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
-    def outside(self, arc: Ints, X: Floats) -> Floats:
+    def outside_rays(self, arc: Ints, X: Floats) -> Floats:
         """(p,) largest distance of points X (p, 3) outside a ray of an arc (p,), metres."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
-    def some(self, chosen: Bools) -> "Fillets":
+    def subset(self, chosen: Bools) -> "Fillets":
         """Return the marked fillets (k,), with their void cells."""
         number = np.cumsum(chosen) - 1
         pair = self.pair[chosen[self.pair[:, 0]]]
@@ -186,7 +194,7 @@ class Fillets:
         return Fillets(**{name: getattr(self, name)[chosen] for name in COLUMNS}, pair=pair)
 
     @classmethod
-    def joined(cls, parts: Sequence["Fillets"]) -> "Fillets":
+    def from_parts(cls, parts: Sequence["Fillets"]) -> "Fillets":
         """Concatenate fillets."""
         before = np.cumsum([0, *(part.count for part in parts)])
         pair = np.concatenate([part.pair + [begin, 0] for part, begin in zip(parts, before[:-1], strict=True)])
@@ -200,97 +208,99 @@ def fitting_fillets(corners: Corners, radius: float) -> Fillets:
 
     Corners without a fitting arc are left out.
     """
-    done, taken = list[Fillets](), list[Stretches]()
+    accepted, taken = list[Fillets](), list[Stretches]()
     for tips, arcs in rolled_arcs(corners, radius, taken):
         for rays in (False, True):
-            for before in taken:
-                free = ~tips.stretches(arcs).meet(before, len(tips.first))
-                tips, arcs = tips.some(free), arcs.some(free)
-            rolled, clear = _cutting(tips, np.arange(len(tips.first)), arcs, rays)
-            done.append(rolled.some(clear))
-            taken.append(tips.some(clear).stretches(arcs.some(clear)))
-            corners = corners.beside(tips.some(clear), arcs.some(clear))
-    wanted = corners.largest(radius)
+            for earlier in taken:
+                free = ~tips.stretches(arcs).overlaps(earlier, len(tips.first))
+                tips, arcs = tips.subset(free), arcs.subset(free)
+            rolled, clear = _fillets_in_space(tips, np.arange(len(tips.first)), arcs, rays)
+            accepted.append(rolled.subset(clear))
+            taken.append(tips.subset(clear).stretches(arcs.subset(clear)))
+            corners = corners.with_arc_feet(tips.subset(clear), arcs.subset(clear))
+    radii = corners.largest(radius)
     smallest = 0.02 * radius  # corners with less room stay sharp
-    waiting = np.flatnonzero(wanted >= smallest)
+    waiting = np.flatnonzero(radii >= smallest)
     for _ in range(12):
-        arcs, factor = corners.arcs(waiting, wanted[waiting])
+        arcs, factor = corners.arcs(waiting, radii[waiting])
         fits = factor == 1
-        fillets, clear = _cutting(corners, waiting[fits], arcs.some(fits))
-        done.append(fillets.some(clear))
+        fillets, clear = _fillets_in_space(corners, waiting[fits], arcs.subset(fits))
+        accepted.append(fillets.subset(clear))
         factor[np.flatnonzero(fits)[~clear]] = SMALLER
-        wanted[waiting] *= factor
+        radii[waiting] *= factor
         waiting = waiting[factor < 1]
-        waiting = waiting[wanted[waiting] >= smallest]
+        waiting = waiting[radii[waiting] >= smallest]
         if not len(waiting):
             break
-    return Fillets.joined(done)
+    return Fillets.from_parts(accepted)
 
 
-def _cutting(corners: Corners, at: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
+def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
     """Chords in space for arcs at corners, and a mask of the clear ones: beyond them is no other wall, and no end."""
-    surface, walls, beside = corners.sheet.surface, corners.walls, corners.sheet.void_beside
+    surface, walls, void_neighbours = corners.sheet.surface, corners.walls, corners.sheet.void_neighbours
     flat, distance = arcs.chords()
-    normal = np.einsum("kcj,kji->kci", flat, corners.frames[at])
-    distance = distance + np.einsum("kci,ki->kc", normal, corners.origin[at])
-    arc, cell = np.arange(len(at)), walls.inside[corners.first[at]] // 3
-    ray, ray_distance = np.zeros((len(at), 2, 3)), np.ones((len(at), 2))
+    normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
+    distance = distance + np.einsum("kci,ki->kc", normal, corners.origin[corner_rows])
+    arc, cell = np.arange(len(corner_rows)), walls.inside[corners.first[corner_rows]] // 3
+    ray, ray_distance = np.zeros((len(corner_rows), 2, 3)), np.ones((len(corner_rows), 2))
     if rays:
         flat, ray_distance = arcs.rays()
-        ray = np.einsum("kcj,kji->kci", flat, corners.frames[at])
-        ray_distance = ray_distance + np.einsum("kci,ki->kc", ray, corners.origin[at])
+        ray = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
+        ray_distance = ray_distance + np.einsum("kci,ki->kc", ray, corners.origin[corner_rows])
     pair = np.stack([arc, cell], axis=1)
-    fillets = Fillets(corners.first[at], arcs.radius, normal, distance, ray, ray_distance, pair)
+    fillets = Fillets(corners.first[corner_rows], arcs.radius, normal, distance, ray, ray_distance, pair)
     seen = key = arc * surface.m + cell
-    clear = np.ones(len(at), dtype=bool)
+    clear = np.ones(len(corner_rows), dtype=bool)
     edge = np.zeros(surface.n, dtype=bool)
     edge[surface.edges.ends[surface.edges.boundary]] = True
     edge[walls.start] = True
     while len(key):
         arc, cell = key // surface.m, key % surface.m
         vertex = surface.F[cell]
-        beyond = np.stack([fillets.beyond(arc, surface.V[v]) for v in vertex.T], axis=1)
-        outside = np.stack([fillets.outside(arc, surface.V[v]) for v in vertex.T], axis=1)
+        beyond = np.stack([fillets.beyond_chords(arc, surface.V[v]) for v in vertex.T], axis=1)
+        outside = np.stack([fillets.outside_rays(arc, surface.V[v]) for v in vertex.T], axis=1)
         least = SNAP * arcs.radius[arc][:, None]
         row, c = np.nonzero((beyond > -least) & edge[vertex])
-        between = corners.between_feet(at[arc[row]], arcs.some(arc[row]), vertex[row, c])
-        out = outside[row, c]
-        stray = np.where(between, out > least[row, 0], out < -least[row, 0])
+        between = corners.between_feet(corner_rows[arc[row]], arcs.subset(arc[row]), vertex[row, c])
+        excess = outside[row, c]
+        stray = np.where(between, excess > least[row, 0], excess < -least[row, 0])
         clear[arc[row[stray]]] = False
-        through = (np.maximum(beyond, np.roll(beyond, -1, axis=1)) > 0) & (beside[cell] >= 0)
+        through = (np.maximum(beyond, np.roll(beyond, -1, axis=1)) > 0) & (void_neighbours[cell] >= 0)
         through &= np.minimum(outside, np.roll(outside, -1, axis=1)) < 0
         row, c = np.nonzero(through & clear[arc][:, None])
-        key = np.setdiff1d(arc[row] * surface.m + beside[cell][row, c], seen)
+        key = np.setdiff1d(arc[row] * surface.m + void_neighbours[cell][row, c], seen)
         seen = np.concatenate([seen, key])
     fillets = replace(fillets, pair=np.stack([seen // surface.m, seen % surface.m], axis=1))
-    return fillets, clear & _within_feet(corners, at, arcs, fillets)
+    return fillets, clear & _within_feet(corners, corner_rows, arcs, fillets)
 
 
-def _within_feet(corners: Corners, at: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
+def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
     """(k,) mask of arcs at corners (k,) that fill nothing farther from the corner, in its plane, than their feet.
 
     At a fold the void may turn back under itself and lie beyond a chord again. Without this test an arc would fill the
     opening all along the fold.
     """
     surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
-    most = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
+    reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
-    def farther(arc: Ints, X: Floats) -> Bools:
-        flat = np.einsum("p...i,pji->p...j", X - corners.origin[at[arc]][:, None], corners.frames[at[arc]])
-        return np.asarray(np.linalg.norm(flat, axis=-1) > most[arc][:, None])
+    def beyond_reach(arc: Ints, X: Floats) -> Bools:
+        flat = np.einsum(
+            "p...i,pji->p...j", X - corners.origin[corner_rows[arc]][:, None], corners.frames[corner_rows[arc]]
+        )
+        return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
-    some = farther(arc, surface.V[surface.F[cell]]).any(axis=1)  # other cells are near the corner
-    arc, X = arc[some], surface.V[surface.F[cell[some]]]
-    bad = np.zeros(len(at), dtype=bool)
+    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # other cells are near the corner
+    arc, X = arc[far_rows], surface.V[surface.F[cell[far_rows]]]
+    bad = np.zeros(len(corner_rows), dtype=bool)
     for c in range(fillets.normal.shape[1]):
-        here = np.einsum("pvi,pi->pv", X, fillets.normal[arc, c]) - fillets.distance[arc, c][:, None]
-        there = np.roll(here, -1, axis=1)
-        crossed = here * there < 0
-        share = np.divide(here, here - there, out=np.zeros_like(here), where=crossed)
+        depth = np.einsum("pvi,pi->pv", X, fillets.normal[arc, c]) - fillets.distance[arc, c][:, None]
+        next_depth = np.roll(depth, -1, axis=1)
+        crossed = depth * next_depth < 0
+        share = np.divide(depth, depth - next_depth, out=np.zeros_like(depth), where=crossed)
         ends = X + share[:, :, None] * (np.roll(X, -1, axis=1) - X)
-        out = np.einsum("pvi,pri->pvr", ends, fillets.ray[arc]) - fillets.ray_distance[arc][:, None]
-        far = (crossed | (here > 0)) & (out < 0).all(axis=2) & farther(arc, ends)
-        bad[arc[far.any(axis=1)]] = True
+        ray_excess = np.einsum("pvi,pri->pvr", ends, fillets.ray[arc]) - fillets.ray_distance[arc][:, None]
+        too_far = (crossed | (depth > 0)) & (ray_excess < 0).all(axis=2) & beyond_reach(arc, ends)
+        bad[arc[too_far.any(axis=1)]] = True
     return ~bad
 
 
@@ -312,44 +322,44 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
     """
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
-    corners = Corners.of(sheet)
+    corners = Corners.from_sheet(sheet)
     if not len(corners.walls.start):
         return sheet, np.empty(0)
     fillets = fitting_fillets(corners, radius)
     while fillets.count:
-        done = _with_fillets(corners, fillets)
-        clear = _clear_of(corners, fillets, done.surface.V[pinched_vertices(done)])
+        rounded = _with_fillets(corners, fillets)
+        clear = _clear_of_points(corners, fillets, rounded.surface.V[pinched_vertices(rounded)])
         if clear.all():
-            return done, fillets.radius
-        fillets = fillets.some(clear)
+            return rounded, fillets.radius
+        fillets = fillets.subset(clear)
     return sheet, np.empty(0)
 
 
-def _clear_of(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
+def _clear_of_points(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
     surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
-    box, near = surface.V[surface.F[cell]], SNAP * fillets.radius[arc][:, None]
+    box, margin = surface.V[surface.F[cell]], SNAP * fillets.radius[arc][:, None]
     clear = np.ones(fillets.count, dtype=bool)
     for x in X:
-        clear[arc[((box.min(axis=1) - near <= x) & (x <= box.max(axis=1) + near)).all(axis=1)]] = False
+        clear[arc[((box.min(axis=1) - margin <= x) & (x <= box.max(axis=1) + margin)).all(axis=1)]] = False
     return clear
 
 
 def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
     sheet, surface = corners.sheet, corners.sheet.surface
-    some = Recut.of(sheet, fillets.pair[:, 1])
-    which, mesh = some.cells, some.mesh
-    corner = np.searchsorted(some.vertices, corners.walls.start[fillets.wall])
+    recut = Recut.from_cells(sheet, fillets.pair[:, 1])
+    which, mesh = recut.cells, recut.mesh
+    corner = np.searchsorted(recut.vertices, corners.walls.start[fillets.wall])
     family = sheet.family[corners.walls.outside[fillets.wall] // 3]
     arc, cell = fillets.pair[:, 0], np.searchsorted(which, fillets.pair[:, 1])
     colour, root = _colours(arc, mesh.cells.corner.reshape(-1, 3)[cell]), np.arange(len(which))
     for group in range(int(colour.max()) + 1):
-        mine = np.full(len(which), -1)
+        arc_of_cell = np.full(len(which), -1)
         pairs = colour[arc] == group
-        mine[cell[pairs]] = arc[pairs]
-        mesh, source, filled_in = _filled_corners(mesh, mine[root], fillets, corner, surface.size)
+        arc_of_cell[cell[pairs]] = arc[pairs]
+        mesh, source, filled_in = _filled_corners(mesh, arc_of_cell[root], fillets, corner, surface.size)
         root = root[source]
-        mesh.family[filled_in] = family[mine[root[filled_in]]]
-    return some.together(mesh, root)
+        mesh.family[filled_in] = family[arc_of_cell[root[filled_in]]]
+    return recut.merged_sheet(mesh, root)
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
@@ -364,11 +374,11 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
     colour, waiting, group = np.full(count, -1), np.ones(count, dtype=bool), 0
     while waiting.any():
-        on = waiting[arc]
-        best = np.full(int(vertex.max()) + 1, count)
-        np.minimum.at(best, vertex[on], rank[arc[on]])
+        active = waiting[arc]
+        lowest_rank = np.full(int(vertex.max()) + 1, count)
+        np.minimum.at(lowest_rank, vertex[active], rank[arc[active]])
         chosen = waiting.copy()
-        chosen[arc[on & (best[vertex] != rank[arc])]] = False
+        chosen[arc[active & (lowest_rank[vertex] != rank[arc])]] = False
         colour[chosen], group = group, group + 1
         waiting &= ~chosen
     return colour
@@ -393,24 +403,24 @@ def _filled_corners(
             continue
         x = _heights(mesh, arc, active, normal, distance, SNAP * fillets.radius)
         split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, Snapping(0.0, size))
-        mesh, came = mesh.after(split), split.source
-        source, arc, beyond = source[came], arc[came], beyond[came]
+        mesh, split_source = mesh.after_split(split), split.source
+        source, arc, beyond = source[split_source], arc[split_source], beyond[split_source]
         if outside:
             arc = np.where(split.strip == 1, -1, arc)
         else:
             beyond |= split.strip == 1
-    part = mesh.parts(beyond)
-    at = beyond[mesh.cells.owner] & (mesh.cells.corner == corner[arc[mesh.cells.owner]])
-    wanted = np.zeros(len(beyond), dtype=bool)
-    wanted[part[mesh.cells.owner[at]]] = True
-    return mesh, source, beyond & wanted[part]
+    part = mesh.part_labels(beyond)
+    corner_slots = beyond[mesh.cells.owner] & (mesh.cells.corner == corner[arc[mesh.cells.owner]])
+    at_corner = np.zeros(len(beyond), dtype=bool)
+    at_corner[part[mesh.cells.owner[corner_slots]]] = True
+    return mesh, source, beyond & at_corner[part]
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
     """(n',) metres of active polygons' vertices beyond a plane (k, 3), (k,) of their arc (c,); 0 under `snap` (k,)."""
     slots = mesh.cells.slots(np.flatnonzero(active))
-    vertex, mine = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
-    height = np.einsum("ki,ki->k", normal[mine], mesh.X[vertex]) - distance[mine]
+    vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
+    height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]
     x = np.zeros(len(mesh.X))
-    x[vertex] = np.where(np.abs(height) < snap[mine], 0.0, height)
+    x[vertex] = np.where(np.abs(height) < snap[arc_of_slot], 0.0, height)
     return x

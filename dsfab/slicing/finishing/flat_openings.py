@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.sheet import Sheet, part_of
+from dsfab.slicing.cutting.sheet import Sheet, face_subset
 from dsfab.slicing.finishing.opening_corners import TINY, unit
-from dsfab.slicing.finishing.walls import Walls, following
-from dsfab.surface import NearestPlaces, nearest, pieces
+from dsfab.slicing.finishing.walls import Walls, next_in_chains
+from dsfab.surface import NearestPlaces, nearest_places, pieces
 
 if TYPE_CHECKING:
     import manifold3d
@@ -37,27 +37,27 @@ class FlatOpenings:
     frame: Floats
 
     @classmethod
-    def of(cls, sheet: Sheet, walls: Walls) -> "FlatOpenings":
+    def from_sheet(cls, sheet: Sheet, walls: Walls) -> "FlatOpenings":
         """Return the openings of a sheet, laid beside one another at distances of twice the largest."""
-        void, face = part_of(sheet.surface, ~sheet.material)
+        void, face = face_subset(sheet.surface, ~sheet.material)
         count, label = pieces(void.F, void.edges)
         opening = np.empty(sheet.surface.m, dtype=np.int64)
         opening[face] = label
-        mine = opening[walls.inside // 3]
-        whole = np.ones(count, dtype=bool)
-        whole[mine[~walls.closed[walls.chain]]] = False
-        wall = np.flatnonzero(whole[mine])
-        mine = mine[wall]
-        frame = _mean_planes(void.normals * void.areas[:, None], label, count)[mine]
+        opening_of_wall = opening[walls.inside // 3]
+        is_closed = np.ones(count, dtype=bool)
+        is_closed[opening_of_wall[~walls.closed[walls.chain]]] = False
+        wall = np.flatnonzero(is_closed[opening_of_wall])
+        opening_of_wall = opening_of_wall[wall]
+        frame = _mean_planes(void.normals * void.areas[:, None], label, count)[opening_of_wall]
         start = np.einsum("wi,wji->wj", sheet.surface.V[walls.start[wall]], frame)
         low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-        np.minimum.at(low, mine, start)
-        np.maximum.at(high, mine, start)
-        size = float(np.max((high - low)[whole], initial=0.0))
+        np.minimum.at(low, opening_of_wall, start)
+        np.maximum.at(high, opening_of_wall, start)
+        size = float(np.max((high - low)[is_closed], initial=0.0))
         across = int(np.ceil(np.sqrt(count)))
         place = np.stack([np.arange(count) % across, np.arange(count) // across], axis=1) * 2 * size
         chain = np.cumsum(np.diff(walls.chain[wall], prepend=walls.chain[wall[:1]]) != 0)
-        return cls(wall, chain, following(chain), start - low[mine] + place[mine], frame)
+        return cls(wall, chain, next_in_chains(chain), start - low[opening_of_wall] + place[opening_of_wall], frame)
 
     @cached_property
     def shape(self) -> "manifold3d.CrossSection":
@@ -69,16 +69,16 @@ class FlatOpenings:
 
     def room(self, radius: float) -> "manifold3d.CrossSection":
         """The middles of all discs of a radius, metres, that lie inside."""
-        return offset(self.shape, -radius)
+        return offset_shape(self.shape, -radius)
 
-    def touched(self, points: Floats) -> tuple[Ints, Floats]:
+    def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
         """(p,) the nearest wall to points (p, 2), by its place in `wall`, and the share of it before the nearest
         point.
         """
-        found = self._nearest(points)
-        one, two = self.start[found.simplex], self.start[self.after[found.simplex]]
-        size = np.maximum(np.linalg.norm(two - one, axis=1), TINY)
-        return found.simplex, np.clip(np.linalg.norm(found.place[:, :2] - one, axis=1) / size, 0, 1)
+        nearest_places = self._nearest(points)
+        start, finish = self.start[nearest_places.simplex], self.start[self.after[nearest_places.simplex]]
+        size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
+        return nearest_places.simplex, np.clip(np.linalg.norm(nearest_places.place[:, :2] - start, axis=1) / size, 0, 1)
 
     def distance(self, points: Floats) -> Floats:
         """(p,) metres from points (p, 2) to the nearest wall."""
@@ -90,10 +90,10 @@ class FlatOpenings:
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
     """The places nearest to points (k, 2) on edges (m, 2) or vertices (m, 1) of V (n, 2)."""
-    return nearest(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
+    return nearest_places(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 
-def offset(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSection":
+def offset_shape(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSection":
     """Grow a shape by a length, or shrink it by a negative one."""
     import manifold3d
 
@@ -102,8 +102,8 @@ def offset(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSect
 
 def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
     mean = unit(np.stack([np.bincount(label, x, count) for x in normal.T], axis=1))
-    one = unit(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
-    return np.stack([one, np.cross(mean, one)], axis=1)
+    first_axis = unit(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
+    return np.stack([first_axis, np.cross(mean, first_axis)], axis=1)
 
 
 LONG, BULKY = 4.0, 0.7
@@ -122,8 +122,8 @@ class NarrowPart:
 
     def narrowest(self) -> Floats:
         """(2, 2) the nearest points of two runs."""
-        found = [_nearest(a, b) for a, b in combinations(self.runs, 2)]
-        return min(found, key=lambda points: float(np.linalg.norm(points[1] - points[0])))
+        pairs = [_nearest_points(a, b) for a, b in combinations(self.runs, 2)]
+        return min(pairs, key=lambda points: float(np.linalg.norm(points[1] - points[0])))
 
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
@@ -134,7 +134,7 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     """
     if not len(flat.wall):
         return
-    parts = (flat.shape - offset(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
+    parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
     loops = [part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2]  # smaller ones are rounding
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
@@ -142,24 +142,24 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     middles = np.concatenate([(loop + np.roll(loop, -1, axis=0)) / 2 for loop in outlines])
     on_wall = flat.distance(middles) < 4e-4 * radius
     start = np.cumsum([0, *(len(loop) for loop in outlines)])
-    for k in _looked_at(np.concatenate(outlines), on_wall, start[:-1], LONG * radius).tolist():
-        outline, on = outlines[k], on_wall[start[k] : start[k + 1]]
-        if on.all():
+    for k in _outlines_to_check(np.concatenate(outlines), on_wall, start[:-1], LONG * radius).tolist():
+        outline, touches_wall = outlines[k], on_wall[start[k] : start[k + 1]]
+        if touches_wall.all():
             yield NarrowPart(outline, ())
-        elif len(runs := _runs(outline, on, 0.02 * radius)) > 1:
+        elif len(runs := _runs(outline, touches_wall, 0.02 * radius)) > 1:
             yield NarrowPart(outline, runs)
         elif len(runs) == 1 and _is_alley(runs[0], radius):
-            yield NarrowPart(outline, _beside_mouth(runs[0], radius))
+            yield NarrowPart(outline, _mouth_sides(runs[0], radius))
 
 
-def _looked_at(points: Floats, on_wall: Bools, start: Ints, long: float) -> Ints:
+def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length: float) -> Ints:
     """Outlines, with starts (k,) in points (p, 2), on walls alone, in several runs, or long; others are tips."""
     before = np.arange(len(points)) - 1
     before[start] = np.append(start[1:], len(points)) - 1
     runs = np.add.reduceat((on_wall & ~on_wall[before]).astype(np.int64), start)
     box = np.maximum.reduceat(points, start) - np.minimum.reduceat(points, start)
-    whole = np.logical_and.reduceat(on_wall, start)
-    return np.flatnonzero(whole | (runs > 1) | ((runs == 1) & (np.linalg.norm(box, axis=1) > long)))
+    all_on_wall = np.logical_and.reduceat(on_wall, start)
+    return np.flatnonzero(all_on_wall | (runs > 1) | ((runs == 1) & (np.linalg.norm(box, axis=1) > least_length)))
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
@@ -186,23 +186,25 @@ def _is_alley(run: Floats, radius: float) -> bool:
     return length > LONG * radius and area > BULKY * mouth * length
 
 
-def _beside_mouth(run: Floats, radius: float) -> tuple[Floats, Floats]:
+def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
     """The stretches (s, 2) of the wall (r, 2) around a blind alley near its mouth, one on each side."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
     low, high = 1.2 * radius, 3.2 * radius  # from the mouth, along the walls
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
-        at = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])
-        sides.append(np.stack([np.interp(at, place, x) for x in run.T], axis=1))
+        stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])
+        sides.append(np.stack([np.interp(stations, place, x) for x in run.T], axis=1))
     return sides[0], sides[1]
 
 
-def _nearest(one: Floats, two: Floats) -> Floats:
-    found = []
-    for points, line, turned in ((one, two, False), (two, one, True)):
+def _nearest_points(line_a: Floats, line_b: Floats) -> Floats:
+    candidates = []
+    for points, line, turned in ((line_a, line_b, False), (line_b, line_a, True)):
         simplex = np.arange(len(line))[:, None]
-        near = nearest_in_plane(points, line, simplex if len(line) == 1 else np.hstack([simplex[:-1], simplex[1:]]))
-        k = int(near.squared.argmin())
-        pair = np.stack([points[k], near.place[k, :2]])
-        found.append((float(near.squared[k]), pair[::-1] if turned else pair))
-    return min(found, key=lambda each: each[0])[1]
+        nearest_places = nearest_in_plane(
+            points, line, simplex if len(line) == 1 else np.hstack([simplex[:-1], simplex[1:]])
+        )
+        k = int(nearest_places.squared.argmin())
+        pair = np.stack([points[k], nearest_places.place[k, :2]])
+        candidates.append((float(nearest_places.squared[k]), pair[::-1] if turned else pair))
+    return min(candidates, key=lambda each: each[0])[1]

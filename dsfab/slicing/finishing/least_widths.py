@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, along_segments
-from dsfab.slicing.cutting.sheet import Sheet, inner_walls, medians, part_of
+from dsfab.core.arrays import Floats, Ints, positions_on_segments
+from dsfab.slicing.cutting.sheet import Sheet, face_subset, inner_walls, weighted_medians
 from dsfab.slicing.finishing.flat_openings import FlatOpenings, narrow_parts
 from dsfab.slicing.finishing.openings import SNAP as OPENINGS_SNAP
 from dsfab.slicing.finishing.openings import Merging, Openings, Strip, filled_slits, with_strips
@@ -27,7 +27,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
     """
     if not cells.has_openings:
         return NOWHERE
-    void, from_void = part_of(cells.surface, ~cells.material)
+    void, from_void = face_subset(cells.surface, ~cells.material)
     across = crossings(void, inner_walls(void, cells.surface, from_void), tips=tips, reach=least)
     return _narrowest(void, across, least, apart, widest)
 
@@ -36,9 +36,9 @@ def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
     """(k, 2, 3) points on both sides of members between openings that are narrow, under `least` metres and `LOCAL`."""
     if not cells.has_openings:
         return NOWHERE
-    material, from_material = part_of(cells.surface, cells.material)
+    material, from_material = face_subset(cells.surface, cells.material)
     across = crossings(material, inner_walls(material, cells.surface, from_material))
-    usual = medians(across.width, across.weight, np.zeros(len(across.width), dtype=np.int64), 1)[0]
+    usual = weighted_medians(across.width, across.weight, np.zeros(len(across.width), dtype=np.int64), 1)[0]
     return _narrowest(material, across, min(least, LOCAL * float(usual)), apart)
 
 
@@ -46,17 +46,17 @@ def usual_width(cells: Sheet) -> float:
     """Median width of members along the walls of openings, metres; infinite without openings."""
     if not cells.has_openings:
         return float("inf")
-    material, from_material = part_of(cells.surface, cells.material)
+    material, from_material = face_subset(cells.surface, cells.material)
     inner = inner_walls(material, cells.surface, from_material)
-    across = crossings(material, material.edges.boundary, inner, at=(MIDDLE,))
-    return float(medians(across.width, across.weight, np.zeros(len(across.width), dtype=np.int64), 1)[0])
+    across = crossings(material, material.edges.boundary, inner, shares=(MIDDLE,))
+    return float(weighted_medians(across.width, across.weight, np.zeros(len(across.width), dtype=np.int64), 1)[0])
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
     """(k, 2, 3) points on both sides of members narrower than `least` metres, also between an opening and an edge."""
     if not cells.has_openings:
         return NOWHERE
-    material, from_material = part_of(cells.surface, cells.material)
+    material, from_material = face_subset(cells.surface, cells.material)
     inner = inner_walls(material, cells.surface, from_material)
     across = crossings(material, material.edges.boundary, inner, reach=least)
     return _narrowest(material, across, least, apart)
@@ -65,8 +65,18 @@ def members_under(cells: Sheet, least: float, apart: float) -> Floats:
 def _narrowest(part: Surface, across: Crossings, least: float, apart: float, widest: bool = False) -> Floats:
     narrow = np.flatnonzero(across.width < least)
     narrow = narrow[np.argsort(-across.width[narrow] if widest else across.width[narrow], kind="stable")]
-    start, (one, two) = across.place[narrow], part.V[part.edges.ends[across.walls[narrow, 1]]].transpose(1, 0, 2)
-    ends = np.stack([start, one + along_segments(start, one, two)[:, None] * (two - one)], axis=1)
+    start, (segment_start, segment_end) = (
+        across.place[narrow],
+        part.V[part.edges.ends[across.walls[narrow, 1]]].transpose(1, 0, 2),
+    )
+    ends = np.stack(
+        [
+            start,
+            segment_start
+            + positions_on_segments(start, segment_start, segment_end)[:, None] * (segment_end - segment_start),
+        ],
+        axis=1,
+    )
     chosen, middles = list[int](), np.empty((0, 3))
     for k, middle in enumerate(ends.mean(axis=1)):
         if not (np.linalg.norm(middles - middle, axis=1) < apart).any():
@@ -97,12 +107,12 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     for _ in range(4):  # a bridge may leave necks on both of its sides
         if not cells.has_openings:
             break
-        walls = Walls.of(cells)
-        necks, lost = _narrow(cells, walls, width)
-        cells, more = _with_bridges(_filled(cells, lost), walls, necks, width)
-        if not more:
+        walls = Walls.from_sheet(cells)
+        necks, lost = _necks_and_lost_openings(cells, walls, width)
+        cells, new_count = _with_bridges(_fill_openings(cells, lost), walls, necks, width)
+        if not new_count:
             break
-        count += more
+        count += new_count
     return cells, count
 
 
@@ -128,10 +138,10 @@ def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENING
     """
     if not len(places):
         return cells, 0
-    walls = Walls.of(cells)
+    walls = Walls.from_sheet(cells)
     wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
     pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
-    necks = [Neck(place, (one, two)) for place, (one, two) in pairs]
+    necks = [Neck(place, (wall_a, wall_b)) for place, (wall_a, wall_b) in pairs]
     return _with_bridges(cells, walls, necks, width, snap)
 
 
@@ -142,15 +152,15 @@ def _with_bridges(
     return with_strips(cells, bridges, width, snap)
 
 
-def _narrow(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[int]]:
+def _necks_and_lost_openings(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[int]]:
     """The necks of openings, and a void cell of each opening that is too narrow everywhere."""
-    flat = FlatOpenings.of(cells, walls)
+    flat = FlatOpenings.from_sheet(cells, walls)
     necks, lost = [], list[int]()
     for part in narrow_parts(flat, width / 2):
         if not part.runs:
-            lost.append(int(walls.inside[flat.wall[flat.touched(part.outline[:1])[0][0]]]) // 3)
+            lost.append(int(walls.inside[flat.wall[flat.nearest_walls(part.outline[:1])[0][0]]]) // 3)
             continue
-        number, share = flat.touched(part.narrowest())
+        number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
         ends = walls.points(cells.surface.V, wall, share)
         if np.linalg.norm(ends[1] - ends[0]) < width:  # else it only looks narrow in projection
@@ -158,20 +168,20 @@ def _narrow(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[
     return necks, lost
 
 
-def _filled(cells: Sheet, lost: list[int]) -> Sheet:
-    every = Openings.of(cells) if lost else None
+def _fill_openings(cells: Sheet, lost: list[int]) -> Sheet:
+    every = Openings.from_sheet(cells) if lost else None
     if every is None:
         return cells
-    wanted = np.zeros(every.count, dtype=bool)
-    wanted[every.label[np.searchsorted(every.face, lost)]] = True
-    return every.filled(wanted)
+    to_fill = np.zeros(every.count, dtype=bool)
+    to_fill[every.label[np.searchsorted(every.face, lost)]] = True
+    return every.fill(to_fill)
 
 
 def _bridge(cells: Sheet, walls: Walls, neck: Neck, width: float) -> Strip | None:
     """The strip between both walls of a neck; None if it would not end there."""
     gap = float(np.linalg.norm(neck.ends[1] - neck.ends[0]))
     half = np.array([gap / 2 + REACH * width, width / 2])
-    strip = Strip.of(cells, walls, neck.walls[0], neck.ends, half)
+    strip = Strip.between_walls(cells, walls, neck.walls[0], neck.ends, half)
     return strip if strip is not None and int(walls.inside[neck.walls[1]]) // 3 in strip.cells else None
 
 
@@ -182,23 +192,23 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     """
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
-    walls, half = Walls.of(cells), np.array([1.04 * least / 2, least / 2])
+    walls, half = Walls.from_sheet(cells), np.array([1.04 * least / 2, least / 2])
     wall, ends = walls.nearest(cells.surface.V, narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
     goes_on = _way_around(walls, wall) > 6.0 * least  # else the member ends there
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
-        both = (Strip.of(cells, walls, side, place, half) for side in sides)
-        strips += [strip for strip in both if strip is not None]
-    done, count = with_strips(cells, strips, least)
-    return done, -(-count // 2)
+        side_strips = (Strip.between_walls(cells, walls, side, place, half) for side in sides)
+        strips += [strip for strip in side_strips if strip is not None]
+    widened, count = with_strips(cells, strips, least)
+    return widened, -(-count // 2)
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
     """(k,) metres along the opening from one of two walls (k, 2) to the other; infinite between two openings."""
     chain, place = walls.chain[wall], walls.place[wall]
-    way = np.abs(place[:, 1] - place[:, 0])
-    around = np.where(walls.closed[chain[:, 0]], np.minimum(way, walls.total[chain[:, 0]] - way), way)
+    direct = np.abs(place[:, 1] - place[:, 0])
+    around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)
     return np.where(chain[:, 0] == chain[:, 1], around, np.inf)
 
 
@@ -238,8 +248,8 @@ def with_least_widths(
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
     bridged, widened = 0, 0
     for _ in range(TURNS):
-        cells, bridges = _closed(cells, gap)
-        cells, strips = _broadened(cells, member)
+        cells, bridges = _with_bridged_gaps(cells, gap)
+        cells, strips = _with_wider_members(cells, member)
         bridged, widened = bridged + bridges, widened + strips
         if not strips:
             break
@@ -262,13 +272,13 @@ def _without_necks(cells: Sheet, neck: float) -> tuple[Sheet, int]:
 
 
 def _without_specks(cells: Sheet, gap: float) -> tuple[Sheet, int]:
-    every = Openings.of(cells) if gap else None
-    if every is None or not (small := every.round_sizes < gap).any():
+    every = Openings.from_sheet(cells) if gap else None
+    if every is None or not (small := every.hydraulic_diameters < gap).any():
         return cells, 0
-    return every.filled(small), int(small.sum())
+    return every.fill(small), int(small.sum())
 
 
-def _closed(cells: Sheet, gap: float) -> tuple[Sheet, int]:
+def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
     total, idle = 0, 0
     for attempt in range(MOST_ROUNDS if gap else 0):
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
@@ -279,25 +289,25 @@ def _closed(cells: Sheet, gap: float) -> tuple[Sheet, int]:
     return cells, total
 
 
-def _broadened(cells: Sheet, member: float) -> tuple[Sheet, int]:
+def _with_wider_members(cells: Sheet, member: float) -> tuple[Sheet, int]:
     total = 0
     for _ in range(MOST_ROUNDS if member else 0):
-        cells, count = _widened(cells, members_under(cells, member, 1.5 * member), member)
+        cells, count = _with_side_strips(cells, members_under(cells, member, 1.5 * member), member)
         total += count
         if not count:
             break
     return cells, total
 
 
-def _widened(cells: Sheet, places: Floats, member: float) -> tuple[Sheet, int]:
+def _with_side_strips(cells: Sheet, places: Floats, member: float) -> tuple[Sheet, int]:
     """Strips on both sides of members at points (k, 2, 3) on their walls, without surface edges, and their number."""
     if not len(places):
         return cells, 0
-    walls, half = Walls.of(cells), np.array([1.1 * member / 2, 1.5 * member])  # walls are not quite parallel
+    walls, half = Walls.from_sheet(cells), np.array([1.1 * member / 2, 1.5 * member])  # walls are not quite parallel
     wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
     inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # else on the surface edge
     strips = []
-    for place, sides, on in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
-        both = (Strip.of(cells, walls, side, place, half) for side in sides[on].tolist())
-        strips += [strip for strip in both if strip is not None]
+    for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
+        side_strips = (Strip.between_walls(cells, walls, side, place, half) for side in sides[on_wall].tolist())
+        strips += [strip for strip in side_strips if strip is not None]
     return with_strips(cells, strips, member, SNAP)

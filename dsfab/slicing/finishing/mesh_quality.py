@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, distinct, from_segments, grouped
+from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, distinct, equal_key_groups
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.slicing.cutting.split import CELL_AREA
 from dsfab.surface.mesh import Surface
@@ -44,7 +44,7 @@ GAIN = 1.01
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
+class CellMesh:
     """Cells F (m', 3) on places V (n', 3), the face and family (m',) of each, and the uncut surface.
 
     normal  : (m, 3) unit normals of the uncut faces.    corner : (m, 3) their vertices.
@@ -78,8 +78,8 @@ class Cut:
     def edge(self, a: Ints, b: Ints) -> Ints:
         """(k,) the edges between vertices a (k,) and b (k,), -1 for missing ones."""
         key = self.key(a, b)
-        at = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
-        return np.where(self.keys[at] == key, at, -1)
+        index = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
+        return np.where(self.keys[index] == key, index, -1)
 
     @cached_property
     def lines(self) -> Bools:
@@ -108,7 +108,7 @@ class Cut:
         return total
 
     @cached_property
-    def angle(self) -> Floats:
+    def smallest_angle(self) -> Floats:
         """(m',) the smallest angle of each cell."""
         return self.angles(self.F, self.parent)
 
@@ -121,10 +121,10 @@ class Cut:
         back = -np.roll(sides, 1, axis=1)
         twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), self.normal[parent])
         angle = np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1)
-        return np.where(np.abs(twice) <= 2 * self.least, 0.0, angle)
+        return np.where(np.abs(twice) <= 2 * self.least_area, 0.0, angle)
 
     @cached_property
-    def least(self) -> float:
+    def least_area(self) -> float:
         """Least area of a cell, square metres."""
         return CELL_AREA * float(np.sum(np.ptp(self.V, axis=0) ** 2))
 
@@ -135,9 +135,9 @@ class Cut:
         faces : (3 m',).    start : (n' + 1,).
         """
         start = np.concatenate([[0], np.cumsum(np.bincount(self.F.ravel(), minlength=len(self.V)))])
-        return grouped(self.F.ravel())[0] // 3, start
+        return equal_key_groups(self.F.ravel())[0] // 3, start
 
-    def around(self, vertex: Ints) -> tuple[Ints, Ints]:
+    def star_cells(self, vertex: Ints) -> tuple[Ints, Ints]:
         """Rows into `vertex` (k,), ascending, and the cells around it, one by one."""
         faces, start = self.stars
         count = start[vertex + 1] - start[vertex]
@@ -145,54 +145,54 @@ class Cut:
         begin = np.repeat(start[vertex] - np.concatenate([[0], np.cumsum(count)[:-1]]), count)
         return row, faces[begin + np.arange(len(row))]
 
-    def with_cells(self, F: Ints, kept: Bools | None = None, strayed: Floats | None = None) -> "Cut":
+    def with_cells(self, F: Ints, keep: Bools | None = None, strayed: Floats | None = None) -> "CellMesh":
         """Return the cells F (m', 3), by default all, else the marked ones (m',); strayed (n',) metres, by default
         unchanged.
         """
-        kept = np.ones(len(F), dtype=bool) if kept is None else kept
+        keep = np.ones(len(F), dtype=bool) if keep is None else keep
         return replace(
             self,
-            F=F[kept],
-            parent=self.parent[kept],
-            family=self.family[kept],
+            F=F[keep],
+            parent=self.parent[keep],
+            family=self.family[keep],
             strayed=self.strayed if strayed is None else strayed,
         )
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
     """(k,) mask of steps whose faces no better step needs; step row[i] of rank[row[i]] needs face[i] of m."""
-    best = np.full(m, len(rank))
-    np.minimum.at(best, face, rank[row])
+    lowest_rank = np.full(m, len(rank))
+    np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
-    free[row[best[face] != rank[row]]] = False
+    free[row[lowest_rank[face] != rank[row]]] = False
     return free
 
 
-class Moves(NamedTuple):
+class CollapseMoves(NamedTuple):
     """Moves of vertices v (k,) onto their neighbours w (k,), and the stray of stripe edges after them, metres."""
 
     v: Ints
     w: Ints
     strayed: Floats
 
-    def some(self, which: Bools | Ints) -> "Moves":
-        return Moves(self.v[which], self.w[which], self.strayed[which])
+    def subset(self, which: Bools | Ints) -> "CollapseMoves":
+        return CollapseMoves(self.v[which], self.w[which], self.strayed[which])
 
 
-def collapsed(cut: Cut, tolerance: float) -> tuple[Cut, int]:
+def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
     """Collapse edges once to raise the smallest angle around a vertex; return also the number of collapses.
 
     tolerance : largest distance of an edge of a stripe, of a family or of the surface from its first place, metres.
     """
     moves = _along_lines(cut, _candidates(cut), tolerance)
-    moves, gain = _better(cut, moves)
+    moves, gain = _improving_moves(cut, moves)
     if not len(moves.v):
         return cut, 0
     rank = np.empty(len(gain), dtype=np.int64)
     rank[np.argsort(-gain, kind="stable")] = np.arange(len(gain))
-    stars = [cut.around(end) for end in (moves.v, moves.w)]
+    stars = [cut.star_cells(end) for end in (moves.v, moves.w)]
     row, face = (np.concatenate(column) for column in zip(*stars, strict=True))
-    moves = moves.some(independent(row, face, rank, len(cut.F)))
+    moves = moves.subset(independent(row, face, rank, len(cut.F)))
     onto = np.arange(len(cut.V))
     onto[moves.v] = moves.w
     F = onto[cut.F]
@@ -203,26 +203,26 @@ def collapsed(cut: Cut, tolerance: float) -> tuple[Cut, int]:
     for p, q in (ends.T, ends[:, ::-1].T):
         np.maximum.at(strayed, onto[q], moved[p])
     np.maximum.at(strayed, moves.w, moves.strayed)
-    whole = (np.roll(F, 1, axis=1) != F).all(axis=1)
-    return cut.with_cells(F, whole, strayed), len(moves.v)
+    has_area = (np.roll(F, 1, axis=1) != F).all(axis=1)
+    return cut.with_cells(F, has_area, strayed), len(moves.v)
 
 
-def _candidates(cut: Cut) -> Moves:
+def _candidates(cut: CellMesh) -> CollapseMoves:
     """Moves of vertices of the cut away from cells with angles under 25 degrees, within all uncut faces around them."""
-    poor = (cut.angle < 25) & (cut.family != VOID)
+    poor = (cut.smallest_angle < 25) & (cut.family != VOID)
     edge = distinct(cut.edges.of[poor])
     v, w = np.concatenate([cut.edges.ends[edge], cut.edges.ends[edge][:, ::-1]]).T
-    made = (cut.support[v] >= 0).sum(axis=1) > 1
-    v, w = v[made], w[made]
-    row, face = cut.around(v)
+    is_new = (cut.support[v] >= 0).sum(axis=1) > 1
+    v, w = v[is_new], w[is_new]
+    row, face = cut.star_cells(v)
     corner, support = cut.corner[cut.parent[face]], cut.support[w[row]]
     outside = ((support >= 0) & (support[:, :, None] != corner[:, None]).all(axis=2)).any(axis=1)
     within = np.bincount(row, outside, len(v)) == 0
     v, w = v[within], w[within]
-    return Moves(v, w, np.zeros(len(v)))
+    return CollapseMoves(v, w, np.zeros(len(v)))
 
 
-def _along_lines(cut: Cut, moves: Moves, tolerance: float) -> Moves:
+def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
     """The moves that keep the topology of all lines, and their places to the tolerance.
 
     A vertex without lines may go anywhere; others along a line, or off it to a vertex without lines. Two joints of
@@ -238,51 +238,51 @@ def _along_lines(cut: Cut, moves: Moves, tolerance: float) -> Moves:
     slides = along & (count[v] == 2)
     total = cut.line_ends
     u = np.where(slides, total[v] - w, v)  # the other neighbour on the line
-    off = np.where(slides, from_segments(cut.V[v], cut.V[u], cut.V[w]), step)
-    off[off <= 1e-12 * np.abs(cut.V).max()] = 0  # rounding
-    strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + off, 0)
+    distance = np.where(slides, distances_from_segments(cut.V[v], cut.V[u], cut.V[w]), step)
+    distance[distance <= 1e-12 * np.abs(cut.V).max()] = 0  # rounding
+    strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
     joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
     connected = np.where(along, (count[v] == 2) | (count[w] == 2) | joints, count[w] == 0)
     onto = ~rim[v] | cut.edges.boundary[edge]
     allowed = (count[v] == 0) | (connected & onto & (strayed <= tolerance))
-    return Moves(v, w, strayed).some(allowed)
+    return CollapseMoves(v, w, strayed).subset(allowed)
 
 
-def _better(cut: Cut, moves: Moves) -> tuple[Moves, Floats]:
+def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
     """The moves that raise the smallest angle of material, without lowering that of void, and the gain, degrees."""
-    row, face = cut.around(moves.v)
+    row, face = cut.star_cells(moves.v)
     F, material = cut.F[face], cut.family[face] != VOID
     v, w = moves.v[row], moves.w[row]
-    gone = (w[:, None] == F).any(axis=1)
-    new = np.full(len(row), np.inf)
-    new[~gone] = cut.angles(np.where(v[:, None] == F, w[:, None], F)[~gone], cut.parent[face[~gone]])
+    removed = (w[:, None] == F).any(axis=1)
+    new_angle = np.full(len(row), np.inf)
+    new_angle[~removed] = cut.angles(np.where(v[:, None] == F, w[:, None], F)[~removed], cut.parent[face[~removed]])
     before, after = np.full((2, 2, len(moves.v)), np.inf)
     for kind in (0, 1):
-        mine = material == bool(kind)
-        np.minimum.at(before[kind], row[mine], cut.angle[face[mine]])
-        np.minimum.at(after[kind], row[mine], new[mine])
-    good = (after[1] > GAIN * before[1]) & (after[0] >= np.minimum(before[0], after[1])) & (after[0] > 0)
-    good &= np.isfinite(after[1]) & _linked(cut, moves, row, F)
-    return moves.some(good), (after[1] - before[1])[good]
+        same_kind = material == bool(kind)
+        np.minimum.at(before[kind], row[same_kind], cut.smallest_angle[face[same_kind]])
+        np.minimum.at(after[kind], row[same_kind], new_angle[same_kind])
+    accepted = (after[1] > GAIN * before[1]) & (after[0] >= np.minimum(before[0], after[1])) & (after[0] > 0)
+    accepted &= np.isfinite(after[1]) & _satisfies_link_condition(cut, moves, row, F)
+    return moves.subset(accepted), (after[1] - before[1])[accepted]
 
 
-def _linked(cut: Cut, moves: Moves, row: Ints, F: Ints) -> Bools:
+def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
     """(k,) True if the ends of an edge have no common neighbours except across its cells, and no line triangle closes.
 
     This is the link condition [Dey et al. 1999].    row, F : the cells around each v.
     """
-    others = np.repeat(row, 3), F.ravel()
-    known = (others[1] != moves.v[others[0]]) & (others[1] != moves.w[others[0]])
-    pair = distinct(others[0][known] * len(cut.V) + others[1][known])
-    at, x = pair // len(cut.V), pair % len(cut.V)
-    there = cut.edge(x, moves.w[at])
-    common = np.bincount(at[there >= 0], minlength=len(moves.v))
-    both = (there >= 0) & cut.lines[there] & cut.lines[cut.edge(x, moves.v[at])]
-    closes = np.bincount(at[both], minlength=len(moves.v)) > 0
+    star_vertices = np.repeat(row, 3), F.ravel()
+    is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
+    pair = distinct(star_vertices[0][is_neighbour] * len(cut.V) + star_vertices[1][is_neighbour])
+    move, x = pair // len(cut.V), pair % len(cut.V)
+    edge_to_w = cut.edge(x, moves.w[move])
+    common = np.bincount(move[edge_to_w >= 0], minlength=len(moves.v))
+    two_lines = (edge_to_w >= 0) & cut.lines[edge_to_w] & cut.lines[cut.edge(x, moves.v[move])]
+    closes = np.bincount(move[two_lines], minlength=len(moves.v)) > 0
     return np.asarray((common == cut.edges.count[cut.edge(moves.v, moves.w)]) & ~closes)
 
 
-def flipped(cut: Cut) -> tuple[Cut, int]:
+def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     r"""Flip edges once to raise the smaller smallest angle of two cells; return also the number of flips.
 
       c            c
@@ -293,26 +293,26 @@ def flipped(cut: Cut) -> tuple[Cut, int]:
     """
     h, g = cut.edges.pairs.T
     f, e = h // 3, g // 3
-    good = (cut.parent[f] == cut.parent[e]) & (cut.family[f] == cut.family[e]) & (cut.family[f] != VOID)
-    h, g, f, e = h[good], g[good], f[good], e[good]
+    flippable = (cut.parent[f] == cut.parent[e]) & (cut.family[f] == cut.family[e]) & (cut.family[f] != VOID)
+    h, g, f, e = h[flippable], g[flippable], f[flippable], e[flippable]
     d, c, b = (cut.F[f, (h + k) % 3] for k in range(3))  # h runs from d to c
     a = cut.F[e, (g + 2) % 3]
-    one, two = np.stack([a, c, b], axis=1), np.stack([b, d, a], axis=1)
+    first_cell, second_cell = np.stack([a, c, b], axis=1), np.stack([b, d, a], axis=1)
     parent = cut.parent[f]
-    new = np.minimum(cut.angles(one, parent), cut.angles(two, parent))
-    old = np.minimum(cut.angle[f], cut.angle[e])
-    better = np.flatnonzero(new > GAIN * old)  # in a plane face a and b have no other edge
-    better = better[np.argsort(-(new - old)[better], kind="stable")]
+    new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
+    old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # in a plane face a and b have no other edge
+    better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     rank = np.arange(len(better))
-    both = np.concatenate([f[better], e[better]])
-    chosen = better[independent(np.concatenate([rank, rank]), both, rank, len(cut.F))]
+    pair_faces = np.concatenate([f[better], e[better]])
+    chosen = better[independent(np.concatenate([rank, rank]), pair_faces, rank, len(cut.F))]
     F = cut.F.copy()
-    F[f[chosen]], F[e[chosen]] = one[chosen], two[chosen]
+    F[f[chosen]], F[e[chosen]] = first_cell[chosen], second_cell[chosen]
     return cut.with_cells(F), len(chosen)
 
 
 @dataclass(frozen=True, eq=False)
-class Improved:
+class ImprovedSheet:
     """A sheet with better shaped cells.
 
     sheet         : all cells, material and void.      flips, collapses : their numbers.
@@ -328,7 +328,7 @@ class Improved:
     strayed: float
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """A sentence with the worst angle, the share of needles and the median quality, before and after."""
         a, b = self.before, self.after
         return (
@@ -338,7 +338,7 @@ class Improved:
         )
 
 
-def improved(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Improved:
+def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> ImprovedSheet:
     """Flip and collapse edges to raise the smallest angle of a sheet's material.
 
     sheet     : all cells cut from the surface `uncut`, material and void.
@@ -352,32 +352,32 @@ def improved(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Improved:
     cut = _cells(sheet, uncut)
     flips = collapses = 0
     for _ in range(40):  # most sheets need under ten
-        cut, fewer = collapsed(cut, tolerance)
-        cut, turned = flipped(cut)
+        cut, fewer = collapse_edges(cut, tolerance)
+        cut, turned = flip_edges(cut)
         flips, collapses = flips + turned, collapses + fewer
         if not fewer and not turned:
             break
-    before = quality(sheet.kept().surface)
+    before = quality(sheet.subset().surface)
     if not flips and not collapses:
-        return Improved(sheet, 0, 0, before, before, 0.0)
+        return ImprovedSheet(sheet, 0, 0, before, before, 0.0)
     better = _sheet(cut, sheet, uncut)
-    return Improved(better, flips, collapses, before, quality(better.kept().surface), float(cut.strayed.max()))
+    return ImprovedSheet(better, flips, collapses, before, quality(better.subset().surface), float(cut.strayed.max()))
 
 
-def _cells(sheet: Sheet, uncut: Surface) -> Cut:
+def _cells(sheet: Sheet, uncut: Surface) -> CellMesh:
     surface, weights = sheet.surface, sheet.weights
     size = np.diff(weights.indptr)
     support = np.full((surface.n, 3), -1)
-    support[np.repeat(np.arange(surface.n), size), _places(weights, size)] = weights.indices
+    support[np.repeat(np.arange(surface.n), size), _row_positions(weights, size)] = weights.indices
     strayed: Floats = np.zeros(surface.n)
-    return Cut(surface.V, surface.F, sheet.parent, sheet.family, uncut.normals, uncut.F, support, strayed)
+    return CellMesh(surface.V, surface.F, sheet.parent, sheet.family, uncut.normals, uncut.F, support, strayed)
 
 
-def _places(weights: csr_array, size: Ints) -> Ints:
+def _row_positions(weights: csr_array, size: Ints) -> Ints:
     return np.asarray(np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], size))
 
 
-def _sheet(cut: Cut, before: Sheet, uncut: Surface) -> Sheet:
+def _sheet(cut: CellMesh, before: Sheet, uncut: Surface) -> Sheet:
     used = np.zeros(len(cut.V), dtype=bool)
     used[cut.F] = True
     used[: uncut.n] = True

@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.slicing.cutting.sheet import Sheet
-from dsfab.slicing.finishing.walls import SHARPEST, Stretches, Walls, following
+from dsfab.slicing.finishing.walls import SHARPEST, Stretches, Walls, next_in_chains
 
 CHORD = float(np.radians(34))
 """Largest turn of a chord: it strays from its arc by 1 - cos(17 degrees) = 1/23 of the radius."""
@@ -43,7 +43,7 @@ class Arcs:
         x, y = (self.foot_b - self.centre).T
         return np.asarray((np.arctan2(y, x) - self.begin) % (2 * np.pi))
 
-    def some(self, chosen: Bools | Ints) -> "Arcs":
+    def subset(self, chosen: Bools | Ints) -> "Arcs":
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
@@ -67,12 +67,12 @@ class Arcs:
         middle = self.begin[:, None] + (number + 0.5) * step[:, None]
         normal = np.stack([np.cos(middle), np.sin(middle)], axis=2)
         sagged = (self.radius * np.cos(step / 2))[:, None]
-        there = number < count[:, None]
+        exists = number < count[:, None]
         distance = np.einsum("kci,ki->kc", normal, self.centre) + sagged
-        return normal * there[:, :, None], np.where(there, distance, 1.0)
+        return normal * exists[:, :, None], np.where(exists, distance, 1.0)
 
 
-def touching_arcs(a: Floats, b: Floats, radius: Floats, first: Floats | None = None) -> Arcs:
+def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | None = None) -> Arcs:
     """Arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which lead away from their corners.
 
     first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners.
@@ -80,46 +80,48 @@ def touching_arcs(a: Floats, b: Floats, radius: Floats, first: Floats | None = N
     The void is on the right of a and on the left of b. Newton's method on both distances: the circle of the tangents
     at the nearest points is the next guess.
     """
-    centre, good = _beside_corners(a, b, radius) if first is None else (first, np.ones(len(first), dtype=bool))
+    centre, valid = (
+        _first_centres(a, b, radius) if first_centre is None else (first_centre, np.ones(len(first_centre), dtype=bool))
+    )
     for _ in range(12):  # two or three steps are enough for nearly straight walls
-        one, two = _nearest(a, centre)[0], _nearest(b, centre)[0]
-        centre, regular = crossing(one, unit(centre - one), two, unit(centre - two), radius)
-        good &= regular
-    (one, way_a), (two, way_b) = _nearest(a, centre), _nearest(b, centre)
-    for foot in (one, two):
-        good &= np.abs(np.linalg.norm(foot - centre, axis=1) - radius) < 5e-3 * radius
-    arcs = Arcs(centre, radius, one, two, way_a, way_b, good)
-    good &= (arcs.angle > 0) & (arcs.angle < np.pi)
+        foot_a, foot_b = _nearest(a, centre)[0], _nearest(b, centre)[0]
+        centre, regular = circle_centres(foot_a, unit(centre - foot_a), foot_b, unit(centre - foot_b), radius)
+        valid &= regular
+    (foot_a, way_a), (foot_b, way_b) = _nearest(a, centre), _nearest(b, centre)
+    for foot in (foot_a, foot_b):
+        valid &= np.abs(np.linalg.norm(foot - centre, axis=1) - radius) < 5e-3 * radius
+    arcs = Arcs(centre, radius, foot_a, foot_b, way_a, way_b, valid)
+    valid &= (arcs.angle > 0) & (arcs.angle < np.pi)
     return arcs
 
 
-def _beside_corners(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
+def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
     """(k, 2) middles of circles that touch the first walls, and a mask of those in the void."""
     u, v = _direction(a), _direction(b)
-    left, right = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
-    centre, good = crossing(a[:, 0], left, b[:, 0], right, radius)
-    good &= (np.einsum("ki,ki->k", left, v) > 0) & (np.einsum("ki,ki->k", right, u) > 0)
-    return centre, good
+    left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
+    centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
+    in_void &= (np.einsum("ki,ki->k", left_normal, v) > 0) & (np.einsum("ki,ki->k", right_normal, u) > 0)
+    return centre, in_void
 
 
-def crossing(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
+def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
     """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n; and a mask of
     their existence.
     """
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
-    good = np.abs(det) > 0.02  # else the walls are nearly parallel
-    det = np.where(good, det, 1.0)
-    one, two = np.einsum("ki,ki->k", m, p) + radius, np.einsum("ki,ki->k", n, q) + radius
-    x, y = one * n[:, 1] - two * m[:, 1], two * m[:, 0] - one * n[:, 0]
-    return np.stack([x, y], axis=1) / det[:, None], good
+    regular = np.abs(det) > 0.02  # else the walls are nearly parallel
+    det = np.where(regular, det, 1.0)
+    offset_a, offset_b = np.einsum("ki,ki->k", m, p) + radius, np.einsum("ki,ki->k", n, q) + radius
+    x, y = offset_a * n[:, 1] - offset_b * m[:, 1], offset_b * m[:, 0] - offset_a * n[:, 0]
+    return np.stack([x, y], axis=1) / det[:, None], regular
 
 
 def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
     """(k, 2) the points of polylines (k, p, 2) nearest to points (k, 2), and the length of the line up to them."""
-    first, along = line[:, :-1], np.diff(line, axis=1)
+    start, along = line[:, :-1], np.diff(line, axis=1)
     size = np.einsum("kpi,kpi->kp", along, along)
-    t = np.einsum("kpi,kpi->kp", point[:, None] - first, along) / np.where(size > 0, size, 1.0)
-    foot = first + np.clip(t, 0, 1)[:, :, None] * along
+    t = np.einsum("kpi,kpi->kp", point[:, None] - start, along) / np.where(size > 0, size, 1.0)
+    foot = start + np.clip(t, 0, 1)[:, :, None] * along
     pick = np.linalg.norm(foot - point[:, None], axis=2).argmin(axis=1)
     row = np.arange(len(pick))
     length = np.sqrt(size)
@@ -155,57 +157,59 @@ class Corners:
     place: Floats
 
     @classmethod
-    def of(cls, sheet: Sheet) -> "Corners":
+    def from_sheet(cls, sheet: Sheet) -> "Corners":
         """Return the points where the walls of a sheet turn by more than `SHARPEST`."""
-        walls = Walls.of(sheet)
+        walls = Walls.from_sheet(sheet)
         turn = walls.turns(sheet)
-        at = np.flatnonzero(turn > SHARPEST)
-        return cls(sheet, walls, at, turn[at], walls.place[at])
+        rows = np.flatnonzero(turn > SHARPEST)
+        return cls(sheet, walls, rows, turn[rows], walls.place[rows])
 
-    def some(self, chosen: Bools | Ints) -> "Corners":
+    def subset(self, chosen: Bools | Ints) -> "Corners":
         return replace(self, first=self.first[chosen], turn=self.turn[chosen], place=self.place[chosen])
 
     def stretches(self, arcs: Arcs) -> Stretches:
         """The walls between the feet of arcs at these corners (k,)."""
         chain = self.walls.chain[self.first]
-        return Stretches.of(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
+        return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
-    def beside(self, tips: "Corners", arcs: Arcs) -> "Corners":
+    def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
         """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs, which do not turn."""
         walls, chain = self.walls, self.walls.chain[tips.first]
-        free = ~tips.stretches(arcs).cover(walls.chain[self.first], self.place)
+        free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
-        first = walls.at(np.tile(chain, 2), feet)
-        first, place = np.concatenate([self.first[free], first]), np.concatenate([self.place[free], feet])
+        first_wall = walls.walls_at(np.tile(chain, 2), feet)
+        first_wall, place = np.concatenate([self.first[free], first_wall]), np.concatenate([self.place[free], feet])
         turn = np.concatenate([self.turn[free], np.zeros(len(feet))])
-        order = np.lexsort((place, walls.chain[first]))
-        return Corners(self.sheet, walls, first[order], turn[order], place[order])
+        order = np.lexsort((place, walls.chain[first_wall]))
+        return Corners(self.sheet, walls, first_wall[order], turn[order], place[order])
 
     @cached_property
-    def next(self) -> Ints:
+    def next_corner(self) -> Ints:
         """(k,) the next corner along the chain, -1 before the end of an open one; of a single corner itself."""
         chain = self.walls.chain[self.first]
-        follow = following(chain)
+        follow = next_in_chains(chain)
         follow[(follow <= np.arange(len(chain))) & ~self.walls.closed[chain]] = -1
         return follow
 
     @cached_property
-    def previous(self) -> Ints:
+    def previous_corner(self) -> Ints:
         """(k,) the corner before each, or -1."""
-        before = np.full(len(self.next), -1)
-        some = self.next >= 0
-        before[self.next[some]] = np.flatnonzero(some)
+        before = np.full(len(self.next_corner), -1)
+        has_next = self.next_corner >= 0
+        before[self.next_corner[has_next]] = np.flatnonzero(has_next)
         return before
 
     @cached_property
-    def ways(self) -> tuple[Floats, Floats]:
+    def wall_lengths(self) -> tuple[Floats, Floats]:
         """(k,) metres of wall before and behind each corner, up to the next one or the end of the chain."""
-        walls, follow, before = self.walls, self.next, self.previous
+        walls, follow, before = self.walls, self.next_corner, self.previous_corner
         chain = walls.chain[self.first]
-        total, here = walls.total[chain], self.place
-        there = here[follow]
-        behind = np.where(follow >= 0, np.where(there > here, there - here, there - here + total), total - here)
-        return np.where(before >= 0, behind[before], here), behind
+        total, place = walls.total[chain], self.place
+        next_place = place[follow]
+        behind = np.where(
+            follow >= 0, np.where(next_place > place, next_place - place, next_place - place + total), total - place
+        )
+        return np.where(before >= 0, behind[before], place), behind
 
     @cached_property
     def tangents(self) -> Floats:
@@ -217,14 +221,14 @@ class Corners:
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
         """(k,) metres of the walls before and behind that each corner may take, in proportion to the tangents."""
-        t, (ahead, behind) = self.tangents, self.ways
+        t, (ahead, behind) = self.tangents, self.wall_lengths
 
-        def share(other: Ints) -> Floats:
-            beyond: Floats = np.where(other >= 0, t[other], 0.0)
+        def share(neighbour: Ints) -> Floats:
+            beyond: Floats = np.where(neighbour >= 0, t[neighbour], 0.0)
             return np.asarray(t / np.maximum(t + beyond, TINY))
 
         room = 0.98  # so that arcs at both ends of a wall never meet
-        return room * ahead * share(self.previous), room * behind * share(self.next)
+        return room * ahead * share(self.previous_corner), room * behind * share(self.next_corner)
 
     @cached_property
     def frames(self) -> Floats:
@@ -236,65 +240,69 @@ class Corners:
         normal = np.stack(total, axis=1).astype(np.float64)[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = surface.V[self.walls.end[self.first]] - self.origin
-        one = along - np.einsum("ki,ki->k", along, normal)[:, None] * normal
-        one /= np.linalg.norm(one, axis=1, keepdims=True)
-        return np.stack([one, np.cross(normal, one)], axis=1)
+        first_axis = along - np.einsum("ki,ki->k", along, normal)[:, None] * normal
+        first_axis /= np.linalg.norm(first_axis, axis=1, keepdims=True)
+        return np.stack([first_axis, np.cross(normal, first_axis)], axis=1)
 
     @cached_property
     def origin(self) -> Floats:
         """(k, 3) the vertices of the corners."""
         return np.asarray(self.sheet.surface.V[self.walls.start[self.first]])
 
-    def arcs(self, at: Ints, radius: Floats) -> tuple[Arcs, Floats]:
+    def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
         """Return arcs of radii (p,) metres at corners (p,), in their `frames`, and the factors by which they must
         shrink.
 
         A factor is 1 for an arc that fits between its neighbours, `SMALLER` without a touching arc.
         """
-        ahead, behind = (np.minimum(way[at], 2 * radius * self.tangents[at] + radius) for way in self.ways)
-        arcs = touching_arcs(self.line(at, ahead, back=True), self.line(at, behind, back=False), radius)
-        one, two = self.rooms
-        least = np.minimum(one[at] / np.maximum(arcs.way_a, TINY), two[at] / np.maximum(arcs.way_b, TINY))
+        ahead, behind = (
+            np.minimum(length[rows], 2 * radius * self.tangents[rows] + radius) for length in self.wall_lengths
+        )
+        arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
+        room_before, room_behind = self.rooms
+        least = np.minimum(
+            room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
+        )
         fits = 0.995  # `rooms` leave a little more than that
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
-    def line(self, at: Ints, way: Floats, back: bool) -> Floats:
+    def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
         """(p, q, 2) the walls before or behind corners (p,), away from these up to a reach (p,), metres, in their
         `frames`.
 
         Shorter lines repeat their last point. It examines 8 to 256 walls.
         """
         walls, V, count = self.walls, self.sheet.surface.V, 8
-        begin, vertex = self.first[at], walls.start if back else walls.end
+        begin, vertex = self.first[rows], walls.start if back else walls.end
         while True:
             steps = np.arange(count)
-            wall, there = walls.ahead(begin[:, None], -1 - steps if back else steps)
-            there &= (np.cumsum(walls.length[wall], axis=1) - walls.length[wall]) < way[:, None]
-            if count >= 256 or not there[:, -1].any():
+            wall, within_reach = walls.walls_ahead(begin[:, None], -1 - steps if back else steps)
+            within_reach &= (np.cumsum(walls.length[wall], axis=1) - walls.length[wall]) < reach[:, None]
+            if count >= 256 or not within_reach[:, -1].any():
                 break
             count *= 2
-        last = np.maximum(there.sum(axis=1) - 1, 0)
-        line = np.take_along_axis(vertex[wall], np.minimum(steps, last[:, None]), axis=1)
-        points = np.concatenate([V[walls.start[begin]][:, None], V[line]], axis=1) - self.origin[at][:, None]
-        return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[at]))
+        last_point = np.maximum(within_reach.sum(axis=1) - 1, 0)
+        line = np.take_along_axis(vertex[wall], np.minimum(steps, last_point[:, None]), axis=1)
+        points = np.concatenate([V[walls.start[begin]][:, None], V[line]], axis=1) - self.origin[rows][:, None]
+        return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
-    def between_feet(self, at: Ints, arcs: Arcs, vertex: Ints) -> Bools:
+    def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
         """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,) at corners (p,), or 2 % of a radius
         beside.
         """
         walls = self.walls
         wall = np.full(self.sheet.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))
-        mine, first = wall[vertex], self.first[at]
-        total = walls.total[walls.chain[first]]
-        beside = 0.02 * arcs.radius
-        way = (walls.place[mine] - walls.place[first] + arcs.way_a + beside) % total
-        same = walls.chain[mine] == walls.chain[first]
-        return np.asarray((mine >= 0) & same & (way <= arcs.way_a + arcs.way_b + 2 * beside))
+        wall_of_vertex, first_wall = wall[vertex], self.first[rows]
+        total = walls.total[walls.chain[first_wall]]
+        margin = 0.02 * arcs.radius
+        distance = (walls.place[wall_of_vertex] - walls.place[first_wall] + arcs.way_a + margin) % total
+        same_chain = walls.chain[wall_of_vertex] == walls.chain[first_wall]
+        return np.asarray((wall_of_vertex >= 0) & same_chain & (distance <= arcs.way_a + arcs.way_b + 2 * margin))
 
     def largest(self, radius: float) -> Floats:
         """(k,) radii, metres: the input, or less at walls that are too short for it."""
-        one, two = self.rooms
-        room, t = np.minimum(one, two), self.tangents
+        room_before, room_behind = self.rooms
+        room, t = np.minimum(room_before, room_behind), self.tangents
         return np.asarray(np.minimum(radius, np.divide(room, t, out=np.zeros_like(t), where=t > 0)))

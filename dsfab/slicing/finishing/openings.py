@@ -10,8 +10,16 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.limits import CROWDING
 from dsfab.slicing.cutting.cut import Recut
-from dsfab.slicing.cutting.loose_ends import limit
-from dsfab.slicing.cutting.sheet import VOID, Sheet, inner_walls, medians, part_of, round_sizes, whole_edges
+from dsfab.slicing.cutting.loose_ends import split_value
+from dsfab.slicing.cutting.sheet import (
+    VOID,
+    Sheet,
+    face_subset,
+    hydraulic_diameters,
+    inner_walls,
+    parent_edges,
+    weighted_medians,
+)
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.finishing.walls import Walls
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
@@ -47,49 +55,49 @@ class Openings:
     walls: Bools
 
     @classmethod
-    def of(cls, cells: Sheet) -> Self | None:
+    def from_sheet(cls, cells: Sheet) -> Self | None:
         """Return the openings of a sheet; None for a sheet of material or of void alone."""
         if not cells.has_openings:
             return None
-        part, face = part_of(cells.surface, ~cells.material)
+        part, face = face_subset(cells.surface, ~cells.material)
         count, label = pieces(part.F, part.edges)
         return cls(cells, part, face, label, count, inner_walls(part, cells.surface, face))
 
-    def some(self, wanted: Bools) -> "Openings":
+    def subset(self, chosen: Bools) -> "Openings":
         """Return the marked openings (o,), renumbered."""
-        part, left = part_of(self.part, wanted[self.label])
-        face, label = self.face[left], (np.cumsum(wanted) - 1)[self.label[left]]
-        return Openings(self.cells, part, face, label, int(wanted.sum()), inner_walls(part, self.cells.surface, face))
+        part, remaining = face_subset(self.part, chosen[self.label])
+        face, label = self.face[remaining], (np.cumsum(chosen) - 1)[self.label[remaining]]
+        return Openings(self.cells, part, face, label, int(chosen.sum()), inner_walls(part, self.cells.surface, face))
 
-    def filled(self, wanted: Bools) -> Sheet:
+    def fill(self, chosen: Bools) -> Sheet:
         """Return the cells with the marked openings (o,) as material, each of the family of a neighbouring cell."""
-        cells, here = self.cells, wanted[self.label]
+        cells, in_chosen = self.cells, chosen[self.label]
         family = cells.family.copy()
-        family[self.face[here]] = self._families()[self.label[here]]
+        family[self.face[in_chosen]] = self._families()[self.label[in_chosen]]
         return replace(cells, family=family)
 
     @cached_property
-    def places(self) -> Floats:
+    def centroids(self) -> Floats:
         """(o, 3) their centroids, metres."""
         area = self.part.areas
         total = np.bincount(self.label, area, self.count)
         return np.stack([np.bincount(self.label, area * x, self.count) / total for x in self.part.centroids.T], axis=1)
 
     @cached_property
-    def round_sizes(self) -> Floats:
+    def hydraulic_diameters(self) -> Floats:
         """(o,) hydraulic diameters 4 area / perimeter; infinite for openings that walls do not enclose wholly."""
-        return round_sizes(self.part, self.walls, self.label, self.count)
+        return hydraulic_diameters(self.part, self.walls, self.label, self.count)
 
     def _families(self) -> Ints:
         """(o,) the largest family of the material that shares an edge with each."""
         piece = np.full(self.cells.surface.m, -1)
         piece[self.face] = self.label
-        found = np.full(self.count, VOID)
+        family = np.full(self.count, VOID)
         f, g = (self.cells.surface.edges.pairs // 3).T
-        for here, there in ((f, g), (g, f)):
-            at = (piece[here] >= 0) & (piece[there] < 0)
-            np.maximum.at(found, piece[here[at]], self.cells.family[there[at]])
-        return found
+        for void_cell, material_cell in ((f, g), (g, f)):
+            touching = (piece[void_cell] >= 0) & (piece[material_cell] < 0)
+            np.maximum.at(family, piece[void_cell[touching]], self.cells.family[material_cell[touching]])
+        return family
 
     @cached_property
     def narrowness(self) -> Floats:
@@ -100,90 +108,98 @@ class Openings:
         the weighted harmonic mean of both. Infinite without members, and for openings with few opposite walls at the
         edge of the surface.
         """
-        across, wall, member = self._across, np.flatnonzero(self.walls), self._members
-        label, known = self.label[across.face], ~np.isnan(self._ratio)
-        between = medians(self._ratio, across.weight, label, self.count)
-        opposite = np.bincount(label, across.weight * known, self.count)
-        total = np.bincount(self._beside[wall], self._lengths[wall], self.count)
-        around = medians(member[self._edges[wall]], self._lengths[wall], self._beside[wall], self.count)
-        enclosed = np.isfinite(self.round_sizes)
+        across, wall, member = self._wall_crossings, np.flatnonzero(self.walls), self._member_widths
+        label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
+        between = weighted_medians(self._width_ratio, across.weight, label, self.count)
+        opposite = np.bincount(label, across.weight * has_ratio, self.count)
+        total = np.bincount(self._opening_of_edge[wall], self._lengths[wall], self.count)
+        around = weighted_medians(
+            member[self._parent_edges[wall]], self._lengths[wall], self._opening_of_edge[wall], self.count
+        )
+        enclosed = np.isfinite(self.hydraulic_diameters)
         square = np.sqrt(np.bincount(self.label, self.part.areas, self.count)) / around
         square[~enclosed | np.isinf(around)] = np.inf
-        told = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
-        told = np.where(enclosed, told, told == 1)
-        found = _harmonic(between, square, told)
+        opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
+        opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
+        result = _harmonic(between, square, opposite_share)
         around[~enclosed] = 1.0  # without effect
-        return np.where(enclosed, np.maximum(found, self.round_sizes / (2 * around)), found)
+        return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property
     def slits(self) -> Bools:
         """(o,) mask of the slits; nearly equal openings are slits all or none."""
-        return self.narrowness < limit(self.narrowness, NARROWER, ALIKE)
+        return self.narrowness < split_value(self.narrowness, NARROWER, ALIKE)
 
     @cached_property
-    def crowded(self) -> Bools:
+    def crowded_slits(self) -> Bools:
         """(o,) mask of slits between members that are nearer to each other than elsewhere.
 
         In a dense pattern all openings are narrower than members, and closing them would leave another structure. So
         the limit is `CROWDING` times the median width of members for their distance.
         """
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.part.areas, self.count), 0.0)
-        usual = float(medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
+        usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
-        return self.slits & (self.narrowness < limit(self.narrowness, least, ALIKE))
+        return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
         """Number of slits along members of a family, material cells (m',), and the share of their wall length at
         slits.
         """
-        own = np.zeros(len(self.cells.surface.edges.ends), dtype=bool)
-        own[self.cells.surface.edges.of[family]] = True
-        wall = self._across.walls[:, 0]
-        label, weight = self._beside[wall], self._across.weight
-        mine = np.bincount(label, weight * own[self._edges[wall]], self.count)
-        narrow = np.nan_to_num(self._ratio, nan=np.inf) < 1
-        near = float(weight @ (own[self._edges[wall]] & narrow & self.slits[label]))
-        share = near / float(mine.sum()) if mine.any() else 0.0
-        return int((self.slits & (mine > np.bincount(label, weight, self.count) / 2)).sum()), share
+        own_edges = np.zeros(len(self.cells.surface.edges.ends), dtype=bool)
+        own_edges[self.cells.surface.edges.of[family]] = True
+        wall = self._wall_crossings.walls[:, 0]
+        label, weight = self._opening_of_edge[wall], self._wall_crossings.weight
+        own_length = np.bincount(label, weight * own_edges[self._parent_edges[wall]], self.count)
+        narrow = np.nan_to_num(self._width_ratio, nan=np.inf) < 1
+        narrow_length = float(weight @ (own_edges[self._parent_edges[wall]] & narrow & self.slits[label]))
+        share = narrow_length / float(own_length.sum()) if own_length.any() else 0.0
+        return int((self.slits & (own_length > np.bincount(label, weight, self.count) / 2)).sum()), share
 
     @cached_property
-    def _across(self) -> Crossings:
-        return crossings(self.part, self.walls, at=(MIDDLE,))
+    def _wall_crossings(self) -> Crossings:
+        return crossings(self.part, self.walls, shares=(MIDDLE,))
 
     @cached_property
-    def _ratio(self) -> Floats:
+    def _width_ratio(self) -> Floats:
         """(k,) length of lines across over the narrower of the two members at their ends; NaN without."""
-        return np.asarray(self._across.width / np.fmin(*self._members[self._edges[self._across.walls]].T))
+        return np.asarray(
+            self._wall_crossings.width / np.fmin(*self._member_widths[self._parent_edges[self._wall_crossings.walls]].T)
+        )
 
     @cached_property
-    def _edges(self) -> Ints:
-        return whole_edges(self.part, self.cells.surface, self.face)
+    def _parent_edges(self) -> Ints:
+        return parent_edges(self.part, self.cells.surface, self.face)
 
     @cached_property
     def _lengths(self) -> Floats:
         return self.part.edge_lengths
 
     @cached_property
-    def _beside(self) -> Ints:
-        found = np.empty(len(self.walls), dtype=np.int64)
-        found[self.part.edges.of] = self.label[:, None]
-        return found
+    def _opening_of_edge(self) -> Ints:
+        opening = np.empty(len(self.walls), dtype=np.int64)
+        opening[self.part.edges.of] = self.label[:, None]
+        return opening
 
     @cached_property
-    def _members(self) -> Floats:
+    def _member_widths(self) -> Floats:
         """(e',) widths of the members beyond the walls, by the edges of the whole sheet; NaN elsewhere.
 
         Material broader than 2.5 medians is several members and counts with the median.
         """
         sheet = self.cells.surface
-        wanted = np.zeros(len(sheet.edges.ends), dtype=bool)
-        wanted[self._edges[self.walls]] = True
-        material, face = part_of(sheet, self.cells.material)
-        whole = whole_edges(material, sheet, face)
-        away = crossings(material, material.edges.boundary, wanted[whole], (MIDDLE,))
+        wall_edges = np.zeros(len(sheet.edges.ends), dtype=bool)
+        wall_edges[self._parent_edges[self.walls]] = True
+        material, face = face_subset(sheet, self.cells.material)
+        sheet_edges = parent_edges(material, sheet, face)
+        member_crossings = crossings(material, material.edges.boundary, wall_edges[sheet_edges], (MIDDLE,))
         width = np.full(len(sheet.edges.ends), np.nan)
-        median = medians(away.width, away.weight, np.zeros_like(away.face), 1)
-        width[whole[away.walls[:, 0]]] = np.where(away.width < 2.5 * median, away.width, median)
+        median = weighted_medians(
+            member_crossings.width, member_crossings.weight, np.zeros_like(member_crossings.face), 1
+        )
+        width[sheet_edges[member_crossings.walls[:, 0]]] = np.where(
+            member_crossings.width < 2.5 * median, member_crossings.width, median
+        )
         return width
 
 
@@ -203,15 +219,17 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     example, a triangle with a long tip has opposite walls in the tip alone, and is wider elsewhere. An opening takes
     the family of a neighbouring material cell.
     """
-    every = Openings.of(cells)
-    if every is None or not (near := every.round_sizes < 3 * size).any():
+    openings = Openings.from_sheet(cells)
+    if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
-    few = every.some(near)  # measuring these alone takes a tenth of the time
-    across = crossings(few.part, few.walls)
-    width = medians(across.width, across.weight, few.label[across.face], few.count)
-    smaller = np.clip(width, few.round_sizes / 2, few.round_sizes)  # half is the width of a long slit
-    small = smaller < limit(smaller, size, ALIKE * size if alike else 0.0)
-    return few.filled(small), int(small.sum())
+    candidates = openings.subset(may_be_small)  # measuring these alone takes a tenth of the time
+    across = crossings(candidates.part, candidates.walls)
+    width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
+    smaller = np.clip(
+        width, candidates.hydraulic_diameters / 2, candidates.hydraulic_diameters
+    )  # half is the width of a long slit
+    small = smaller < split_value(smaller, size, ALIKE * size if alike else 0.0)
+    return candidates.fill(small), int(small.sum())
 
 
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
@@ -221,15 +239,17 @@ def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     stays, because a plate between thin members would replace it. Nearly equal openings are filled all or none. Crumbs
     arise where members crowd, as around the crown of a dome, and where an edge leaves a corner of an opening.
     """
-    every = Openings.of(cells)
-    if every is None or np.isfinite(every.round_sizes).sum() < SEVERAL:
+    openings = Openings.from_sheet(cells)
+    if openings is None or np.isfinite(openings.hydraulic_diameters).sum() < SEVERAL:
         return cells, 0
-    share = every.round_sizes / np.median(every.round_sizes[np.isfinite(every.round_sizes)])
-    crumbs = share < limit(share, CRUMB, ALIKE)
+    share = openings.hydraulic_diameters / np.median(
+        openings.hydraulic_diameters[np.isfinite(openings.hydraulic_diameters)]
+    )
+    crumbs = share < split_value(share, CRUMB, ALIKE)
     if crumbs.any():
-        narrowness = every.some(crumbs).narrowness
-        crumbs[crumbs] = narrowness < limit(narrowness, 2.5, ALIKE * 2.5)
-    return (every.filled(crumbs), int(crumbs.sum())) if crumbs.any() else (cells, 0)
+        narrowness = openings.subset(crumbs).narrowness
+        crumbs[crumbs] = narrowness < split_value(narrowness, 2.5, ALIKE * 2.5)
+    return (openings.fill(crumbs), int(crumbs.sum())) if crumbs.any() else (cells, 0)
 
 
 def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
@@ -240,11 +260,11 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
     Openings beside a broader member may become slits; so it repeats until no slit is left.
     """
     filled = 0
-    while (found := Openings.of(cells)) is not None:
-        slits = found.crowded if merge == "crowded" else found.slits
+    while (openings := Openings.from_sheet(cells)) is not None:
+        slits = openings.crowded_slits if merge == "crowded" else openings.slits
         if not slits.any():
             break
-        cells, filled = found.filled(slits), filled + int(slits.sum())
+        cells, filled = openings.fill(slits), filled + int(slits.sum())
     return cells, filled
 
 
@@ -267,32 +287,34 @@ class Strip:
     half: Floats
 
     @classmethod
-    def of(cls, cells: Sheet, walls: Walls, wall: int, ends: Floats, half: Floats) -> "Strip | None":
+    def between_walls(cls, cells: Sheet, walls: Walls, wall: int, ends: Floats, half: Floats) -> "Strip | None":
         """Return the strip in the opening at a wall, along the line between two ends (2, 3); None without an
         opening.
         """
-        surface, first = cells.surface, int(walls.inside[wall]) // 3
-        way = ends[1] - ends[0]
-        gap = float(np.linalg.norm(way))
-        if not gap or cells.material[first]:
+        surface, first_cell = cells.surface, int(walls.inside[wall]) // 3
+        direction = ends[1] - ends[0]
+        gap = float(np.linalg.norm(direction))
+        if not gap or cells.material[first_cell]:
             return None
-        along = way / gap
-        across = np.cross(surface.normals[first], along)
+        along = direction / gap
+        across = np.cross(surface.normals[first_cell], along)
         across /= np.linalg.norm(across)
         family = int(cells.family[walls.outside[wall] // 3])
-        strip = cls(np.array([first]), family, ends.mean(axis=0), np.stack([along, across]), half)
-        seen, waiting = [first], [first]
+        strip = cls(np.array([first_cell]), family, ends.mean(axis=0), np.stack([along, across]), half)
+        seen, waiting = [first_cell], [first_cell]
         while waiting:
             cell = waiting.pop()
-            here = strip.within(surface.V[surface.F[cell]])
-            there = np.roll(here, -1, axis=1)
-            crossed = ((np.minimum(here, there) < 1) & (np.maximum(here, there) > -1)).all(axis=0)
-            others = [c for c in cells.void_beside[cell][crossed].tolist() if c >= 0 and c not in seen]
-            seen += others
-            waiting += others
+            coordinates = strip.local_coordinates(surface.V[surface.F[cell]])
+            next_coordinates = np.roll(coordinates, -1, axis=1)
+            crossed = (
+                (np.minimum(coordinates, next_coordinates) < 1) & (np.maximum(coordinates, next_coordinates) > -1)
+            ).all(axis=0)
+            new_cells = [c for c in cells.void_neighbours[cell][crossed].tolist() if c >= 0 and c not in seen]
+            seen += new_cells
+            waiting += new_cells
         return replace(strip, cells=np.array(seen))
 
-    def within(self, X: Floats) -> Floats:
+    def local_coordinates(self, X: Floats) -> Floats:
         """(2, k) coordinates of points X (k, 3) along and across; the sides are at -1 and 1."""
         return np.asarray(self.axes @ (X - self.middle).T / self.half[:, None])
 
@@ -303,12 +325,12 @@ def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = S
 
     width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`.
     """
-    if not (strips := [strips[k] for k in apart(cells, [strip.cells for strip in strips])]):
+    if not (strips := [strips[k] for k in disjoint_groups(cells, [strip.cells for strip in strips])]):
         return cells, 0
-    return _without_pockets(_filled(cells, strips, snap), cells.surface.n, width), len(strips)
+    return _without_pockets(_fill_strips(cells, strips, snap), cells.surface.n, width), len(strips)
 
 
-def apart(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
+def disjoint_groups(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
     """Choose groups (c,) of cells that have no vertex in common with an earlier one; return their numbers."""
     taken, chosen = np.zeros(cells.surface.n, dtype=bool), []
     for k, group in enumerate(groups):
@@ -319,34 +341,34 @@ def apart(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
     return chosen
 
 
-def _filled(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
-    some = Recut.of(cells, np.concatenate([strip.cells for strip in strips]))
-    mesh, owner, root = some.mesh, np.full(len(some.cells), -1), np.arange(len(some.cells))
+def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
+    recut = Recut.from_cells(cells, np.concatenate([strip.cells for strip in strips]))
+    mesh, owner, root = recut.mesh, np.full(len(recut.cells), -1), np.arange(len(recut.cells))
     for k, strip in enumerate(strips):
-        owner[np.searchsorted(some.cells, strip.cells)] = k
+        owner[np.searchsorted(recut.cells, strip.cells)] = k
     inside = owner >= 0
     for axis in range(2):
         x = np.full(len(mesh.X), 2.0)
         for k, strip in enumerate(strips):
             slots = mesh.cells.slots(np.flatnonzero(inside & (owner[root] == k)))
             vertex = np.unique(mesh.cells.corner[slots])
-            x[vertex] = strip.within(mesh.X[vertex])[axis]
-        near = np.abs(np.abs(x) - 1) < snap
-        x[near] = np.sign(x[near])
+            x[vertex] = strip.local_coordinates(mesh.X[vertex])[axis]
+        on_side = np.abs(np.abs(x) - 1) < snap
+        x[on_side] = np.sign(x[on_side])
         split = clean_split(mesh.cells, mesh.X, x, SIDES, inside, Snapping(0.0, cells.surface.size))
-        mesh, root, inside = mesh.after(split), root[split.source], inside[split.source] & (split.strip == 1)
-    part, first = mesh.parts(inside), np.searchsorted(some.cells, [strip.cells[0] for strip in strips])
-    chosen = inside & np.isin(part, part[inside & np.isin(root, first)])
+        mesh, root, inside = mesh.after_split(split), root[split.source], inside[split.source] & (split.strip == 1)
+    part, first_cells = mesh.part_labels(inside), np.searchsorted(recut.cells, [strip.cells[0] for strip in strips])
+    chosen = inside & np.isin(part, part[inside & np.isin(root, first_cells)])
     family = np.array([strip.family for strip in strips])[owner[root]]
-    return some.together(replace(mesh, family=np.where(chosen, family, mesh.family)), root)
+    return recut.merged_sheet(replace(mesh, family=np.where(chosen, family, mesh.family)), root)
 
 
 def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
     """The cells with the small openings beside strips filled; vertices of strips are not among the first `before`."""
-    every = Openings.of(cells)
-    if every is None:
+    openings = Openings.from_sheet(cells)
+    if openings is None:
         return cells
-    beside = np.zeros(every.count, dtype=bool)
-    beside[every.label[(cells.surface.F[every.face] >= before).any(axis=1)]] = True
-    small: Bools = beside & (every.round_sizes < 1.6 * width)
-    return every.filled(small) if small.any() else cells
+    at_strip = np.zeros(openings.count, dtype=bool)
+    at_strip[openings.label[(cells.surface.F[openings.face] >= before).any(axis=1)]] = True
+    small: Bools = at_strip & (openings.hydraulic_diameters < 1.6 * width)
+    return openings.fill(small) if small.any() else cells

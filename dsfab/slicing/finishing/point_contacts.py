@@ -13,11 +13,11 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, first
+from dsfab.core.arrays import Bools, Floats, Ints, first_few
 from dsfab.core.errors import PatternError
 from dsfab.slicing.cutting.cells import Cells
 from dsfab.slicing.cutting.cut import filled_polygons
-from dsfab.slicing.cutting.polygon_mesh import extended_weights
+from dsfab.slicing.cutting.polygon_mesh import weights_after_split
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.surface.topology import edge_table, pieces
@@ -31,7 +31,7 @@ CORNER_ROUNDS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Pinched:
+class PinchResult:
     """A sheet without pinches.
 
     sheet       : all cells, material and void.
@@ -44,7 +44,7 @@ class Pinched:
     area_change: float
 
 
-def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> Pinched:
+def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
     """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
 
     Up to three rounds of discs, then corners cut at min(radius, 0.4 edge) around the remaining pinches. Joined cells
@@ -58,28 +58,28 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> Pinched
     if rule not in ("join", "split"):
         raise PatternError(f"the pinch rule {rule!r} must be 'join' or 'split'")
     before, count = _material_area(sheet), 0
-    at = pinched_vertices(sheet)
+    pinches = pinched_vertices(sheet)
     for turn in range(DISC_ROUNDS + CORNER_ROUNDS):
-        if not len(at):
+        if not len(pinches):
             break
-        sheet, discs = _round(sheet, at, radius, rule, corners=turn >= DISC_ROUNDS)
-        at, count = pinched_vertices(sheet), count + discs
-    if len(at):
+        sheet, discs = _resolve_once(sheet, pinches, radius, rule, corners=turn >= DISC_ROUNDS)
+        pinches, count = pinched_vertices(sheet), count + discs
+    if len(pinches):
         raise PatternError(
-            f"material still meets in a single point at {len(at)} vertices (first: {first(at)}); "
+            f"material still meets in a single point at {len(pinches)} vertices (first: {first_few(pinches)}); "
             "use the other pinch rule, another radius, or another phase"
         )
-    return Pinched(sheet, count, _material_area(sheet) - before)
+    return PinchResult(sheet, count, _material_area(sheet) - before)
 
 
-def _round(sheet: Sheet, at: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
+def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
     """The sheet with a disc or a corner cut at each of the pinches (k,), and their number."""
     count = 0
-    for turn, group in enumerate(_apart(at, _links(sheet, at))):
+    for turn, group in enumerate(_groups_without_edges(pinches, _links(sheet, pinches))):
         if turn:  # a disc of an earlier group may have removed pinches of this one
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
-            distance = _corner_distance(sheet, group, radius) if corners else _distance(sheet, group)
+            distance = _corner_distance(sheet, group, radius) if corners else _distance_to_pinches(sheet, group)
             sheet, count = _with_discs(sheet, group, distance, radius, rule), count + len(group)
     return sheet, count
 
@@ -96,7 +96,7 @@ def pinched_vertices(sheet: Sheet) -> Ints:
     """(k,) vertices of a sheet around which the material has more than one edge-connected fan of cells."""
     if not sheet.material.any():
         return np.empty(0, dtype=np.int64)
-    pinched = sheet.kept().surface.pinches
+    pinched = sheet.subset().surface.pinches
     if not len(pinched):
         return pinched
     used = np.zeros(sheet.surface.n, dtype=bool)
@@ -104,77 +104,79 @@ def pinched_vertices(sheet: Sheet) -> Ints:
     return np.flatnonzero(used)[pinched]
 
 
-def _links(sheet: Sheet, at: Ints) -> Ints:
+def _links(sheet: Sheet, vertices: Ints) -> Ints:
     marked = np.zeros(sheet.surface.n, dtype=bool)
-    marked[at] = True
+    marked[vertices] = True
     p, q, r = marked[sheet.surface.F].T
-    near = sheet.surface.F[np.flatnonzero((p & q) | (q & r) | (r & p))]
-    ends = edge_table(near).ends if len(near) else np.empty((0, 2), dtype=np.int64)
+    candidates = sheet.surface.F[np.flatnonzero((p & q) | (q & r) | (r & p))]
+    ends = edge_table(candidates).ends if len(candidates) else np.empty((0, 2), dtype=np.int64)
     return np.asarray(ends[marked[ends].all(axis=1)])
 
 
-def _apart(at: Ints, ends: Ints) -> list[Ints]:
+def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
     """The pinches in groups without common edges: on such an edge the linear distance would be zero."""
     groups = []
-    while len(at):
-        later = np.unique(ends[np.isin(ends, at).all(axis=1), 1])
-        groups.append(np.setdiff1d(at, later))
-        at = np.intersect1d(at, later)
+    while len(pinches):
+        later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
+        groups.append(np.setdiff1d(pinches, later))
+        pinches = np.intersect1d(pinches, later)
     return groups
 
 
-def _distance(sheet: Sheet, at: Ints) -> Floats:
+def _distance_to_pinches(sheet: Sheet, pinches: Ints) -> Floats:
     V = sheet.surface.V
-    return np.asarray(cKDTree(V[at]).query(V)[0])
+    return np.asarray(cKDTree(V[pinches]).query(V)[0])
 
 
-def _corner_distance(sheet: Sheet, at: Ints, radius: float) -> Floats:
+def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
     """(n',) a field whose level `radius` cuts edges from a pinch at min(radius, 0.4 edge); cuts of both ends never
     meet.
     """
     surface = sheet.surface
     x = np.full(surface.n, radius / 0.4)
     pinch = np.zeros(surface.n, dtype=bool)
-    pinch[at] = True
+    pinch[pinches] = True
     for p, q in (surface.edges.ends.T, surface.edges.ends[:, ::-1].T):
-        on = pinch[p]
-        np.maximum.at(x, q[on], np.linalg.norm(surface.V[p[on]] - surface.V[q[on]], axis=1))
-    x[at] = 0
+        starts_at_pinch = pinch[p]
+        np.maximum.at(
+            x, q[starts_at_pinch], np.linalg.norm(surface.V[p[starts_at_pinch]] - surface.V[q[starts_at_pinch]], axis=1)
+        )
+    x[pinches] = 0
     return x
 
 
-def _with_discs(sheet: Sheet, at: Ints, distance: Floats, radius: float, rule: Rule) -> Sheet:
+def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, rule: Rule) -> Sheet:
     V, F = sheet.surface.V, sheet.surface.F
     touched = np.asarray((distance[F] < radius).any(axis=1))
     level = np.array([radius])
-    split = clean_split(Cells.triangles(F), V, distance, level, touched, Snapping(0.1, sheet.surface.size, at))
-    surface, cell = filled_polygons(split.cells, split.extended(V), sheet.parent[split.source])
+    split = clean_split(Cells.triangles(F), V, distance, level, touched, Snapping(0.1, sheet.surface.size, pinches))
+    surface, cell = filled_polygons(split.cells, split.with_new_values(V), sheet.parent[split.source])
     before = split.source[cell]
-    inside = _at_pinches(surface.F, split.strip[cell] == 0, at)
+    inside = _connected_to_pinches(surface.F, split.strip[cell] == 0, pinches)
     family = sheet.family[before]
     if rule == "split":
         family[inside] = VOID
     else:
         fill = inside & (family == VOID)
-        nearest = cKDTree(V[at]).query(surface.centroids[fill])[1]
-        family[fill] = _first_family(sheet, at)[nearest]
-    return Sheet(surface, sheet.parent[before], family, extended_weights(sheet.weights, split))
+        nearest = cKDTree(V[pinches]).query(surface.centroids[fill])[1]
+        family[fill] = _first_family(sheet, pinches)[nearest]
+    return Sheet(surface, sheet.parent[before], family, weights_after_split(sheet.weights, split))
 
 
-def _at_pinches(F: Ints, inside: Bools, at: Ints) -> Bools:
+def _connected_to_pinches(F: Ints, inside: Bools, pinches: Ints) -> Bools:
     """(m',) the inside cells that are edge-connected to a pinch, without other parts of the surface nearby."""
-    here = F[inside]
-    count, piece = pieces(here, edge_table(here))
+    inside_faces = F[inside]
+    count, piece = pieces(inside_faces, edge_table(inside_faces))
     reached = np.zeros(count, dtype=bool)
-    reached[piece[np.isin(here, at).any(axis=1)]] = True
+    reached[piece[np.isin(inside_faces, pinches).any(axis=1)]] = True
     result = inside.copy()
     result[inside] = reached[piece]
     return result
 
 
-def _first_family(sheet: Sheet, at: Ints) -> Ints:
+def _first_family(sheet: Sheet, vertices: Ints) -> Ints:
     marked = np.zeros(sheet.surface.n, dtype=bool)
-    marked[at] = True
-    near = np.flatnonzero(sheet.material & marked[sheet.surface.F].any(axis=1))
-    corner, where = np.unique(sheet.surface.F[near].ravel(), return_index=True)
-    return np.asarray(sheet.family[near[where[np.searchsorted(corner, at)] // 3]])
+    marked[vertices] = True
+    candidates = np.flatnonzero(sheet.material & marked[sheet.surface.F].any(axis=1))
+    corner, where = np.unique(sheet.surface.F[candidates].ravel(), return_index=True)
+    return np.asarray(sheet.family[candidates[where[np.searchsorted(corner, vertices)] // 3]])

@@ -15,7 +15,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.slicing.cutting.cut import Recut
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
-from dsfab.slicing.finishing.openings import apart
+from dsfab.slicing.finishing.openings import disjoint_groups
 from dsfab.slicing.finishing.walls import SHARPEST, Walls
 
 SHARP = float(np.radians(60))
@@ -51,8 +51,8 @@ def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """
     count = 0
     for _ in range(4):  # neighbouring teeth are cut off one after the other
-        found = _spikes(cells) if cells.has_openings else []
-        spikes = [found[k] for k in apart(cells, [spike.cells for spike in found])]
+        all_spikes = _spikes(cells) if cells.has_openings else []
+        spikes = [all_spikes[k] for k in disjoint_groups(cells, [spike.cells for spike in all_spikes])]
         if not spikes:
             break
         cells, count = _cut_off(cells, spikes), count + len(spikes)
@@ -60,17 +60,20 @@ def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
 
 
 def _spikes(cells: Sheet) -> list[Spike]:
-    walls = Walls.of(cells)
+    walls = Walls.from_sheet(cells)
     turn, width = walls.turns(cells), _member_width(cells, walls)
-    found = []
+    spikes = []
     for tip in np.flatnonzero(np.isfinite(turn) & (turn < -SHARP)).tolist():
         before, behind = (_corners_beside(walls, turn, tip, step, FAR * width) for step in (-1, 1))
-        pairs = sorted(((one + two, i, j) for i, one in before for j, two in behind), reverse=True)
+        pairs = sorted(
+            ((length_before + length_behind, i, j) for i, length_before in before for j, length_behind in behind),
+            reverse=True,
+        )
         longest = min(FAR * width, float(walls.total[walls.chain[tip]]))
-        stretches = (_stretch(walls, tip, i, j) for way, i, j in pairs if way < longest)
+        stretches = (_stretch(walls, tip, i, j) for length, i, j in pairs if length < longest)
         teeth = (_tooth(cells, walls, stretch, width) for stretch in stretches)
-        found.append(next((tooth for tooth in teeth if tooth is not None), None))
-    return [spike for spike in found if spike is not None]
+        spikes.append(next((tooth for tooth in teeth if tooth is not None), None))
+    return [spike for spike in spikes if spike is not None]
 
 
 def _member_width(cells: Sheet, walls: Walls) -> float:
@@ -84,42 +87,42 @@ def _member_width(cells: Sheet, walls: Walls) -> float:
 
 def _corners_beside(walls: Walls, turn: Floats, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
     """Re-entrant corners before a tip (step -1) or behind it (1): number of walls away, and metres."""
-    found, way, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
+    corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
-        (last, wall), there = walls.ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
-        way += float(walls.length[wall if step < 0 else last])
-        if not there[1] or way > longest:  # an open chain ends on the edge of the surface
+        (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
+        length += float(walls.length[wall if step < 0 else previous_wall])
+        if not exists[1] or length > longest:  # an open chain ends on the edge of the surface
             break
         if turn[wall] > SHARPEST:
-            found.append((k, way))
-    return found
+            corners.append((k, length))
+    return corners
 
 
 def _stretch(walls: Walls, tip: int, before: int, behind: int) -> Ints:
-    return walls.ahead(np.full(before + behind, tip), np.arange(-before, behind))[0]
+    return walls.walls_ahead(np.full(before + behind, tip), np.arange(-before, behind))[0]
 
 
 def _tooth(cells: Sheet, walls: Walls, stretch: Ints, width: float) -> Spike | None:
     """The tooth along walls (k,) for members of a mean width, metres; None if its shape or its chord does not fit."""
     V, outline = cells.surface.V, np.append(walls.start[stretch], walls.end[stretch[-1]])
-    X, step, first = V[outline], walls.length[stretch], walls.outside[stretch] // 3
-    chord, up = X[-1] - X[0], step @ cells.surface.normals[first]  # mean normal over an edge of the surface
+    X, step, member_cells = V[outline], walls.length[stretch], walls.outside[stretch] // 3
+    chord, up = X[-1] - X[0], step @ cells.surface.normals[member_cells]  # mean normal over an edge of the surface
     length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
     if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
         return None
-    spike = Spike(outline, first, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
+    spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
     lowest = max(0.04 * width, 0.25 * length)  # lower ones are hairs, or bends of a member
     if height.min() < 0 or height.max() < lowest:
         return None
-    reached = _reached(cells, spike)
+    reached = _cells_beyond_chord(cells, spike)
     return None if reached is None else spike._replace(cells=reached)
 
 
-def _reached(cells: Sheet, spike: Spike) -> Ints | None:
+def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
     """(c,) the material cells partly beyond the chord; None if another wall or an edge of the surface is there."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
-    own, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
+    outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:
         cell = waiting.pop()
         seen.add(cell)
@@ -130,7 +133,7 @@ def _reached(cells: Sheet, spike: Spike) -> Ints | None:
                 continue
             beyond = int(twins[3 * cell + c]) // 3
             if beyond < 0 or not material[beyond]:
-                if not own.issuperset((int(corner[c]), int(corner[c - 2]))):
+                if not outline_vertices.issuperset((int(corner[c]), int(corner[c - 2]))):
                     return None
             elif beyond not in seen:
                 waiting.add(beyond)
@@ -138,14 +141,14 @@ def _reached(cells: Sheet, spike: Spike) -> Ints | None:
 
 
 def _cut_off(cells: Sheet, spikes: list[Spike]) -> Sheet:
-    some = Recut.of(cells, np.unique(np.concatenate([spike.cells for spike in spikes])))
-    mesh = some.mesh
-    x, active = np.zeros(len(mesh.X)), np.zeros(len(some.cells), dtype=bool)
+    recut = Recut.from_cells(cells, np.unique(np.concatenate([spike.cells for spike in spikes])))
+    mesh = recut.mesh
+    x, active = np.zeros(len(mesh.X)), np.zeros(len(recut.cells), dtype=bool)
     for spike in spikes:
-        at = np.searchsorted(some.cells, spike.cells)
-        active[at] = True
-        vertex = np.unique(mesh.cells.corner[mesh.cells.slots(at)])
+        rows = np.searchsorted(recut.cells, spike.cells)
+        active[rows] = True
+        vertex = np.unique(mesh.cells.corner[mesh.cells.slots(rows)])
         x[vertex] = spike.heights(mesh.X[vertex])
     split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, Snapping(0.0, cells.surface.size))
-    mesh, beyond = mesh.after(split), active[split.source] & (split.strip == 1)
-    return some.together(replace(mesh, family=np.where(beyond, VOID, mesh.family)), split.source)
+    mesh, beyond = mesh.after_split(split), active[split.source] & (split.strip == 1)
+    return recut.merged_sheet(replace(mesh, family=np.where(beyond, VOID, mesh.family)), split.source)

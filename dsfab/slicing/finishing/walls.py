@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.slicing.cutting.sheet import Sheet
-from dsfab.surface import nearest
+from dsfab.surface import nearest_places as nearest
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 
@@ -38,52 +38,52 @@ class Walls:
     closed: Bools
 
     @classmethod
-    def of(cls, sheet: Sheet) -> "Walls":
+    def from_sheet(cls, sheet: Sheet) -> "Walls":
         """Return the walls between material and void of a sheet, chained."""
-        one, two = sheet.surface.edges.pairs.T
+        side_a, side_b = sheet.surface.edges.pairs.T
         void = ~sheet.material
-        wall = void[one // 3] != void[two // 3]
-        one, two = one[wall], two[wall]
-        h = np.where(void[one // 3], one, two)
+        wall = void[side_a // 3] != void[side_b // 3]
+        side_a, side_b = side_a[wall], side_b[wall]
+        h = np.where(void[side_a // 3], side_a, side_b)
         a, b = (ends[h] for ends in half_edges(sheet.surface.F))
-        order, begin, closed = _chains(_onward(sheet.surface, a, b))
+        order, begin, closed = _chains(_next_walls(sheet.surface, a, b))
         chain = np.repeat(np.arange(len(closed)), np.diff(begin))
         h, a, b = h[order], a[order], b[order]
         length = np.linalg.norm(sheet.surface.V[b] - sheet.surface.V[a], axis=1)
         total = np.bincount(chain, length, len(closed)).astype(np.float64)
         place = np.cumsum(length) - length - (np.cumsum(total) - total)[chain]
-        return cls(h, (one + two)[order] - h, a, b, length, place, chain, begin, total, closed)
+        return cls(h, (side_a + side_b)[order] - h, a, b, length, place, chain, begin, total, closed)
 
-    def ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
+    def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
         """(k,) the walls `steps` (k,) after `wall` (k,) along its chain, and a mask of those that exist: open
         chains end.
         """
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
-        at = wall - begin + steps
-        there = self.closed[chain] | ((at >= 0) & (at < size))
-        return begin + at % size, there
+        position = wall - begin + steps
+        exists = self.closed[chain] | ((position >= 0) & (position < size))
+        return begin + position % size, exists
 
     @cached_property
-    def before(self) -> Floats:
+    def chain_offsets(self) -> Floats:
         """(c,) metres at which the chains begin when all are laid end to end."""
         return np.asarray(np.cumsum(self.total) - self.total)
 
-    def at(self, chain: Ints, place: Floats) -> Ints:
+    def walls_at(self, chain: Ints, place: Floats) -> Ints:
         """(k,) the walls at places (k,), metres along chains (k,)."""
-        before = self.before
-        found = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
-        return np.clip(found, self.begin[chain], self.begin[chain + 1] - 1)
+        before = self.chain_offsets
+        wall = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
+        return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
 
     def points(self, V: Floats, wall: Ints, share: Floats) -> Floats:
         """(k, 3) the points at shares (k,) of walls (k,), on vertices V (n, 3)."""
-        one, two = V[self.start[wall]], V[self.end[wall]]
-        return np.asarray(one + share[:, None] * (two - one))
+        segment_start, segment_end = V[self.start[wall]], V[self.end[wall]]
+        return np.asarray(segment_start + share[:, None] * (segment_end - segment_start))
 
     def nearest(self, V: Floats, points: Floats) -> tuple[Ints, Floats]:
         """(k,) the walls nearest to points (k, 3), and the nearest points (k, 3) on them, on vertices V (n, 3)."""
-        found = nearest(points, V, np.stack([self.start, self.end], axis=1))
-        return found.simplex, found.place
+        nearest_places = nearest(points, V, np.stack([self.start, self.end], axis=1))
+        return nearest_places.simplex, nearest_places.place
 
     def turns(self, sheet: Sheet) -> Floats:
         """(w,) left turn of the outline at the start of each wall, radians: pi less the angle of the void.
@@ -101,22 +101,22 @@ class Walls:
         return turn
 
 
-def following(chain: Ints) -> Ints:
+def next_in_chains(chain: Ints) -> Ints:
     """(k,) the next of each in its chain, the first behind the last; chains (k,) are runs of one number."""
     after = np.arange(1, len(chain) + 1)
-    first = np.flatnonzero(np.diff(chain, prepend=-1))
-    after[np.append(first[1:], len(chain))[: len(first)] - 1] = first
+    chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
+    after[np.append(chain_start[1:], len(chain))[: len(chain_start)] - 1] = chain_start
     return after
 
 
-def _onward(surface: Surface, a: Ints, b: Ints) -> Ints:
+def _next_walls(surface: Surface, a: Ints, b: Ints) -> Ints:
     """(w,) the wall after each wall from a to b, or -1 at a boundary and where several walls meet."""
     ends = surface.edges.ends[surface.edges.boundary]
-    plain = (np.bincount(a, minlength=surface.n) == 1) & (np.bincount(b, minlength=surface.n) == 1)
-    plain[ends] = False
-    at = np.full(surface.n, -1)
-    at[a] = np.arange(len(a))
-    return np.where(plain[b], at[b], -1)
+    single = (np.bincount(a, minlength=surface.n) == 1) & (np.bincount(b, minlength=surface.n) == 1)
+    single[ends] = False
+    wall_from = np.full(surface.n, -1)
+    wall_from[a] = np.arange(len(a))
+    return np.where(single[b], wall_from[b], -1)
 
 
 def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
@@ -126,12 +126,12 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
     follow, seen = onward.tolist(), bytearray(len(onward))
     order, begin, closed = list[int](), [0], list[bool]()
     heads = np.flatnonzero(headless).tolist()
-    for k, first in enumerate([*heads, *range(len(follow))]):
-        at = first
-        while at >= 0 and not seen[at]:
-            seen[at] = 1
-            order.append(at)
-            at = follow[at]
+    for k, first_wall in enumerate([*heads, *range(len(follow))]):
+        wall = first_wall
+        while wall >= 0 and not seen[wall]:
+            seen[wall] = 1
+            order.append(wall)
+            wall = follow[wall]
         if len(order) > begin[-1]:
             begin.append(len(order))
             closed.append(k >= len(heads))
@@ -151,9 +151,9 @@ class Stretches:
     before: Floats
 
     @classmethod
-    def of(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
+    def from_chains(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
         """Return parts of chains (p,), from a place (p,) along each, of a length (p,), all in metres."""
-        before, total = walls.before, walls.total[chain]
+        before, total = walls.chain_offsets, walls.total[chain]
         begin = begin % total
         over = np.flatnonzero(begin + length > total)
         low = before[chain] + begin
@@ -162,22 +162,22 @@ class Stretches:
         low, high = np.append(low, rest), np.append(high, rest + (begin + length - total)[over])
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
-    def cover(self, chain: Ints, place: Floats) -> Bools:
+    def covers(self, chain: Ints, place: Floats) -> Bools:
         """(k,) mask of places (k,), metres along chains (k,), in the parts, which must be disjoint."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
         x = self.before[chain] + np.maximum(place, 0.0)  # rounding may give less than 0
-        at = np.searchsorted(self.low[order], x, side="right") - 1
-        return np.asarray((at >= 0) & (x <= self.high[order][np.maximum(at, 0)]))
+        index = np.searchsorted(self.low[order], x, side="right") - 1
+        return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
-    def meet(self, other: "Stretches", count: int) -> Bools:
+    def overlaps(self, stretches: "Stretches", count: int) -> Bools:
         """(count,) mask of the parts that overlap other stretches, which must be disjoint."""
-        if not len(other.low):
+        if not len(stretches.low):
             return np.zeros(count, dtype=bool)
-        order = np.argsort(other.low)
-        at = np.searchsorted(other.low[order], self.high) - 1
-        into = (at >= 0) & (other.high[order][np.maximum(at, 0)] > self.low)
+        order = np.argsort(stretches.low)
+        index = np.searchsorted(stretches.low[order], self.high) - 1
+        into = (index >= 0) & (stretches.high[order][np.maximum(index, 0)] > self.low)
         return np.asarray(np.bincount(self.part, into, count) > 0)
 
     def disjoint(self, count: int) -> Bools:
@@ -186,9 +186,9 @@ class Stretches:
         stay, taken = np.ones(count, dtype=bool), list[tuple[float, float]]()
         for k in np.argsort(-length[self.part], kind="stable").tolist():
             low, high = float(self.low[k]), float(self.high[k])
-            at = bisect(taken, (low, high))
-            if (at and taken[at - 1][1] > low) or (at < len(taken) and taken[at][0] < high):
+            index = bisect(taken, (low, high))
+            if (index and taken[index - 1][1] > low) or (index < len(taken) and taken[index][0] < high):
                 stay[self.part[k]] = False
             else:
-                taken.insert(at, (low, high))
+                taken.insert(index, (low, high))
         return stay

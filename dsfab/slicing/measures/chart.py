@@ -7,10 +7,10 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, grouped, lengths, lock, sorted_order
-from dsfab.slicing.cutting.corner_fields import Seen
+from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lengths, lock, sorted_order
+from dsfab.slicing.cutting.corner_fields import PolygonField
 from dsfab.slicing.cutting.cut import filled_polygons
-from dsfab.slicing.cutting.halving import Halved
+from dsfab.slicing.cutting.halving import LineHalving
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, hat_gradients
@@ -45,47 +45,49 @@ class Chart:
         return np.asarray(self.weights @ x)
 
 
-def chart_of(halved: Halved, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
+def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
     """Return the chart of a surface that was divided by `halve_lines`.
 
     phases : the fields (n, 1) before snapping; default: the snapped fields, which fit the openings.
     """
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
-    slot = _slots(mesh, surface.F, cell)
+    slot = _corner_slots(mesh, surface.F, cell)
     z, scale = np.empty((2, 3 * surface.m, 2))
     for k, phase in enumerate(phases):
-        seen = Seen.of(mesh, phase)
+        seen = PolygonField.from_field(mesh, phase)
         scale[:, k] = np.where(seen.blank, 0.0, 0.5 ** halved.level[mesh.cells.owner, k])[slot]
-        z[:, k] = np.where(seen.blank, 0.5, seen.slots(0))[slot] * np.where(scale[:, k] > 0, scale[:, k], 1.0)
+        z[:, k] = np.where(seen.blank, 0.5, seen.slot_values(0))[slot] * np.where(scale[:, k] > 0, scale[:, k], 1.0)
     flat = surface.F.ravel()
-    first, of = _alike(flat, np.rint(np.concatenate([z, scale], axis=1) / SLICING_SAME))
-    own = Surface(surface.V[flat[first]], of.reshape(-1, 3))
-    return Chart(own, mesh.parent[cell], mesh.weights[flat[first]], z[first], scale[first])
+    first_corner, vertex = _group_equal_rows(flat, np.rint(np.concatenate([z, scale], axis=1) / SLICING_SAME))
+    chart_surface = Surface(surface.V[flat[first_corner]], vertex.reshape(-1, 3))
+    return Chart(
+        chart_surface, mesh.parent[cell], mesh.weights[flat[first_corner]], z[first_corner], scale[first_corner]
+    )
 
 
-def _alike(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
+def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """The first of all rows with equal key (k,) and equal whole numbers (k, r), and the group of each."""
-    order, begins, of = grouped(key)
-    lead = order[begins][of]
-    other = np.flatnonzero((rows != rows[lead]).any(axis=1))  # few: only these are sorted by their rows
+    order, begins, group_of = equal_key_groups(key)
+    lead = order[begins][group_of]
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # few: only these are sorted by their rows
     lead = lead.copy()
-    if len(other):
-        table = np.column_stack([key[other], rows[other]])
-        _, at, group = np.unique(table, axis=0, return_index=True, return_inverse=True)
-        lead[other] = other[at][group.ravel()]
+    if len(different):
+        table = np.column_stack([key[different], rows[different]])
+        _, first_row, group = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        lead[different] = different[first_row][group.ravel()]
     leads = np.flatnonzero(lead == np.arange(len(key)))
     place = np.empty(len(key), dtype=np.int64)
     place[leads] = np.arange(len(leads))
     return leads, place[lead]
 
 
-def _slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
+def _corner_slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
     n = len(mesh.X)
     key = mesh.cells.owner * n + mesh.cells.corner
     order = sorted_order(key)
-    wanted = (cell[:, None] * n + F).ravel()
-    return np.asarray(order[np.searchsorted(key[order], wanted)])
+    corner_key = (cell[:, None] * n + F).ravel()
+    return np.asarray(order[np.searchsorted(key[order], corner_key)])
 
 
 ON = 1e-6
@@ -95,7 +97,7 @@ POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class StripeChart:
     """Stripes |z - k| < d, k a whole number, and other material.
 
     surface : n vertices, m faces; a surface cut open has several vertices at the same place.
@@ -119,12 +121,12 @@ class Drawn:
         lock(self, "kept", np.float64, (n,))
 
     @classmethod
-    def of(cls, chart: Chart, d: Floats, kept: Floats) -> Self:
+    def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
         """Return the stripes of a chart; half-widths (n, 2) and other material (n,) are on the uncut vertices."""
-        known = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
-        whole = np.rint(chart.z)
-        z = np.where(np.abs(chart.z - whole) < ON, whole, chart.z)
-        return cls(chart.surface, z, np.clip(chart.carry(d), 0.0, 0.5), known, chart.carry(kept))
+        has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
+        nearest_whole = np.rint(chart.z)
+        z = np.where(np.abs(chart.z - nearest_whole) < ON, nearest_whole, chart.z)
+        return cls(chart.surface, z, np.clip(chart.carry(d), 0.0, 0.5), has_phase, chart.carry(kept_values))
 
     @cached_property
     def place(self) -> Ints:
@@ -156,24 +158,24 @@ class Drawn:
     def gradients(self) -> tuple[Floats, Floats]:
         """(m, 3) each, gradients of both phases on the faces, per metre."""
         hats = np.ascontiguousarray(hat_gradients(self.surface).transpose(1, 0, 2))
-        one, two = (sum(g * z[:, None] for g, z in zip(hats, self.corners(x), strict=True)) for x in self.z.T)
-        return np.asarray(one), np.asarray(two)
+        major, minor = (sum(g * z[:, None] for g, z in zip(hats, self.corners(x), strict=True)) for x in self.z.T)
+        return np.asarray(major), np.asarray(minor)
 
     @cached_property
     def slope(self) -> tuple[Floats, Floats]:
         """(m,) each, stripes per metre; never 0."""
-        one, two = (np.maximum(lengths(g), np.finfo(float).tiny) for g in self.gradients)
-        return one, two
+        major, minor = (np.maximum(lengths(g), np.finfo(float).tiny) for g in self.gradients)
+        return major, minor
 
-    def inside(self, k: int, face: Ints, at: Floats) -> Bools:
+    def inside(self, k: int, face: Ints, coordinates: Floats) -> Bools:
         """(q,) mask of points at barycentric coordinates (q, 3) of faces (q,) in stripes of family k."""
         corner = self.surface.F[face]
-        z, d = (np.einsum("qc,qc->q", x[corner, k], at) for x in (self.z, self.d))
+        z, d = (np.einsum("qc,qc->q", x[corner, k], coordinates) for x in (self.z, self.d))
         return np.asarray((np.abs(z - np.rint(z)) <= d + ON * (d > 0)) & self.known[face, k])
 
-    def is_kept(self, face: Ints, at: Floats) -> Bools:
+    def is_kept(self, face: Ints, coordinates: Floats) -> Bools:
         """(q,) mask of points in material besides the stripes."""
-        return np.asarray(np.einsum("qc,qc->q", self.kept[self.surface.F[face]], at) > 0)
+        return np.asarray(np.einsum("qc,qc->q", self.kept[self.surface.F[face]], coordinates) > 0)
 
     @cached_property
     def void(self) -> Floats:
@@ -184,7 +186,7 @@ class Drawn:
             solid |= (np.abs(z - np.rint(z)) < d) & self.known[:, k]
         return np.asarray(1 - solid.mean(axis=0))
 
-    def member(self, k: int) -> tuple[Floats, Floats]:
+    def member_widths(self, k: int) -> tuple[Floats, Floats]:
         """(m,) widths of the members of family k on the faces, metres, and their area there, m2."""
         z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
         share = ((np.abs(z - np.rint(z)) < d) & self.known[:, k]).mean(axis=0)
@@ -201,14 +203,14 @@ class Drawn:
 
 
 @dataclass(frozen=True, eq=False)
-class Middles:
+class StripeMiddles:
     """The middles of the members of family k, in pieces.
 
     face : (s,) of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) its end nodes.
     copy : (s,) pieces along an edge that repeat an earlier one.    edge : (j,) nodes on the boundary of the surface.
     """
 
-    drawn: Drawn
+    drawn: StripeChart
     k: int
     face: Ints
     at: Floats
@@ -227,7 +229,7 @@ class Middles:
         """(s,) metres; half of it for each of the two pieces along an edge."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
-        group = grouped(key)[2]
+        group = equal_key_groups(key)[2]
         return np.asarray(metres / np.bincount(group)[group])
 
     @cached_property
@@ -237,23 +239,23 @@ class Middles:
 
     def at_nodes(self, marked: Bools) -> Bools:
         """(j,) nodes with a marked end (s, 2)."""
-        found = np.zeros(len(self.edge), dtype=bool)
-        found[self.node[marked]] = True
-        return found
+        result = np.zeros(len(self.edge), dtype=bool)
+        result[self.node[marked]] = True
+        return result
 
     @cached_property
-    def met(self) -> Bools:
+    def ends_in_material(self) -> Bools:
         """(s, 2) ends in a member of the other family, or in material besides the stripes."""
-        face, at = np.repeat(self.face, 2), self.at.reshape(-1, 3)
-        inside = self.drawn.inside(1 - self.k, face, at) | self.drawn.is_kept(face, at)
+        face, coordinates = np.repeat(self.face, 2), self.at.reshape(-1, 3)
+        inside = self.drawn.inside(1 - self.k, face, coordinates) | self.drawn.is_kept(face, coordinates)
         return np.asarray(inside.reshape(-1, 2))
 
     @cached_property
     def place(self) -> Floats:
         """(j, 3) places of the nodes, metres."""
-        found = np.empty((len(self.edge), 3))
-        found[self.node] = self.points
-        return found
+        places = np.empty((len(self.edge), 3))
+        places[self.node] = self.points
+        return places
 
 
 class _Pieces(NamedTuple):
@@ -267,25 +269,25 @@ class _Pieces(NamedTuple):
     slot: Ints
 
 
-def middles(drawn: Drawn, k: int) -> Middles:
+def stripe_middles(chart: StripeChart, k: int) -> StripeMiddles:
     """Return the middles of the members of family k; none for half-widths of 0."""
-    F = drawn.surface.F
-    pieces = _pieces(drawn, k)
-    z = drawn.z[F[pieces.face], k] - pieces.line[:, None]
-    at = np.stack([_barycentric(z, pieces.slot[:, e]) for e in (0, 1)], axis=1)
-    node, on_edge = _nodes(drawn, pieces, at)
+    F = chart.surface.F
+    pieces = _pieces(chart, k)
+    z = chart.z[F[pieces.face], k] - pieces.line[:, None]
+    coordinates = np.stack([_barycentric(z, pieces.slot[:, e]) for e in (0, 1)], axis=1)
+    node, on_edge = _nodes(chart, pieces, coordinates)
     low, high = node.min(axis=1), node.max(axis=1)
-    _, begins, group = grouped(low * (int(node.max(initial=0)) + 1) + high)
-    first = np.full(len(begins), len(low))
-    np.minimum.at(first, group, np.arange(len(low)))
-    return Middles(drawn, k, pieces.face, at, node, first[group] != np.arange(len(low)), on_edge)
+    _, begins, group = equal_key_groups(low * (int(node.max(initial=0)) + 1) + high)
+    first_piece = np.full(len(begins), len(low))
+    np.minimum.at(first_piece, group, np.arange(len(low)))
+    return StripeMiddles(chart, k, pieces.face, coordinates, node, first_piece[group] != np.arange(len(low)), on_edge)
 
 
-def _pieces(drawn: Drawn, k: int) -> _Pieces:
-    z, d = drawn.corners(drawn.z[:, k]), drawn.corners(drawn.d[:, k]).max(axis=0)
-    least, most = z.min(axis=0), z.max(axis=0)
-    low, high = np.ceil(least).astype(np.int64), np.floor(most).astype(np.int64)
-    count = np.where(drawn.known[:, k] & (d > 0) & (most - least > ON), np.maximum(high - low + 1, 0), 0)
+def _pieces(chart: StripeChart, k: int) -> _Pieces:
+    z, d = chart.corners(chart.z[:, k]), chart.corners(chart.d[:, k]).max(axis=0)
+    lowest, highest = z.min(axis=0), z.max(axis=0)
+    low, high = np.ceil(lowest).astype(np.int64), np.floor(highest).astype(np.int64)
+    count = np.where(chart.known[:, k] & (d > 0) & (highest - lowest > ON), np.maximum(high - low + 1, 0), 0)
     face = np.repeat(np.arange(len(count)), count)
     line = low[face] + np.arange(len(face)) - np.repeat(np.cumsum(count) - count, count)
     side = np.sign(z[:, face] - line).T
@@ -297,33 +299,33 @@ def _pieces(drawn: Drawn, k: int) -> _Pieces:
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
     """(s, 3) coordinates of the ends at slots (s,) of pieces z = 0, z (s, 3) at the corners."""
-    row, here, on_edge = np.arange(len(z)), slot % 3, slot >= 3
-    there = (here + 1) % 3
-    a, b = z[row, here], z[row, there]
+    row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
+    next_corner = (corner + 1) % 3
+    a, b = z[row, corner], z[row, next_corner]
     t = np.where(on_edge, a / np.where(on_edge, a - b, 1.0), 0.0)
-    found = np.zeros((len(z), 3))
-    found[row, here] = 1 - t
-    found[row, there] = t
-    return found
+    coordinates = np.zeros((len(z), 3))
+    coordinates[row, corner] = 1 - t
+    coordinates[row, next_corner] = t
+    return coordinates
 
 
-def _nodes(drawn: Drawn, pieces: _Pieces, at: Floats) -> tuple[Ints, Bools]:
+def _nodes(chart: StripeChart, pieces: _Pieces, coordinates: Floats) -> tuple[Ints, Bools]:
     """(s, 2) the node of each end, and (j,) mask of nodes on the boundary of the surface.
 
     Ends on an edge are sorted by their place; ends at vertices come before them.
     """
-    table, F = drawn.table, drawn.surface.F
-    face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), at.reshape(-1, 3)
+    table, F = chart.table, chart.surface.F
+    face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), coordinates.reshape(-1, 3)
     corner, on_edge, row = slot % 3, slot >= 3, np.arange(len(slot))
-    vertex, edge = drawn.place[F[face, corner]], table.of[face, corner]
+    vertex, edge = chart.place[F[face, corner]], table.of[face, corner]
     t = weight[row, (corner + 1) % 3]
     t = np.where(vertex == table.ends[edge, 0], t, 1 - t)
     key = np.where(on_edge, edge + len(F) * 3, vertex)
     order = np.lexsort((np.where(on_edge, t, 0.0), key))
-    apart = (np.diff(key[order]) != 0) | (np.diff(np.where(on_edge, t, 0.0)[order]) > 1e-5)
+    differs = (np.diff(key[order]) != 0) | (np.diff(np.where(on_edge, t, 0.0)[order]) > 1e-5)
     node = np.empty(len(slot), dtype=np.int64)
-    node[order] = np.concatenate([[0], np.cumsum(apart)]) if len(slot) else np.empty(0, dtype=np.int64)
-    rim = np.zeros(drawn.surface.n, dtype=bool)
+    node[order] = np.concatenate([[0], np.cumsum(differs)]) if len(slot) else np.empty(0, dtype=np.int64)
+    rim = np.zeros(chart.surface.n, dtype=bool)
     rim[table.ends[table.boundary]] = True
     outside = np.zeros(int(node.max(initial=-1)) + 1, dtype=bool)
     outside[node] = np.where(on_edge, table.boundary[edge], rim[vertex])

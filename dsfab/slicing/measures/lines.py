@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
-from dsfab.slicing.cutting.cells import nearest
-from dsfab.slicing.cutting.polygon_mesh import places
+from dsfab.slicing.cutting.cells import nearest_levels
+from dsfab.slicing.cutting.polygon_mesh import corner_places
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.slicing.measures.chart import SLICING_SAME, Chart
 from dsfab.surface import Surface, chains
@@ -59,13 +59,13 @@ def _on_boundary(sheet: Sheet, uncut: Surface, a: Ints, b: Ints) -> Bools:
     stand = csr_array(sheet.weights[a] + sheet.weights[b])
     stand.eliminate_zeros()
     stand.sort_indices()
-    first = stand.indptr[:-1]
-    two = np.diff(stand.indptr) == 2
-    i, j = stand.indices[first[two]].astype(np.int64), stand.indices[first[two] + 1].astype(np.int64)
+    row_start = stand.indptr[:-1]
+    has_two = np.diff(stand.indptr) == 2
+    i, j = stand.indices[row_start[has_two]].astype(np.int64), stand.indices[row_start[has_two] + 1].astype(np.int64)
     ends = uncut.edges.ends[uncut.edges.boundary]
-    on = np.zeros(len(a), dtype=bool)
-    on[two] = np.isin(i * uncut.n + j, ends[:, 0] * uncut.n + ends[:, 1])
-    return on
+    on_boundary = np.zeros(len(a), dtype=bool)
+    on_boundary[has_two] = np.isin(i * uncut.n + j, ends[:, 0] * uncut.n + ends[:, 1])
+    return on_boundary
 
 
 LEAST = 1e-7
@@ -86,7 +86,7 @@ class Spans(NamedTuple):
     cell: Ints
 
 
-def clipped(chart: Chart, face: Ints, at: Floats, of: Ints, sheet: Sheet, F: Ints) -> Spans:
+def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
     """Return the parts of segments that lie on cells of a sheet.
 
     face        : (v,) faces of the chart.
@@ -94,28 +94,30 @@ def clipped(chart: Chart, face: Ints, at: Floats, of: Ints, sheet: Sheet, F: Int
     segment     : (v,) the segment; two faces may see the same one, along their common edge.
     F           : (m, 3) the uncut faces.
     """
-    ends = at @ _in_parents(chart.weights, chart.surface.F[face], chart.parent[face], F)  # on the uncut faces
+    ends = view_ends @ _parent_coordinates(
+        chart.weights, chart.surface.F[face], chart.parent[face], F
+    )  # on the uncut faces
     order = sorted_order(sheet.parent)
     parents = sheet.parent[order]
     begin, end = (np.searchsorted(parents, chart.parent[face], side=side) for side in ("left", "right"))
     view = np.repeat(np.arange(len(face)), end - begin)
     cell = order[np.arange(len(view)) - (np.cumsum(end - begin) - end)[view]]
-    corners = _in_parents(sheet.weights, sheet.surface.F[cell], sheet.parent[cell], F)
-    low, high = _inside(ends[view, :, :2], corners[..., :2])
-    some = high - low > LEAST
-    return _united(of[view[some]], low[some], high[some], cell[some])
+    corners = _parent_coordinates(sheet.weights, sheet.surface.F[cell], sheet.parent[cell], F)
+    low, high = _span_inside(ends[view, :, :2], corners[..., :2])
+    long_enough = high - low > LEAST
+    return _merge_spans(segment[view[long_enough]], low[long_enough], high[long_enough], cell[long_enough])
 
 
-def _in_parents(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) -> Floats:
+def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) -> Floats:
     """(k, 3, 3) the corners of triangles F (k, 3) in barycentric coordinates of their parents (k,)."""
     entries = weights[F.ravel()].tocoo()
     row, column = (index.astype(np.int64) for index in entries.coords)
-    found = np.zeros((3 * len(F), 3))
-    np.add.at(found, (row, places(uncut[parent[row // 3]], column)), entries.data)
-    return found.reshape(-1, 3, 3)
+    coordinates = np.zeros((3 * len(F), 3))
+    np.add.at(coordinates, (row, corner_places(uncut[parent[row // 3]], column)), entries.data)
+    return coordinates.reshape(-1, 3, 3)
 
 
-def _inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
+def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
     """(q,) begin and end of segments (q, 2, 2) inside triangles (q, 3, 2); end < begin if outside."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
@@ -132,16 +134,18 @@ def _inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
     return low, high
 
 
-def _united(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
+def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
     upto = np.maximum.accumulate(2.0 * segment + end)  # no part of one segment reaches the next
-    new = np.ones(len(segment), dtype=bool)
-    new[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
-    first = np.flatnonzero(new)
-    last = np.maximum.reduceat(end, first) if len(first) else end
-    start = np.where(begin[first] < LEAST, 0.0, begin[first])
-    return Spans(segment[first], start, np.where(last > 1 - LEAST, 1.0, last), np.cumsum(new) - 1, cell)
+    begins_span = np.ones(len(segment), dtype=bool)
+    begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
+    first_rows = np.flatnonzero(begins_span)
+    span_end = np.maximum.reduceat(end, first_rows) if len(first_rows) else end
+    start = np.where(begin[first_rows] < LEAST, 0.0, begin[first_rows])
+    return Spans(
+        segment[first_rows], start, np.where(span_end > 1 - LEAST, 1.0, span_end), np.cumsum(begins_span) - 1, cell
+    )
 
 
 class Middle(NamedTuple):
@@ -168,7 +172,7 @@ class Chords:
     at: Floats
 
     @classmethod
-    def on(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
+    def from_chart(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
         """Return the middles of a family in faces with a phase and a half-width (n,) over 0 at every corner.
 
              |                  A face has a chord for every whole number between two of its corners, from side to
@@ -187,42 +191,44 @@ class Chords:
         chord = ((d > 0).any(axis=1) & (d < 0).any(axis=1)) | ((d == 0).sum(axis=1) == 2)
         face, level, d = face[chord], level[chord], d[chord]
         number = np.rint(level / scale[face, 0]).astype(np.int64)
-        return cls._joined(chart, face, number, d)
+        return cls._from_zeros(chart, face, number, d)
 
     @classmethod
-    def _joined(cls, chart: Chart, face: Ints, number: Ints, d: Floats) -> "Chords":
+    def _from_zeros(cls, chart: Chart, face: Ints, number: Ints, d: Floats) -> "Chords":
         ahead = np.roll(d, -1, axis=1)
-        place = np.nonzero(np.concatenate([d == 0, d * ahead < 0], axis=1))[1].reshape(-1, 2)  # corners, then sides
+        crossed_slot = np.nonzero(np.concatenate([d == 0, d * ahead < 0], axis=1))[1].reshape(
+            -1, 2
+        )  # corners, then sides
         t = np.where(d * ahead < 0, d / np.where(d == ahead, 1.0, d - ahead), 0.0)
-        corner, share = place % 3, np.take_along_axis(t, place % 3, axis=1)
-        at = (1 - share)[..., None] * np.eye(3)[corner] + share[..., None] * np.eye(3)[(corner + 1) % 3]
-        node, point = _nodes(chart, face[:, None], corner, place < 3, share)
+        corner, share = crossed_slot % 3, np.take_along_axis(t, crossed_slot % 3, axis=1)
+        coordinates = (1 - share)[..., None] * np.eye(3)[corner] + share[..., None] * np.eye(3)[(corner + 1) % 3]
+        node, point = _nodes(chart, face[:, None], corner, crossed_slot < 3, share)
         turned = node[:, 0] > node[:, 1]
-        node[turned], at[turned] = node[turned, ::-1], at[turned, ::-1]
-        link, of = np.unique(node, axis=0, return_inverse=True)
-        return cls(link, point, of.ravel(), face, number, at)
+        node[turned], coordinates[turned] = node[turned, ::-1], coordinates[turned, ::-1]
+        link, segment = np.unique(node, axis=0, return_inverse=True)
+        return cls(link, point, segment.ravel(), face, number, coordinates)
 
 
-def _nodes(chart: Chart, face: Ints, corner: Ints, whole: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
+def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
     """(v, 2) nodes at corners (where `at_corner`) or on the sides after them, and (nodes, 3) their points, metres."""
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # cuts of the chart are no edges of the sheet
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
     t = np.where(edges.ends[side, 0] == start, share, 1 - share)
-    on_side = np.flatnonzero(~whole.ravel())
+    on_side = np.flatnonzero(~at_corner.ravel())
     side, t = side.ravel()[on_side], t.ravel()[on_side]
     order = np.lexsort([t, side])
-    new = np.ones(len(order), dtype=bool)
-    new[1:] = (np.diff(side[order]) != 0) | (np.diff(t[order]) > 1e-5)
+    begins_node = np.ones(len(order), dtype=bool)
+    begins_node[1:] = (np.diff(side[order]) != 0) | (np.diff(t[order]) > 1e-5)
     node = start.ravel().copy()
-    node[on_side[order]] = len(V) + np.cumsum(new) - 1
-    first = order[new]
-    a, b = (V[edges.ends[side[first], k]] for k in (0, 1))
-    return node.reshape(-1, 2), np.concatenate([V, a + t[first, None] * (b - a)])
+    node[on_side[order]] = len(V) + np.cumsum(begins_node) - 1
+    first_side = order[begins_node]
+    a, b = (V[edges.ends[side[first_side], k]] for k in (0, 1))
+    return node.reshape(-1, 2), np.concatenate([V, a + t[first_side, None] * (b - a)])
 
 
-def middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints, passing: Ints) -> list[Middle]:
+def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints, passing: Ints) -> list[Middle]:
     """Return the middle lines of one family's members on the remaining sheet.
 
     half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
@@ -230,22 +236,22 @@ def middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints
     passing    : values of `sheet.family`. Lines that run through such cells only are left out, because no member was
                  drawn along them: they pass below another member.
     """
-    chords = Chords.on(chart, family, half_width)
-    spans = clipped(chart, chords.face, chords.at, chords.of, sheet, F)
+    chords = Chords.from_chart(chart, family, half_width)
+    spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
-    drawn = np.zeros(len(spans.begin), dtype=bool)
-    drawn[spans.of_pair[through]] = True
+    visible = np.zeros(len(spans.begin), dtype=bool)
+    visible[spans.of_pair[through]] = True
     number = np.zeros(len(chords.link), dtype=np.int64)
     number[chords.of[::-1]] = chords.number[::-1]
     link, point = _pieces(chords, spans)
-    found = []
+    result = []
     for nodes, passed in chains(link[:, 0], link[:, 1], len(point)):
         points = point[nodes]
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        if drawn[passed].any() and lengths.any():
+        if visible[passed].any() and lengths.any():
             distinct = np.concatenate([[True], lengths > 0])
-            found.append(Middle(mostly(number[spans.segment[passed]], lengths), points[distinct]))
-    return found
+            result.append(Middle(dominant_number(number[spans.segment[passed]], lengths), points[distinct]))
+    return result
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
@@ -257,18 +263,18 @@ def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
     points, count = [chords.point], len(chords.point)
-    for k, (t, whole) in enumerate(((spans.begin, 0.0), (spans.end, 1.0))):
-        own = np.flatnonzero((t != whole) | crowded[:, k])
-        points.append(a[own] + t[own, None] * (b - a)[own])
-        link[own, k] = count + np.arange(len(own))
-        count += len(own)
+    for k, (t, full_length) in enumerate(((spans.begin, 0.0), (spans.end, 1.0))):
+        new_node_rows = np.flatnonzero((t != full_length) | crowded[:, k])
+        points.append(a[new_node_rows] + t[new_node_rows, None] * (b - a)[new_node_rows])
+        link[new_node_rows, k] = count + np.arange(len(new_node_rows))
+        count += len(new_node_rows)
     return link, np.concatenate(points)
 
 
-def mostly(number: Ints, weight: Floats) -> int:
+def dominant_number(number: Ints, weight: Floats) -> int:
     """The number (k,) with the largest sum of weights (k,)."""
-    values, of = np.unique(number, return_inverse=True)
-    return int(values[np.argmax(np.bincount(of.ravel(), weight))])
+    values, group = np.unique(number, return_inverse=True)
+    return int(values[np.argmax(np.bincount(group.ravel(), weight))])
 
 
 BOUNDARY = "boundary"
@@ -302,14 +308,14 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
     of_half_edge = {int(a): i for i, a in enumerate(labels.half_edge)}
     chosen: list[tuple[str, int, Floats]] = []
     for loop, along in _loops(sheet.surface):
-        at = np.array([of_half_edge[h] for h in along])
+        edges = np.array([of_half_edge[h] for h in along])
         points = sheet.surface.V[loop]
-        for run in _runs(stripes.changes(at, loop)):
-            family = int(labels.family[at[run[0]]])
+        for run in _runs(stripes.changes(edges, loop)):
+            family = int(labels.family[edges[run[0]]])
             line = points[[*run.tolist(), (run[-1] + 1) % len(points)]]
-            stripe = mostly(stripes.number[at[run]], np.linalg.norm(np.diff(line, axis=0), axis=1))
+            stripe = dominant_number(stripes.number[edges[run]], np.linalg.norm(np.diff(line, axis=0), axis=1))
             chosen.append((BOUNDARY if family == VOID else names[family], stripe, line))
-    return _numbered("edge", chosen)
+    return _structure_lines("edge", chosen)
 
 
 class _Stripes:
@@ -318,8 +324,8 @@ class _Stripes:
         self.parent, self.weights, self.F = sheet.parent[self.cell], sheet.weights, uncut.F
         self.number = np.zeros(len(self.cell), dtype=np.int64)
         for k, phase in enumerate(phases):
-            if phase is not None and (mine := labels.family == k).any():
-                self.number[mine] = self._numbers(sheet, phase, self.cell[mine])
+            if phase is not None and (own_edges := labels.family == k).any():
+                self.number[own_edges] = self._numbers(sheet, phase, self.cell[own_edges])
 
     def _numbers(self, sheet: Sheet, phase: Floats | CornerLines, cell: Ints) -> Ints:
         corners = sheet.surface.F[cell]
@@ -329,25 +335,25 @@ class _Stripes:
         entries = self.weights[corners.ravel()].tocoo()
         row, column = (index.astype(np.int64) for index in entries.coords)
         parent = sheet.parent[cell][row // 3]
-        seen = entries.data * z[parent, places(self.F[parent], column)]
+        seen = entries.data * z[parent, corner_places(self.F[parent], column)]
         z = np.bincount(row // 3, seen, len(cell)) / 3
-        return np.asarray(np.rint(nearest(z, phase.levels)), dtype=np.int64)
+        return np.asarray(np.rint(nearest_levels(z, phase.levels)), dtype=np.int64)
 
-    def changes(self, at: Ints, loop: Ints) -> Bools:
+    def changes(self, edges: Ints, loop: Ints) -> Bools:
         """(k,) mask of edges (k,) around a loop of vertices that belong to another stripe than the edge before."""
-        before = np.roll(at, 1)
+        before = np.roll(edges, 1)
         number = self.number[before].astype(np.float64)
         for k, phase in enumerate(self.phases):
             if isinstance(phase, CornerLines):
-                both = np.flatnonzero((self.family[at] == k) & (self.family[before] == k))
-                f, g = self.parent[at[both]], self.parent[before[both]]
-                rows = self.weights[loop[both]]
+                same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
+                f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
+                rows = self.weights[loop[same_field]]
                 base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a common corner
-                here, there = (f, places(self.F[f], base)), (g, places(self.F[g], base))
-                sign = phase.field.sign[here] * phase.field.sign[there]
-                shift = phase.field.shift[here] - sign * phase.field.shift[there]
-                number[both] = sign * number[both] + shift
-        return np.asarray((self.family[at] != self.family[before]) | (self.number[at] != number))
+                place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
+                sign = phase.field.sign[place] * phase.field.sign[place_before]
+                shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
+                number[same_field] = sign * number[same_field] + shift
+        return np.asarray((self.family[edges] != self.family[before]) | (self.number[edges] != number))
 
 
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
@@ -361,7 +367,7 @@ def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> 
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0
     tracks: list[Track] = level_lines(sheet.surface, z, levels, member)
-    return _numbered("centre", [(name, int(levels[track.level]), track.points) for track in tracks])
+    return _structure_lines("centre", [(name, int(levels[track.level]), track.points) for track in tracks])
 
 
 def chart_lines(
@@ -373,12 +379,12 @@ def chart_lines(
     half_width : (n,) on the uncut surface, in periods of the drawn lines.
     """
     family = STRIPES.index(name)
-    passing = np.array([k for k, other in enumerate(names) if other == STRIPES[1 - family]], dtype=np.int64)
-    found = middles(chart, family, half_width, sheet, uncut.F, passing)
-    return _numbered("centre", [(name, line.number, line.points) for line in found])
+    passing = np.array([k for k, field_name in enumerate(names) if field_name == STRIPES[1 - family]], dtype=np.int64)
+    lines = member_middles(chart, family, half_width, sheet, uncut.F, passing)
+    return _structure_lines("centre", [(name, line.number, line.points) for line in lines])
 
 
-def _numbered(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[StructureLine]:
+def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[StructureLine]:
     groups = defaultdict[tuple[str, int], list[tuple[float, Floats]]](list)
     for family, number, points in chosen:
         groups[family, number].append((polyline_length(points), points))

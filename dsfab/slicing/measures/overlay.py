@@ -20,12 +20,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
-from dsfab.slicing.cutting.cells import TIP, Cells, nearest
-from dsfab.slicing.cutting.corner_fields import Seen, corner_band
+from dsfab.slicing.cutting.cells import TIP, Cells, nearest_levels
+from dsfab.slicing.cutting.corner_fields import PolygonField, corner_band
 from dsfab.slicing.cutting.cut import filled_polygons
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID, Sheet
-from dsfab.surface import CornerField, Surface, connected
+from dsfab.surface import CornerField, Surface, link_components
 
 ZERO = 2.0**-30
 """Smaller offsets from the middle of a band, in its unit, are on the middle."""
@@ -79,12 +79,12 @@ class Overlay:
         lock(self, "offset", np.float64, (m, 3, f))
 
     @cached_property
-    def linked(self) -> Ints:
+    def adjacent_cells(self) -> Ints:
         """(p, 2) cells that share an edge."""
         return np.asarray(self.sheet.surface.edges.pairs // 3)
 
 
-def overlaid(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: float = 0.05) -> Overlay:
+def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: float = 0.05) -> Overlay:
     """Divide a material sheet, cut from the surface `uncut`, along the edges of every band.
 
     bands : one for each field of the cut, in order.
@@ -95,21 +95,26 @@ def overlaid(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: flo
     """
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
-    mesh = PolygonMesh.of(base)
+    mesh = PolygonMesh.from_surface(base)
     tip = min(max(snap, ZERO), TIP)
     for k, band in enumerate(bands):
-        hidden = _covered(sheet.family, bands, k)
+        hidden = _hidden_cells(sheet.family, bands, k)
         mesh = replace(mesh, family=np.where(hidden[mesh.parent], VOID, 0))
         mesh, _ = corner_band(mesh, fields[k], band.levels, snap, tip, base.size)
     surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     source = mesh.parent[cell]
     family = sheet.family[source]
     weights = csr_array(mesh.weights @ sheet.weights)
-    triangles = PolygonMesh.plain(
+    triangles = PolygonMesh.from_cells(
         base.F, Cells.triangles(surface.F), surface.V, mesh.weights, source, np.full(surface.m, VOID)
     )
-    whole = Sheet(surface, sheet.parent[source], family, weights)
-    return _labelled(whole, source, [_Stripes.of(triangles, *both) for both in zip(fields, bands, strict=True)], bands)
+    divided = Sheet(surface, sheet.parent[source], family, weights)
+    return _labelled_overlay(
+        divided,
+        source,
+        [_BandOnCells.from_band(triangles, *field_and_band) for field_and_band in zip(fields, bands, strict=True)],
+        bands,
+    )
 
 
 def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> CornerField:
@@ -117,20 +122,20 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
     if not isinstance(field, CornerField):
         return CornerField(field, np.ones((m, 3)), np.zeros((m, 3)), np.zeros(m, dtype=bool))
     cells = Cells.triangles(sheet.surface.F)
-    mesh = PolygonMesh.plain(uncut.F, cells, sheet.surface.V, sheet.weights, sheet.parent, sheet.family)
-    seen = Seen.of(mesh, field)
+    mesh = PolygonMesh.from_cells(uncut.F, cells, sheet.surface.V, sheet.weights, sheet.parent, sheet.family)
+    seen = PolygonField.from_field(mesh, field)
     return CornerField(seen.values, seen.sign.reshape(-1, 3), seen.shift.reshape(-1, 3), field.blank[sheet.parent])
 
 
-def _covered(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
+def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
     """(m,) cells of other fields under which a band may continue."""
-    other = np.array([one.family != bands[k].family and (one.hides or not bands[k].hides) for one in bands])
-    other &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
-    return np.asarray(other[family])
+    covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
+    covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
+    return np.asarray(covers[family])
 
 
 @dataclass(frozen=True, eq=False)
-class _Stripes:
+class _BandOnCells:
     """A field on triangles.
 
     z : (m, 3) mean of both columns at the corners, in the triangle's sign.    d : (m,) half of their difference.
@@ -148,16 +153,16 @@ class _Stripes:
     blank: Bools
 
     @classmethod
-    def of(cls, mesh: PolygonMesh, field: CornerField, band: DrawnBand) -> "_Stripes":
-        seen = Seen.of(mesh, field)
-        upper, lower = (seen.slots(side).reshape(-1, 3) for side in (0, 1))
+    def from_band(cls, mesh: PolygonMesh, field: CornerField, band: DrawnBand) -> "_BandOnCells":
+        seen = PolygonField.from_field(mesh, field)
+        upper, lower = (seen.slot_values(side).reshape(-1, 3) for side in (0, 1))
         z = (upper + lower) / 2
-        number = nearest(z.mean(axis=1), band.levels) if len(band.levels) else np.full(len(z), np.inf)
-        off = np.abs(z.mean(axis=1) - number)
+        number = nearest_levels(z.mean(axis=1), band.levels) if len(band.levels) else np.full(len(z), np.inf)
+        distance = np.abs(z.mean(axis=1) - number)
         sign, shift = seen.sign.reshape(-1, 3), seen.shift.reshape(-1, 3)
         F = mesh.cells.corner.reshape(-1, 3)
         half, blank = ((upper - lower) / 2).mean(axis=1), field.blank[mesh.parent]
-        return cls(F, z - band.centre, half, number, off, sign, shift, blank)
+        return cls(F, z - band.centre, half, number, distance, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
         """(m,) cells with a centroid in the band, or outside by less than a slack (m,)."""
@@ -172,57 +177,57 @@ class _Stripes:
         shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < ZERO)
 
-    def offsets(self, here: Bools) -> Floats:
+    def offsets(self, in_stripe: Bools) -> Floats:
         """(m, 3) z - number in marked cells (m,), NaN elsewhere.
 
         Zeros move at all corners of a vertex to the side with less of the stripe: then lines along a sheet's edge
         cross cells.
         """
-        off = np.where(here[:, None], self.z - np.where(here, self.number, 0.0)[:, None], np.nan)
-        zero = np.abs(off) < ZERO
-        off[zero] = 0.0
+        offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
+        zero = np.abs(offset) < ZERO
+        offset[zero] = 0.0
         row, corner = np.nonzero(zero)
         vertex, sign = self.F[row, corner], self.sign[row, corner]
-        others = off[row, (corner + 1) % 3] + off[row, (corner + 2) % 3]
+        other_corners = offset[row, (corner + 1) % 3] + offset[row, (corner + 2) % 3]
         if not len(row):
-            return off
-        total = np.bincount(vertex, sign * others, int(vertex.max()) + 1)
-        off[row, corner] = np.where(total[vertex] > 0, -ZERO, ZERO) * sign
-        return off
+            return offset
+        total = np.bincount(vertex, sign * other_corners, int(vertex.max()) + 1)
+        offset[row, corner] = np.where(total[vertex] > 0, -ZERO, ZERO) * sign
+        return offset
 
 
-def _labelled(sheet: Sheet, source: Ints, stripes: list[_Stripes], bands: Sequence[DrawnBand]) -> Overlay:
+def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], bands: Sequence[DrawnBand]) -> Overlay:
     m, count = sheet.surface.m, 0
     part, offset = np.full((m, len(bands)), -1), np.full((m, 3, len(bands)), np.nan)
-    own, of, level = np.zeros(m, dtype=bool), list[int](), list[float]()
-    reach = [_reaches(one.z, source) for one in stripes]
-    for k, one in enumerate(stripes):
-        mine = sheet.family == k
-        own |= mine & one.inside(0.1 * reach[k])  # the cut had moved values, by `slicing.snap`
+    in_own_band, field_of_stripe, level = np.zeros(m, dtype=bool), list[int](), list[float]()
+    reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
+    for k, stripe_values in enumerate(stripes):
+        own_cells = sheet.family == k
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # the cut had moved values, by `slicing.snap`
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
-        taken[band.family] |= own & (sheet.family == k)
+        taken[band.family] |= in_own_band & (sheet.family == k)
     pairs = sheet.surface.edges.pairs
-    for k, one in enumerate(stripes):
-        mine = own & (sheet.family == k)
-        covered = _covered(sheet.family, bands, k) & ~taken[bands[k].family] & one.inside(np.zeros(m))
-        here = mine | covered
+    for k, stripe_values in enumerate(stripes):
+        own_cells = in_own_band & (sheet.family == k)
+        covered = _hidden_cells(sheet.family, bands, k) & ~taken[bands[k].family] & stripe_values.inside(np.zeros(m))
+        in_stripe = own_cells | covered
         f, g = pairs.T // 3
-        same = here[f] & here[g] & one.links(pairs)
-        total, label = connected(m, f[same], g[same])
-        real = np.bincount(label, mine, total) > 0
-        here &= real[label]
-        taken[bands[k].family] |= here
-        found, label = np.unique(label[here], return_inverse=True)
-        part[here, k] = count + label.ravel()
-        of += [k] * len(found)
-        level += _most(label.ravel(), one.number[here], sheet.surface.areas[here])
-        offset[:, :, k] = one.offsets(here)
-        count += len(found)
-    return Overlay(sheet, source, part, np.array(of, dtype=np.int64), np.array(level), own, offset)
+        joined = in_stripe[f] & in_stripe[g] & stripe_values.links(pairs)
+        total, label = link_components(m, f[joined], g[joined])
+        real = np.bincount(label, own_cells, total) > 0
+        in_stripe &= real[label]
+        taken[bands[k].family] |= in_stripe
+        stripe_labels, label = np.unique(label[in_stripe], return_inverse=True)
+        part[in_stripe, k] = count + label.ravel()
+        field_of_stripe += [k] * len(stripe_labels)
+        level += _dominant_levels(label.ravel(), stripe_values.number[in_stripe], sheet.surface.areas[in_stripe])
+        offset[:, :, k] = stripe_values.offsets(in_stripe)
+        count += len(stripe_labels)
+    return Overlay(sheet, source, part, np.array(field_of_stripe, dtype=np.int64), np.array(level), in_own_band, offset)
 
 
-def _reaches(z: Floats, source: Ints) -> Floats:
+def _value_ranges(z: Floats, source: Ints) -> Floats:
     """(m,) the range of z (m, 3) over the former cell of each cell."""
     top, bottom = np.full(int(source.max()) + 1, -np.inf), np.full(int(source.max()) + 1, np.inf)
     np.maximum.at(top, source, z.max(axis=1))
@@ -230,7 +235,7 @@ def _reaches(z: Floats, source: Ints) -> Floats:
     return np.asarray((top - bottom)[source])
 
 
-def _most(label: Ints, number: Floats, area: Floats) -> list[float]:
+def _dominant_levels(label: Ints, number: Floats, area: Floats) -> list[float]:
     values, which = np.unique(number, return_inverse=True)
     total = np.zeros((int(label.max(initial=-1)) + 1, len(values)))
     np.add.at(total, (label, which.ravel()), area)

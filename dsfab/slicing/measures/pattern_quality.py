@@ -6,12 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, group_sums, sorted_order, unfolded, unit_vectors, weighted_quantiles
+from dsfab.core.arrays import (
+    Bools,
+    Floats,
+    Ints,
+    group_sums,
+    sorted_order,
+    transported_vectors,
+    unit_vectors,
+    weighted_quantiles,
+)
 from dsfab.core.limits import SLIT
-from dsfab.slicing.measures.chart import ON, Drawn, Middles, middles
-from dsfab.surface.edge_changes import refined
+from dsfab.slicing.measures.chart import ON, StripeChart, StripeMiddles, stripe_middles
+from dsfab.surface.edge_changes import refined_surface
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import connected
+from dsfab.surface.topology import link_components
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +32,7 @@ class Bays:
     angle  : (c,) degrees between members at crossings, outside material besides the stripes.
     """
 
-    middles: Middles
+    middles: StripeMiddles
     piece: Ints
     at: Floats
     length: Floats
@@ -34,16 +43,16 @@ class Bays:
     @cached_property
     def free(self) -> Floats:
         """(b,) metres outside the members of the other family and other material."""
-        drawn, face = self.middles.drawn, self.middles.face[self.piece]
-        met = drawn.inside(1 - self.middles.k, face, self.at) | drawn.is_kept(face, self.at)
+        chart, face = self.middles.drawn, self.middles.face[self.piece]
+        met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
 
     @cached_property
     def narrow(self) -> Bools:
         """(b,) True if the opening to the next member is narrower than the member."""
-        drawn = self.middles.drawn
-        corner = drawn.surface.F[self.middles.face[self.piece]]
-        d = np.einsum("bc,bc->b", drawn.d[corner, self.middles.k], self.at)
+        chart = self.middles.drawn
+        corner = chart.surface.F[self.middles.face[self.piece]]
+        d = np.einsum("bc,bc->b", chart.d[corner, self.middles.k], self.at)
         return np.asarray((d > SLIT + ON) & (d < 0.5 - ON))
 
     @property
@@ -60,55 +69,65 @@ class Bays:
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
 
-def bays(middles: Middles) -> Bays:
+def bays(middles: StripeMiddles) -> Bays:
     """Divide the middles of a family at whole numbers of the other family's phase, which is linear along a piece."""
-    drawn, face = middles.drawn, middles.face
-    other = 1 - middles.k
-    corner = drawn.surface.F[face]
-    z = np.einsum("sec,sc->se", middles.at, drawn.z[corner, other])
-    whole = np.rint(z)
-    there = drawn.known[face, other] & (drawn.d[corner, other].max(axis=1) > 0)
-    on = (np.abs(z - whole) < ON) & there[:, None]
-    z = np.where(on, whole, z)
+    chart, face = middles.drawn, middles.face
+    other_family = 1 - middles.k
+    corner = chart.surface.F[face]
+    z = np.einsum("sec,sc->se", middles.at, chart.z[corner, other_family])
+    nearest_whole = np.rint(z)
+    has_stripes = chart.known[face, other_family] & (chart.d[corner, other_family].max(axis=1) > 0)
+    on_middle = (np.abs(z - nearest_whole) < ON) & has_stripes[:, None]
+    z = np.where(on_middle, nearest_whole, z)
     low, high = z.min(axis=1), z.max(axis=1)
-    first = np.floor(low).astype(np.int64) + 1
-    inner = np.where(there, np.maximum(np.ceil(high).astype(np.int64) - first, 0), 0)
+    first_whole = np.floor(low).astype(np.int64) + 1
+    inner = np.where(has_stripes, np.maximum(np.ceil(high).astype(np.int64) - first_whole, 0), 0)
     piece = np.repeat(np.arange(len(face)), inner + 1)
     start = np.cumsum(inner + 1) - inner - 1
     number = np.arange(len(piece)) - start[piece]  # of the part in its piece, by ascending z
-    z0 = np.where(number == 0, low[piece], first[piece] + number - 1)
-    z1 = np.where(number == inner[piece], high[piece], first[piece] + number)
+    z0 = np.where(number == 0, low[piece], first_whole[piece] + number - 1)
+    z1 = np.where(number == inner[piece], high[piece], first_whole[piece] + number)
     span = (high - low)[piece]
     share = np.divide(z1 - z0, span, out=np.ones_like(span), where=inner[piece] > 0)
     middle = np.divide((z0 + z1) / 2 - low[piece], span, out=np.full_like(span, 0.5), where=inner[piece] > 0)
     end = (z.argmin(axis=1) if len(z) else np.empty(0, dtype=np.int64))[piece]
     a, b = middles.at[piece, end], middles.at[piece, 1 - end]
-    at = a + middle[:, None] * (b - a)
-    barrier = middles.at_nodes(on)
-    count, bay = _joined(middles, piece, end, number, inner, barrier)
-    crossed = np.concatenate([np.repeat(np.arange(len(face)), inner), np.nonzero(on)[0]])
-    where = np.concatenate([at[number > 0], middles.at[on]])
-    return Bays(middles, piece, at, share * middles.length[piece], bay, count, _angles(middles, face[crossed], where))
+    coordinates = a + middle[:, None] * (b - a)
+    barrier = middles.at_nodes(on_middle)
+    count, bay = _bay_labels(middles, piece, end, number, inner, barrier)
+    crossed = np.concatenate([np.repeat(np.arange(len(face)), inner), np.nonzero(on_middle)[0]])
+    crossing_coordinates = np.concatenate([coordinates[number > 0], middles.at[on_middle]])
+    return Bays(
+        middles,
+        piece,
+        coordinates,
+        share * middles.length[piece],
+        bay,
+        count,
+        _angles(middles, face[crossed], crossing_coordinates),
+    )
 
 
-def _joined(middles: Middles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools) -> tuple[int, Ints]:
+def _bay_labels(
+    middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
+) -> tuple[int, Ints]:
     """Number of bays, and the bay of each part; parts connect at nodes that are no `barrier` (j,)."""
     parts, links = len(piece), []
-    for last, side in ((number == 0, end), (number == inner[piece], 1 - end)):
+    for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
-        link = np.flatnonzero(last & ~barrier[node])
+        link = np.flatnonzero(at_node & ~barrier[node])
         links.append(np.stack([link, parts + node[link]]))
     i, j = np.concatenate(links, axis=1)
-    label = connected(parts + len(middles.edge), i, j)[1][:parts]
-    found, bay = np.unique(label, return_inverse=True)
-    return len(found), bay.ravel()
+    label = link_components(parts + len(middles.edge), i, j)[1][:parts]
+    bay_ids, bay = np.unique(label, return_inverse=True)
+    return len(bay_ids), bay.ravel()
 
 
-def _angles(middles: Middles, face: Ints, at: Floats) -> Floats:
-    drawn = middles.drawn
-    face = face[~drawn.is_kept(face, at)]
-    one, two = (g[face] for g in drawn.gradients)
-    cosine = np.abs(np.einsum("cx,cx->c", one, two)) / (drawn.slope[0][face] * drawn.slope[1][face])
+def _angles(middles: StripeMiddles, face: Ints, coordinates: Floats) -> Floats:
+    chart = middles.drawn
+    face = face[~chart.is_kept(face, coordinates)]
+    major, minor = (g[face] for g in chart.gradients)
+    cosine = np.abs(np.einsum("cx,cx->c", major, minor)) / (chart.slope[0][face] * chart.slope[1][face])
     return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1))))
 
 
@@ -123,40 +142,40 @@ class DeadEnds(NamedTuple):
     turns: Floats
 
 
-def dead_ends(middles: Middles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
+def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
     """Find the dead ends of a family.
 
     along      : (m, 3) unit direction of the stress on the faces; either sign.
     deviation  : (m,) degrees between members and that direction.    confidence : (m,) clarity of the direction, 0 to 1.
     """
-    met = middles.at_nodes(middles.met)
+    met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
     clear = confidence[middles.face] > 0.25  # else principal stresses differ by under a tenth of their RMS
-    back = _turned(middles, along[middles.face], clear)
-    off = clear & (deviation[middles.face] > OFF)
-    count, label = connected(len(back), middles.node[off, 0], middles.node[off, 1])
-    odd = np.bincount(label[back], minlength=count) % 2 == 1
-    counted = np.flatnonzero(back & ~met & odd[label])
-    first = counted[np.unique(label[counted], return_index=True)[1]]
-    return DeadEnds(middles.place[loose], middles.place[first])
+    turns_back = _turning_nodes(middles, along[middles.face], clear)
+    deviates = clear & (deviation[middles.face] > OFF)
+    count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
+    odd = np.bincount(label[turns_back], minlength=count) % 2 == 1
+    counted = np.flatnonzero(turns_back & ~met & odd[label])
+    first_nodes = counted[np.unique(label[counted], return_index=True)[1]]
+    return DeadEnds(middles.place[loose], middles.place[first_nodes])
 
 
-def _turned(middles: Middles, along: Floats, clear: Bools) -> Bools:
+def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
     """(j,) nodes of two pieces on the same side of a stress that is clear in both: the member turns back."""
-    some = np.flatnonzero(~middles.copy)
-    step = middles.points[some, 1] - middles.points[some, 0]
-    ahead = np.where(np.einsum("px,px->p", step, along[some]) < 0, -1, 1)  # zero counts as ahead
-    node, piece = middles.node[some].T.ravel(), np.tile(some, 2)
+    pieces = np.flatnonzero(~middles.copy)
+    step = middles.points[pieces, 1] - middles.points[pieces, 0]
+    ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # zero counts as ahead
+    node, piece = middles.node[pieces].T.ravel(), np.tile(pieces, 2)
     side = np.concatenate([ahead, -ahead])
     order = sorted_order(node)
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
-    one, two = order[pair], order[pair + 1]
-    here, there = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (one, two))
-    straight = unfolded(here, there, along[piece[two]])  # around a sharp edge of the surface
-    alike = np.where(np.einsum("px,px->p", along[piece[one]], straight) < 0, -1, 1)
-    found = np.zeros(len(middles.edge), dtype=bool)
-    found[node[one]] = (side[one] * side[two] * alike > 0) & clear[piece[one]] & clear[piece[two]]
-    return found
+    end_a, end_b = order[pair], order[pair + 1]
+    normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # around a sharp edge of the surface
+    alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
+    result = np.zeros(len(middles.edge), dtype=bool)
+    result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
+    return result
 
 
 class Arms(NamedTuple):
@@ -170,19 +189,21 @@ class Arms(NamedTuple):
     normal: Floats
     width: Floats
 
-    def tip(self, width: float) -> bool:
+    def is_tip(self, width: float) -> bool:
         """True if a member of a width in metres ends here; an arm wider than 3 members is a junction."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
-    def hairpin(self, width: float) -> bool:
+    def is_hairpin(self, width: float) -> bool:
         """True if a member ends here or turns back.
 
         The second arm is unfolded around the edge of the surface, so that a member around a sharp edge counts as
         straight.
         """
         if len(self.width) != 2 or not self.direction.any():
-            return self.tip(width)
-        return float(self.direction[0] @ unfolded(self.normal[:1], self.normal[1:], self.direction[1:])[0]) > 0
+            return self.is_tip(width)
+        return (
+            float(self.direction[0] @ transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]) > 0
+        )
 
 
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
@@ -190,27 +211,27 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
     Faces that are large beside the ball are divided.
     """
-    sheet = _near(sheet, place, radius)
-    far = np.linalg.norm(sheet.V - place, axis=1)
-    inside = far < radius
+    sheet = _faces_near(sheet, place, radius)
+    distance = np.linalg.norm(sheet.V - place, axis=1)
+    inside = distance < radius
     if not inside.any():
         return Arms(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
-    ends, of = sheet.edges.ends, sheet.edges.of
+    ends, face_edges = sheet.edges.ends, sheet.edges.of
     joined = ends[inside[ends].all(axis=1)]
-    label = connected(sheet.n, joined[:, 0], joined[:, 1])[1]
-    here = inside & (label == label[far.argmin()])
-    faces = np.flatnonzero(here[sheet.F].any(axis=1) & ~here[sheet.F].all(axis=1))
-    crossed = here[ends].sum(axis=1) == 1
-    rows, sides = np.nonzero(crossed[of[faces]])  # the sphere enters and leaves each face
-    edge = of[faces][rows, sides]
+    label = link_components(sheet.n, joined[:, 0], joined[:, 1])[1]
+    core = inside & (label == label[distance.argmin()])
+    faces = np.flatnonzero(core[sheet.F].any(axis=1) & ~core[sheet.F].all(axis=1))
+    crossed = core[ends].sum(axis=1) == 1
+    rows, sides = np.nonzero(crossed[face_edges[faces]])  # the sphere enters and leaves each face
+    edge = face_edges[faces][rows, sides]
     order = np.argsort(edge, kind="stable")
-    same = np.flatnonzero(np.diff(edge[order]) == 0)
-    one, two = rows[order[same]], rows[order[same + 1]]
-    count, strip = connected(len(faces), one, two)
-    around = np.bincount(strip[one], minlength=count) == np.bincount(strip, minlength=count)
-    at = _limit(sheet, far, edge, radius) - place
-    towards, normal = group_sums(strip[rows], at, count), group_sums(strip, sheet.normals[faces], count)
-    width = np.bincount(strip, np.linalg.norm(at[::2] - at[1::2], axis=1), count)
+    shared = np.flatnonzero(np.diff(edge[order]) == 0)
+    face_a, face_b = rows[order[shared]], rows[order[shared + 1]]
+    count, strip = link_components(len(faces), face_a, face_b)
+    around = np.bincount(strip[face_a], minlength=count) == np.bincount(strip, minlength=count)
+    ball_points = _ball_crossings(sheet, distance, edge, radius) - place
+    towards, normal = group_sums(strip[rows], ball_points, count), group_sums(strip, sheet.normals[faces], count)
+    width = np.bincount(strip, np.linalg.norm(ball_points[::2] - ball_points[1::2], axis=1), count)
     closed = 2 * int(around.sum())
     return Arms(
         np.concatenate([unit_vectors(towards[~around]), np.zeros((closed, 3))]),
@@ -219,7 +240,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     )
 
 
-def _near(sheet: Surface, place: Floats, radius: float) -> Surface:
+def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
     """The faces that may meet the ball, with edges up to half its radius; the whole sheet if none does."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
@@ -228,12 +249,14 @@ def _near(sheet: Surface, place: Floats, radius: float) -> Surface:
     if not meet.any():
         return sheet
     used, F = np.unique(sheet.F[meet], return_inverse=True)
-    return refined(Surface(sheet.V[used], F.reshape(-1, 3)), 0.5 * radius)
+    return refined_surface(Surface(sheet.V[used], F.reshape(-1, 3)), 0.5 * radius)
 
 
-def _limit(sheet: Surface, far: Floats, edge: Ints, radius: float) -> Floats:
+def _ball_crossings(sheet: Surface, distance: Floats, edge: Ints, radius: float) -> Floats:
     a, b = sheet.edges.ends[edge].T
-    share = np.clip((radius - far[a]) / np.where(far[a] == far[b], 1.0, far[b] - far[a]), 0, 1)[:, None]
+    share = np.clip(
+        (radius - distance[a]) / np.where(distance[a] == distance[b], 1.0, distance[b] - distance[a]), 0, 1
+    )[:, None]
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
 
 
@@ -327,12 +350,12 @@ class PatternQuality:
         crossing = f", crossing at {self.crossing_angle:.0f} or more" if self.major.drawn and self.minor.drawn else ""
         turned = f" turned by {self.turned:g}" if self.turned else ""
         crooked = f"members {self.deviation:.1f} degrees off the stress{turned}{crossing}"
-        same = "" if self.symmetry_error is None else f", {self.symmetry_error:.2%} not symmetric"
-        return f"{_count(self.dead_ends, 'dead end')}, {_count(self.slits, 'slit')}, {crooked}{same}"
+        symmetry = "" if self.symmetry_error is None else f", {self.symmetry_error:.2%} not symmetric"
+        return f"{_count(self.dead_ends, 'dead end')}, {_count(self.slits, 'slit')}, {crooked}{symmetry}"
 
 
 def pattern_quality(
-    drawn: Drawn,
+    chart: StripeChart,
     stress: Floats,
     direction: Floats,
     confidence: Floats,
@@ -346,37 +369,37 @@ def pattern_quality(
     guided     : (m,) faces where members follow a guide, and no turn counts; default none.
     """
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
-    found = [_family(drawn, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
-    angles = np.concatenate([cut.angle for _, cut in found])
-    (major, _), (minor, _) = found
+    families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
+    angles = np.concatenate([cut.angle for _, cut in families])
+    (major, _), (minor, _) = families
     return PatternQuality(major, minor, float(angles.min(initial=90.0)), symmetry_error)
 
 
 def _family(
-    drawn: Drawn, k: int, stress: Floats, direction: Floats, confidence: Floats, turning: Floats
+    chart: StripeChart, k: int, stress: Floats, direction: Floats, confidence: Floats, turning: Floats
 ) -> tuple[FamilyQuality, Bays]:
     """Quality of family k: its members should run along direction k, and its phase grow along the other one."""
-    shown = bool((drawn.d[:, k] > 0).any())
-    area, known, slope = drawn.surface.areas, drawn.steep(k) & shown, drawn.slope[k]
+    shown = bool((chart.d[:, k] > 0).any())
+    area, has_spacing, slope = chart.surface.areas, chart.steep(k) & shown, chart.slope[k]
     spacing = 1 / slope
-    opening = (1 - 2 * drawn.corners(drawn.d[:, k]).mean(axis=0)) * spacing
-    cosine = np.abs(np.einsum("mx,mx->m", drawn.gradients[k], direction[:, 1 - k])) / slope
+    opening = (1 - 2 * chart.corners(chart.d[:, k]).mean(axis=0)) * spacing
+    cosine = np.abs(np.einsum("mx,mx->m", chart.gradients[k], direction[:, 1 - k])) / slope
     deviation = np.degrees(np.arccos(np.minimum(cosine, 1)))
-    weight = area * np.abs(stress) * confidence * drawn.free * known
+    weight = area * np.abs(stress) * confidence * chart.free * has_spacing
     total = max(float(weight.sum()), np.finfo(float).tiny)
-    lines = middles(drawn, k)
-    cut = bays(lines)
-    found = FamilyQuality(
-        _quantiles(spacing, area * drawn.free * known),
-        _quantiles(opening, area * drawn.void * known),
+    lines = stripe_middles(chart, k)
+    family_bays = bays(lines)
+    family = FamilyQuality(
+        _quantiles(spacing, area * chart.free * has_spacing),
+        _quantiles(opening, area * chart.void * has_spacing),
         float(weight @ deviation) / total,
         float(weight @ (deviation > OFF)) / total,
         dead_ends(lines, direction[:, k], deviation, turning),
-        cut.slits,
-        cut.slit_share,
+        family_bays.slits,
+        family_bays.slit_share,
         shown,
     )
-    return found, cut
+    return family, family_bays
 
 
 def _quantiles(values: Floats, weight: Floats) -> Quantiles:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock, sorted_order, weighted_quantiles
-from dsfab.slicing.cutting.sheet import VOID, Sheet, inner_walls, part_of, round_sizes
+from dsfab.slicing.cutting.sheet import VOID, Sheet, face_subset, hydraulic_diameters, inner_walls
 from dsfab.surface import Surface, next_half_edge, pieces
 
 
@@ -23,7 +23,7 @@ class FarEnds(NamedTuple):
     slope: Floats
     length: Floats
 
-    def at(self, chosen: Ints) -> "FarEnds":
+    def subset(self, chosen: Ints) -> "FarEnds":
         return FarEnds(self.edge[chosen], self.place[chosen], self.slope[chosen], self.length[chosen])
 
 
@@ -37,8 +37,10 @@ class _Lines(NamedTuple):
     y: Floats
     way: Floats
 
-    def at(self, on: Bools) -> "_Lines":
-        return _Lines(self.number[on], self.edge[on], self.s[on], self.x[on], self.y[on], self.way[on])
+    def subset(self, active: Bools) -> "_Lines":
+        return _Lines(
+            self.number[active], self.edge[active], self.s[active], self.x[active], self.y[active], self.way[active]
+        )
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
@@ -46,29 +48,29 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
     reach : metres; longer lines need no end.
     """
-    frames, twin, first = _frames(surface), surface.edges.twins, surface.F.ravel()
-    against = first != first[twin]  # the twin runs the other way
+    frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
+    against = start_vertex != start_vertex[twin]  # the twin runs the other way
     count = len(start)
-    found = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
+    result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
     for _ in range(2000):  # longer lines run along a member, not across it
         if not len(lines.number):
             break
-        lines = _left(lines, frames[lines.edge])
+        lines = _at_exit(lines, frames[lines.edge])
         beyond = twin[lines.edge]
         if (ends := beyond < 0).any():
-            here = lines.number[ends]
-            found.edge[here], found.place[here] = lines.edge[ends], lines.s[ends]
-            found.slope[here], found.length[here] = lines.x[ends], lines.way[ends]
-        on = ~ends & np.isfinite(lines.way) & (lines.way <= reach)
-        edge, lines = beyond[on], lines.at(on)
+            finished = lines.number[ends]
+            result.edge[finished], result.place[finished] = lines.edge[ends], lines.s[ends]
+            result.slope[finished], result.length[finished] = lines.x[ends], lines.way[ends]
+        active = ~ends & np.isfinite(lines.way) & (lines.way <= reach)
+        edge, lines = beyond[active], lines.subset(active)
         turned = against[edge]
         s, x = np.where(turned, frames[edge, 0] - lines.s, lines.s), np.where(turned, -lines.x, lines.x)
         lines = lines._replace(edge=edge, s=s, x=x)
-    return found
+    return result
 
 
-def _left(lines: _Lines, frame: Floats) -> _Lines:
+def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
     """The lines at the exit from their triangles, relative to the half-edges of exit, y outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
@@ -79,9 +81,11 @@ def _left(lines: _Lines, frame: Floats) -> _Lines:
         second = to_last < to_next
         step = np.where(second, to_last, to_next)
         ux, uy = np.where(second, cx, bx), np.where(second, cy, by)
-        at = (s + step * x - np.where(second, ax, length)) * ux + (step * y - np.where(second, ay, 0)) * uy
+        exit_place = (s + step * x - np.where(second, ax, length)) * ux + (step * y - np.where(second, ay, 0)) * uy
     edge = next_half_edge(lines.edge, 1 + second)
-    return _Lines(lines.number, edge, at, x * ux + y * uy, np.where(second, over_last, over_next), lines.way + step)
+    return _Lines(
+        lines.number, edge, exit_place, x * ux + y * uy, np.where(second, over_last, over_next), lines.way + step
+    )
 
 
 def _frames(surface: Surface) -> Floats:
@@ -90,8 +94,10 @@ def _frames(surface: Surface) -> Floats:
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
     ax, ay = np.einsum("hi,hi->h", apex, along) / size, 2 * np.repeat(surface.areas, 3) / size
-    after, last = (np.roll(size.reshape(-1, 3), -k, axis=1).ravel() for k in (1, 2))
-    return np.stack([size, ax, ay, (ax - size) / after, ay / after, -ax / last, -ay / last], axis=1)
+    second_size, third_size = (np.roll(size.reshape(-1, 3), -k, axis=1).ravel() for k in (1, 2))
+    return np.stack(
+        [size, ax, ay, (ax - size) / second_size, ay / second_size, -ax / third_size, -ay / third_size], axis=1
+    )
 
 
 MIDDLE = 0.5
@@ -122,21 +128,21 @@ class Crossings:
 
 
 @dataclass(frozen=True, eq=False)
-class _Spot:
+class _EdgePoints:
     """Points on half-edges (k,), at (1 - t) first + t last vertex."""
 
     edge: Ints
     t: Floats
 
-    def at(self, chosen: Ints | Bools) -> "_Spot":
-        return _Spot(self.edge[chosen], self.t[chosen])
+    def subset(self, chosen: Ints | Bools) -> "_EdgePoints":
+        return _EdgePoints(self.edge[chosen], self.t[chosen])
 
 
 def crossings(
     surface: Surface,
     walls: Bools,
     start: Bools | None = None,
-    at: tuple[float, ...] = AT,
+    shares: tuple[float, ...] = AT,
     tips: bool = False,
     reach: float = np.inf,
 ) -> Crossings:
@@ -151,22 +157,22 @@ def crossings(
     if not starting.any():
         none = np.empty((0, 2), dtype=np.int64)
         return Crossings(np.empty(0), np.empty((0, 3)), none[:, 0], np.empty(0), none)
-    h, of = surface.edges.order[surface.edges.start[:-1][starting]], surface.edges.of.ravel()
-    size = np.linalg.norm(_along(surface, h), axis=1)
-    begun = _Spot(np.tile(h, len(at)), np.repeat(at, len(h)))
-    ends = far_ends(surface, begun.edge, begun.t * np.tile(size, len(at)), reach / np.sqrt(1 - OPPOSED**2))
-    good = np.flatnonzero((ends.edge >= 0) & walls[of[ends.edge]] & (np.abs(ends.slope) < OPPOSED))
-    met, width = _feet(surface, ends.at(good))
-    on = tips | ~_tips(surface, begun.at(good), met, width, ends.slope[good])
-    good, met, width = good[on], met.at(on), width[on]
-    begun = begun.at(good)
-    weight = np.where(begun.t == MIDDLE, np.tile(size, len(at))[good], 0.0)
-    point = surface.V[surface.F.ravel()[begun.edge]] + begun.t[:, None] * _along(surface, begun.edge)
-    between = of[np.stack([begun.edge, met.edge], axis=1)]
-    return Crossings(width, point, begun.edge // 3, weight, between)
+    h, edge_of = surface.edges.order[surface.edges.start[:-1][starting]], surface.edges.of.ravel()
+    size = np.linalg.norm(_edge_vectors(surface, h), axis=1)
+    starts = _EdgePoints(np.tile(h, len(shares)), np.repeat(shares, len(h)))
+    ends = far_ends(surface, starts.edge, starts.t * np.tile(size, len(shares)), reach / np.sqrt(1 - OPPOSED**2))
+    valid = np.flatnonzero((ends.edge >= 0) & walls[edge_of[ends.edge]] & (np.abs(ends.slope) < OPPOSED))
+    met, width = _feet(surface, ends.subset(valid))
+    accepted = tips | ~_tips(surface, starts.subset(valid), met, width, ends.slope[valid])
+    valid, met, width = valid[accepted], met.subset(accepted), width[accepted]
+    starts = starts.subset(valid)
+    weight = np.where(starts.t == MIDDLE, np.tile(size, len(shares))[valid], 0.0)
+    point = surface.V[surface.F.ravel()[starts.edge]] + starts.t[:, None] * _edge_vectors(surface, starts.edge)
+    between = edge_of[np.stack([starts.edge, met.edge], axis=1)]
+    return Crossings(width, point, starts.edge // 3, weight, between)
 
 
-def _feet(surface: Surface, ends: FarEnds) -> tuple[_Spot, Floats]:
+def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
     """Points of the half-edges that lines meet nearest to their starts, and the distance, metres.
 
           o start
@@ -175,14 +181,14 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_Spot, Floats]:
     ---x--+----x---
      met  foot
     """
-    size = np.linalg.norm(_along(surface, ends.edge), axis=1)
+    size = np.linalg.norm(_edge_vectors(surface, ends.edge), axis=1)
     foot = ends.place - ends.length * ends.slope
     nearest = np.clip(foot, 0, size)
     width = np.hypot(ends.length * np.sqrt(1 - np.minimum(ends.slope**2, 1)), foot - nearest)
-    return _Spot(ends.edge, nearest / size), width
+    return _EdgePoints(ends.edge, nearest / size), width
 
 
-def _tips(surface: Surface, one: _Spot, two: _Spot, width: Floats, slope: Floats) -> Bools:
+def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
     """(k,) mask of lines between walls that close to a tip: they converge, and meet at about that distance.
 
     slope : (k,) cosine between a line and the half-edge that it meets; negative if the walls converge along that.
@@ -190,35 +196,35 @@ def _tips(surface: Surface, one: _Spot, two: _Spot, width: Floats, slope: Floats
     A wedge of angle a and width w ends after w / (2 tan(a / 2)); the way along both walls is twice that. The real way
     must be 0.4 to 1.7 times as long.
     """
-    loop, middle, ahead, total = _around(surface)
+    loop, middle, ahead, total = _loop_positions(surface)
 
-    def position(spot: _Spot) -> Floats:
-        size = np.linalg.norm(_along(surface, spot.edge), axis=1)
+    def position(spot: _EdgePoints) -> Floats:
+        size = np.linalg.norm(_edge_vectors(surface, spot.edge), axis=1)
         return np.asarray(middle[spot.edge] + np.where(ahead[spot.edge], 1, -1) * (spot.t - 0.5) * size)
 
-    onward = (position(one) - position(two)) * np.where((slope < 0) == ahead[two.edge], 1, -1)
-    way = np.where(loop[one.edge] == loop[two.edge], onward % total[loop[one.edge]], np.inf)
+    onward = (position(start) - position(finish)) * np.where((slope < 0) == ahead[finish.edge], 1, -1)
+    wall_length = np.where(loop[start.edge] == loop[finish.edge], onward % total[loop[start.edge]], np.inf)
     angle = np.arcsin(np.minimum(np.abs(slope), 1))
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
-    ends = one.edge, next_half_edge(one.edge), two.edge, next_half_edge(two.edge)
+    ends = start.edge, next_half_edge(start.edge), finish.edge, next_half_edge(finish.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
     neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # zero width
-    return np.asarray(neighbours | ((angle >= TAPER) & (way >= 0.4 * wedge) & (way <= 1.7 * wedge)))
+    return np.asarray(neighbours | ((angle >= TAPER) & (wall_length >= 0.4 * wedge) & (wall_length <= 1.7 * wedge)))
 
 
-def _around(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
+def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
     """(3 m,) of half-edges on the boundary: loop, metres along it to their middle, and True if they run along it.
 
     Also the length of each loop. Loops need no orientation of the faces.
     """
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
-    label, chain, loops = _chained(surface.edges.ends[edge])
-    length = np.linalg.norm(_along(surface, h), axis=1)
+    label, chain, loops = _loop_chains(surface.edges.ends[edge])
+    length = np.linalg.norm(_edge_vectors(surface, h), axis=1)
     total = np.bincount(label, length, loops).astype(np.float64)
-    first = np.searchsorted(label[chain], np.arange(loops))
+    chain_start = np.searchsorted(label[chain], np.arange(loops))
     after = np.roll(chain, -1)
-    after[np.append(first[1:], len(chain)) - 1] = chain[first]
+    after[np.append(chain_start[1:], len(chain)) - 1] = chain[chain_start]
     ahead = (surface.edges.ends[edge[after]] == surface.F.ravel()[next_half_edge(h[chain])][:, None]).any(axis=1)
     loop, place, forward = np.full(3 * surface.m, -1), np.zeros(3 * surface.m), np.zeros(3 * surface.m, dtype=bool)
     loop[h], forward[h[chain]] = label, ahead
@@ -226,7 +232,7 @@ def _around(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
     return loop, place, forward, total
 
 
-def _chained(ends: Ints) -> tuple[Ints, Ints, int]:
+def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
     """The loop of each edge (e,) by its ends (e, 2), the edges loop by loop in their order, and the number of loops."""
     slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; by vertex, an even number at each
     onward = np.empty_like(slot)
@@ -243,7 +249,7 @@ def _chained(ends: Ints) -> tuple[Ints, Ints, int]:
     return np.array(label, dtype=np.int64), np.array(chain, dtype=np.int64), loops
 
 
-def _along(surface: Surface, h: Ints) -> Floats:
+def _edge_vectors(surface: Surface, h: Ints) -> Floats:
     F = surface.F.ravel()
     return np.asarray(surface.V[F[next_half_edge(h)]] - surface.V[F[h]])
 
@@ -303,7 +309,7 @@ class Features:
         return limits, np.asarray(share / self.weight.sum())
 
 
-def under(sizes: float | Floats, limit: float) -> Bools:
+def below_limit(sizes: float | Floats, limit: float) -> Bools:
     """Mask of widths under a limit, metres, apart from `ROUNDING`."""
     return np.asarray(np.asarray(sizes) < limit * (1 - ROUNDING))
 
@@ -321,7 +327,7 @@ def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) ->
     return step * np.arange(np.ceil(end / step) + 1)
 
 
-def features(cells: Sheet, kept: Bools, names: Sequence[str], tips: bool = False) -> Features:
+def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = False) -> Features:
     """Measure a cut sheet.
 
     cells : all cells, material and void.    built : (m',) cells of the structure.    names : of the fields, see `cut`.
@@ -332,35 +338,39 @@ def features(cells: Sheet, kept: Bools, names: Sequence[str], tips: bool = False
     openings too small or too round for lines count with 4 area / perimeter, the diameter of the circle in a triangle or
     a square.
     """
-    sheet, holes = cells.surface, ~kept
-    material, from_material = part_of(sheet, kept)
+    sheet, holes = cells.surface, ~built
+    material, from_material = face_subset(sheet, built)
     mesh = _mesh_width(cells)
     across = crossings(material, material.edges.boundary)
-    of = from_material[across.face]
-    member = _smallest(across, mesh[of], [_member(names, f) for f in cells.family[of]])
-    member = _smaller(member, _round(material, material.edges.boundary, across, mesh[from_material], "a loose piece"))
+    cell = from_material[across.face]
+    member = _smallest(across, mesh[cell], [_member(names, f) for f in cells.family[cell]])
+    member = _smallest_feature(
+        member, _smallest_compact_piece(material, material.edges.boundary, across, mesh[from_material], "a loose piece")
+    )
     gap = None
     if holes.any():
-        void, from_void = part_of(sheet, holes)
+        void, from_void = face_subset(sheet, holes)
         walls = inner_walls(void, sheet, from_void)
         between = crossings(void, walls, tips=tips)
         gap = _smallest(between, mesh[from_void[between.face]], ["a gap"] * len(between.width))
-        gap = _smaller(gap, _round(void, walls, between, mesh[from_void], "an opening"))
+        gap = _smallest_feature(gap, _smallest_compact_piece(void, walls, between, mesh[from_void], "an opening"))
     return Features(member, gap, _shortest(material, mesh[from_material]), across.width, across.weight)
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
     """(m',) mask of the cells that a sheet of whole material pieces contains."""
-    kept = cells.material
-    if kept.sum() == sheet.surface.m:
-        return np.asarray(kept)
-    there = {row.tobytes() for row in sheet.surface.centroids}
-    at = np.flatnonzero(kept)
-    count, label = pieces(cells.surface.F[at], cells.kept().surface.edges)
-    _, first = np.unique(label, return_index=True)
-    built = np.array([cells.surface.centroids[at[first[k]]].tobytes() in there for k in range(count)])
+    material = cells.material
+    if material.sum() == sheet.surface.m:
+        return np.asarray(material)
+    built_centroids = {row.tobytes() for row in sheet.surface.centroids}
+    material_cells = np.flatnonzero(material)
+    count, label = pieces(cells.surface.F[material_cells], cells.subset().surface.edges)
+    _, first_cells = np.unique(label, return_index=True)
+    built = np.array(
+        [cells.surface.centroids[material_cells[first_cells[k]]].tobytes() in built_centroids for k in range(count)]
+    )
     result = np.zeros(cells.surface.m, dtype=bool)
-    result[at] = built[label]
+    result[material_cells] = built[label]
     return result
 
 
@@ -383,20 +393,20 @@ def _smallest(across: Crossings, mesh: Floats, what: Sequence[str]) -> Feature |
     return Feature(float(across.width[k]), across.place[k], what[k], float(mesh[k]))
 
 
-def _smaller(one: Feature | None, two: Feature | None) -> Feature | None:
-    given = [feature for feature in (one, two) if feature is not None]
-    return min(given, key=lambda feature: feature.size, default=None)
+def _smallest_feature(first: Feature | None, second: Feature | None) -> Feature | None:
+    present = [feature for feature in (first, second) if feature is not None]
+    return min(present, key=lambda feature: feature.size, default=None)
 
 
-def _round(part: Surface, walls: Bools, across: Crossings, mesh: Floats, what: str) -> Feature | None:
+def _smallest_compact_piece(part: Surface, walls: Bools, across: Crossings, mesh: Floats, what: str) -> Feature | None:
     count, label = pieces(part.F, part.edges)
-    sizes = round_sizes(part, walls, label, count)
+    sizes = hydraulic_diameters(part, walls, label, count)
     sizes[label[across.face]] = np.inf
     k = int(sizes.argmin())
     if not np.isfinite(sizes[k]):
         return None
-    here = np.flatnonzero(label == k)
-    return Feature(float(sizes[k]), part.centroids[here].mean(axis=0), what, float(mesh[here].mean()))
+    faces = np.flatnonzero(label == k)
+    return Feature(float(sizes[k]), part.centroids[faces].mean(axis=0), what, float(mesh[faces].mean()))
 
 
 def _shortest(part: Surface, mesh: Floats) -> Feature:

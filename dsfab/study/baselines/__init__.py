@@ -17,7 +17,16 @@ from dsfab.study.baselines.structures import (
 )
 from dsfab.study.baselines.topology_optimisation import simp
 
-__all__ = ["BASELINES", "DEFAULT", "SAME_MASS", "Baseline", "ComparisonTask", "Structure", "Variant", "chosen"]
+__all__ = [
+    "BASELINES",
+    "DEFAULT",
+    "SAME_MASS",
+    "Baseline",
+    "ComparisonTask",
+    "Structure",
+    "Variant",
+    "baselines_by_name",
+]
 
 BASELINES: Mapping[str, Baseline] = {
     "isotropic": isotropic,
@@ -34,7 +43,7 @@ DEFAULT = ("isotropic", "thinner")
 """Competitors of a comparison by default."""
 
 
-def chosen(names: Iterable[str]) -> dict[str, Baseline]:
+def baselines_by_name(names: Iterable[str]) -> dict[str, Baseline]:
     """Return baselines by their names, each once. Raises DsfabError for an unknown name."""
     for name in (names := list(dict.fromkeys(names))):
         if name not in BASELINES:

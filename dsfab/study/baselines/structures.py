@@ -15,11 +15,11 @@ from dsfab.design.directions import diffusion_step, load_axes
 from dsfab.design.kept_material import kept_regions, tidy_of
 from dsfab.design.log import Log
 from dsfab.design.slicing_and_thickening import slicing_step
-from dsfab.design.stripe_pattern import WidthSearch, solved_layers, striped_families
+from dsfab.design.stripe_pattern import WidthSearch, drawable_families, solved_layers
 from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operator, reference_axes
 from dsfab.pattern import (
     JUMP,
-    Drawable,
+    DrawableFamily,
     Layer,
     ModeFamily,
     Stripes,
@@ -28,7 +28,7 @@ from dsfab.pattern import (
     material_points,
     vertex_means,
 )
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.preset.model import FAMILIES, Family, Preset
 from dsfab.results import DiffusionResult, EvenStripes, PatternResult, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet, material_area
@@ -56,27 +56,30 @@ class ComparisonTask:
     even: EvenStripes | None = None
 
     @classmethod
-    def of(cls, made: Design, area: float) -> Self:
+    def from_design(cls, design: Design, area: float) -> Self:
         """Return the task of the competitors of a design."""
-        pattern = made.pattern
-        preset = pattern.settled(made.preset)
+        pattern = design.pattern
+        preset = pattern.preset_with_choices(design.preset)
         frequency = pattern.frequency
         if pattern.even:
-            asked, modes = (preset.pattern.major, preset.pattern.minor), (made.diffusion.major, made.diffusion.minor)
-            spacings = [family.distance(made.surface.area, made.surface.mean_edge) for family in asked]
+            families, modes = (
+                (preset.pattern.major, preset.pattern.minor),
+                (design.diffusion.major, design.diffusion.minor),
+            )
+            spacings = [family.distance(design.surface.area, design.surface.mean_edge) for family in families]
             pairs = zip(modes, spacings, strict=True)
-            major, minor = (frequency_for(made.surface, family.mode(1), spacing) for family, spacing in pairs)
+            major, minor = (frequency_for(design.surface, family.mode(1), spacing) for family, spacing in pairs)
             frequency = major, minor
-        return cls(preset, made.surface, made.statics, made.diffusion, frequency, area, pattern.even)
+        return cls(preset, design.surface, design.statics, design.diffusion, frequency, area, pattern.even)
 
     @cached_property
     def on_modes(self) -> Preset:
         """The preset with stripes on modes, in the mean as far apart as the design's."""
         if self.even is None:
             return self.preset
-        ask, surface = self.preset.pattern, self.surface
+        pattern, surface = self.preset.pattern, self.surface
 
-        def apart(family: Family) -> Family:
+        def with_spacing(family: Family) -> Family:
             spacing = family.distance(surface.area, surface.mean_edge)
             return family.model_copy(update={"spacing": spacing, "frequency": 0.0})
 
@@ -85,13 +88,13 @@ class ComparisonTask:
             "guide": (),
             "rotate": 0.0,
             "forces": "uncut",
-            "major": apart(ask.major),
-            "minor": apart(ask.minor),
+            "major": with_spacing(pattern.major),
+            "minor": with_spacing(pattern.minor),
         }
-        return self.preset.model_copy(update={"pattern": ask.model_copy(update=modes)})
+        return self.preset.model_copy(update={"pattern": pattern.model_copy(update=modes)})
 
     @property
-    def stressed(self) -> StressedSurface:
+    def stressed_surface(self) -> StressedSurface:
         """Surface, statics and diffusion, as input of patterns."""
         return StressedSurface(self.surface, self.statics, self.diffusion)
 
@@ -103,7 +106,7 @@ class ComparisonTask:
     @property
     def loads(self) -> dict[str, LoadCase]:
         """Loads that the pattern follows, on the uncut surface."""
-        return self.statics.loads(self.preset.followed)
+        return self.statics.loads(self.preset.followed_weights)
 
     @property
     def all_loads(self) -> dict[str, LoadCase]:
@@ -119,18 +122,18 @@ class ComparisonTask:
         """Return `loads` (`every`: `all_loads`) on the uncut surface, with the self-weight of the structure's
         thickness."""
         share = structure.thickness / self.preset.statics.thickness
-        given = self.all_loads if every else self.loads
-        return {name: load.of_thickness(self.surface, share) for name, load in given.items()}
+        uncut_loads = self.all_loads if every else self.loads
+        return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
 
     @cached_property
-    def kept(self) -> Sequence[Layer]:
+    def kept_layers(self) -> Sequence[Layer]:
         """Layers that every cut competitor keeps: the discs around loads and supports, and the rim."""
         return kept_regions(self.preset, self.surface, self.statics.load, self.even)
 
     @property
     def kept_faces(self) -> Bools:
         """(m,) faces whose centre lies in `kept_layers`."""
-        return np.asarray(material_points(self.surface, self.kept, face_points(1))[:, 0])
+        return np.asarray(material_points(self.surface, self.kept_layers, face_points(1))[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,18 +154,18 @@ class Structure:
     def uncut(cls, surface: Surface, thickness: float) -> Self:
         """Return the whole surface as a structure."""
         every = np.arange(surface.m)
-        whole = Sheet(surface, every, np.zeros_like(every), csr_array(eye_array(surface.n)))
-        return cls(whole, ("the sheet",), whole, pieces(surface.F, surface.edges)[0], thickness)
+        sheet = Sheet(surface, every, np.zeros_like(every), csr_array(eye_array(surface.n)))
+        return cls(sheet, ("the sheet",), sheet, pieces(surface.F, surface.edges)[0], thickness)
 
     @cached_property
-    def drawn(self) -> Sheet:
+    def material(self) -> Sheet:
         """Material with loose pieces."""
-        return self.cells.kept()
+        return self.cells.subset()
 
     @property
     def loose(self) -> float:
         """Share of the material that reaches no support and is left out."""
-        return max(0.0, 1 - self.sheet.surface.area / self.drawn.surface.area)
+        return max(0.0, 1 - self.sheet.surface.area / self.material.surface.area)
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,23 +200,23 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
     snap, because snapped values make the area jump on coarse meshes. Raises PatternError if the area cannot be met.
     """
     try:
-        return _matched(task, drawing)
+        return _structure_of_area(task, drawing)
     except PatternError:
         slicing = task.preset.slicing.model_copy(update={"snap": min(0.01, task.preset.slicing.snap)})
-        return _matched(replace(task, preset=task.preset.model_copy(update={"slicing": slicing})), drawing)
+        return _structure_of_area(replace(task, preset=task.preset.model_copy(update={"slicing": slicing})), drawing)
 
 
-def _matched(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
-    ask, nearest = task.share, float("inf")
+def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
+    target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
         # dropped pieces and joined point contacts use up the rest of the tolerance
-        made = sliced_structure(task, drawing(task, ask, 0.3 * SAME_MASS * task.share))
-        off = made.sheet.surface.area / task.area - 1
-        if abs(off) <= SAME_MASS:
-            return made
-        nearest = min(nearest, off, key=abs)
-        ask -= off * task.share
-        if not 0 < ask < 1:
+        structure = sliced_structure(task, drawing(task, target_share, 0.3 * SAME_MASS * task.share))
+        excess = structure.sheet.surface.area / task.area - 1
+        if abs(excess) <= SAME_MASS:
+            return structure
+        nearest = min(nearest, excess, key=abs)
+        target_share -= excess * task.share
+        if not 0 < target_share < 1:
             break
     raise PatternError(f"falls apart: without its loose pieces its mass is {abs(nearest):.1%} off at the nearest")
 
@@ -223,16 +226,16 @@ def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
-    tidy = tidy_of(preset, task.stressed, layers)
+    tidy = tidy_of(preset, task.stressed_surface, layers)
     pattern = PatternResult(names, fields, levels, widths, tidy=tidy)
-    made = slicing_step(preset, task.surface, task.statics, pattern, Log(None))
-    return Structure(made.cells, names, made.sheet, len(made.pieces), preset.statics.thickness)
+    result = slicing_step(preset, task.surface, task.statics, pattern, Log(None))
+    return Structure(result.cells, names, result.sheet, len(result.pieces), preset.statics.thickness)
 
 
 def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
     """Return the share of the surface that is material under these layers."""
     fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
-    tidy = tidy_of(task.preset, task.stressed, layers)
+    tidy = tidy_of(task.preset, task.stressed_surface, layers)
     return material_area(task.surface, fields, levels, task.preset.slicing.snap, tidy) / task.surface.area
 
 
@@ -243,10 +246,10 @@ def striped_structure(
     `diffusion`, or evenly spaced on `even`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
-    return widened_structure(task, preset, striped_families(preset, task.stressed, radius, even=even))
+    return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
 
 
-def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[Drawable]) -> Structure:
+def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
     """Return families of stripes by the width rule of a preset, in widths that meet the task's area. Dead ends go only
     if the preset asks for it: stripes that ignore the stress consist of them."""
     task, factor = replace(task, preset=preset), 0.0
@@ -256,9 +259,9 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
         # the preset's own tolerance is too wide to compare masses
         update = {"solid_fraction": share, "solid_fraction_tolerance": JUMP}
         width = preset.pattern.width.model_copy(update=update)
-        asked = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"width": width})})
+        widened = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"width": width})})
         search = WidthSearch(lambda layers: area_share(task, layers), tolerance, factor)
-        layers, factor = solved_layers(asked, task.surface, task.kept, families, search)
+        layers, factor = solved_layers(widened, task.surface, task.kept_layers, families, search)
         return layers
 
     return matched_structure(task, drawing)
@@ -274,7 +277,7 @@ PHASES = (0.0, 0.25, 0.5, 0.75)
 """Phases, in periods, of stripes without modes to choose from."""
 
 
-class BlindStripes(NamedTuple):
+class IsotropicStripes(NamedTuple):
     """Stripes that ignore the stress: a preset with plain widths, the pairs of modes, and a function for the modes."""
 
     preset: Preset
@@ -282,29 +285,29 @@ class BlindStripes(NamedTuple):
     diffusion: Callable[[], DiffusionResult]
 
 
-def blind_stripes(task: ComparisonTask) -> BlindStripes:
+def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
     """Return stripes of plain width and the same frequencies, on modes with r = 1, with the task's share of
     material."""
-    blind = overridden(
+    blind = with_overrides(
         task.on_modes,
         {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}},
     )
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
-    both = blind.pattern.major, blind.pattern.minor
-    alike = both[0].stripes == both[1].stripes and both[0].spacing == both[1].spacing
+    families = blind.pattern.major, blind.pattern.minor
+    alike = families[0].stripes == families[1].stripes and families[0].spacing == families[1].spacing
     # without stress both families share their modes: with equal stripes (1, 2) is the same as (2, 1)
-    wanted = [(a, b) for a, b in PAIRS if not alike or a <= b]
-    return BlindStripes(blind, _different(blind, wanted), diffusion)
+    pairs = [(a, b) for a, b in PAIRS if not alike or a <= b]
+    return IsotropicStripes(blind, _distinct_pairs(blind, pairs), diffusion)
 
 
 def isotropic(task: ComparisonTask) -> list[Variant]:
     """Return all pairs of modes of `isotropic_stripes`."""
-    return blind_variants(task, blind_stripes(task))
+    return isotropic_variants(task, isotropic_stripes(task))
 
 
-def blind_variants(task: ComparisonTask, blind: BlindStripes) -> list[Variant]:
+def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Variant]:
     """Return every pair of modes, in the order of `blind.pairs`."""
-    return _pairs(task, blind.preset, blind.diffusion, blind.pairs)
+    return _pair_variants(task, blind.preset, blind.diffusion, blind.pairs)
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
@@ -318,14 +321,14 @@ def rotated_stripes(task: ComparisonTask) -> list[Variant]:
         major, minor = (diffusion_modes(task.surface, L, MODES, axes) for L in operators)
         return DiffusionResult(tensors, major, minor)
 
-    return _pairs(task, task.on_modes, diffusion, PAIRS)
+    return _pair_variants(task, task.on_modes, diffusion, PAIRS)
 
 
 def von_mises(task: ComparisonTask) -> list[Variant]:
     """Return stripes of one family on the von Mises stress, of plain width, as the paper discusses."""
-    value = as_mode(task.surface, task.statics.answers.stress.largest)
+    value = mode_like_field(task.surface, task.statics.answers.stress.largest)
     return [
-        Variant(f"phase {phase:g}", partial(_plain, task, {"von Mises": (value, task.frequency[0])}, phase))
+        Variant(f"phase {phase:g}", partial(_plain_stripes, task, {"von Mises": (value, task.frequency[0])}, phase))
         for phase in PHASES
     ]
 
@@ -337,7 +340,7 @@ def grid(task: ComparisonTask) -> list[Variant]:
         name: (scaled_field(task.surface, centred @ axis), frequency)
         for name, axis, frequency in zip(("along", "across"), principal_axes(task), task.frequency, strict=True)
     }
-    return [Variant(f"phase {phase:g}", partial(_plain, task, fields, phase)) for phase in PHASES]
+    return [Variant(f"phase {phase:g}", partial(_plain_stripes, task, fields, phase)) for phase in PHASES]
 
 
 def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
@@ -350,7 +353,7 @@ def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) ->
     return DiffusionTensors(major, minor, tensors.isotropic, tensors.principal)
 
 
-def as_mode(surface: Surface, face: Floats) -> Floats:
+def mode_like_field(surface: Surface, face: Floats) -> Floats:
     """Return (n,) values at the vertices, from values of faces (m,), scaled by `scaled_field`."""
     return scaled_field(surface, vertex_means(surface, face))
 
@@ -369,31 +372,33 @@ def principal_axes(task: ComparisonTask) -> Floats:
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
-    ties = reference_axes(surface, (load.held.astype(float),), (load.force.sum(axis=0),))
+    ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
     # a small weight, which decides only where the surface has no clear axes, like a sphere or a square
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 
 
-def _pairs(
+def _pair_variants(
     task: ComparisonTask, preset: Preset, diffusion: Callable[[], DiffusionResult], pairs: Iterable[tuple[int, int]]
 ) -> list[Variant]:
     """Return a variant for each pair of modes; the first variant computes `diffusion` for all."""
     phases = preset.pattern.major.shift, preset.pattern.minor.shift
 
-    def made(pair: tuple[int, int]) -> Structure:
-        return striped_structure(task, preset.settled(pair, phases), diffusion())
+    def structure_of_pair(pair: tuple[int, int]) -> Structure:
+        return striped_structure(task, preset.with_modes(pair, phases), diffusion())
 
-    return [Variant(f"modes {a}, {b}", partial(made, (a, b))) for a, b in _different(preset, pairs)]
-
-
-def _different(preset: Preset, pairs: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
-    drawn = [FAMILIES.index(name) for name in preset.pattern.family_names]
-    found = {tuple(pair[k] for k in drawn): pair for pair in reversed([*pairs])}
-    return [*reversed([*found.values()])]
+    return [Variant(f"modes {a}, {b}", partial(structure_of_pair, (a, b))) for a, b in _distinct_pairs(preset, pairs)]
 
 
-def _plain(task: ComparisonTask, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
-    preset = overridden(task.on_modes, {"pattern.width": {"solid_fraction": task.share}})
+def _distinct_pairs(preset: Preset, pairs: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    indices = [FAMILIES.index(name) for name in preset.pattern.family_names]
+    pair_by_modes = {tuple(pair[k] for k in indices): pair for pair in reversed([*pairs])}
+    return [*reversed([*pair_by_modes.values()])]
+
+
+def _plain_stripes(task: ComparisonTask, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
+    preset = with_overrides(task.on_modes, {"pattern.width": {"solid_fraction": task.share}})
     stripes = [(name, x, Stripes(frequency, phase)) for name, (x, frequency) in fields.items()]
-    return widened_structure(task, preset, [ModeFamily.on(task.surface, name, own, x) for name, x, own in stripes])
+    return widened_structure(
+        task, preset, [ModeFamily.from_mode(task.surface, name, stripe, x) for name, x, stripe in stripes]
+    )

@@ -25,10 +25,10 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
     """
     pairs = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray")
     i, j = pairs.T
-    near = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
-    own = np.arange(surface.m)
-    row, column = np.concatenate([i, j, own]), np.concatenate([j, i, own])
-    weight = np.concatenate([near, near, np.full(surface.m, radius)]) * surface.areas[column]
+    overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
+    diagonal = np.arange(surface.m)
+    row, column = np.concatenate([i, j, diagonal]), np.concatenate([j, i, diagonal])
+    weight = np.concatenate([overlap, overlap, np.full(surface.m, radius)]) * surface.areas[column]
     total = np.bincount(row, weight, surface.m)
     return csr_array((weight / total[row], (row, column)), shape=(surface.m, surface.m))
 
@@ -66,9 +66,9 @@ class Simp:
     change: float = 0.01
 
     def __post_init__(self) -> None:
-        good = self.radius >= 0 and self.iterations >= 1 and self.penalisation >= 1 and self.change >= 0
-        good = good and self.steps >= 0
-        if not (good and 0 < self.void < 1 and 0 < self.move <= 1):
+        is_valid = self.radius >= 0 and self.iterations >= 1 and self.penalisation >= 1 and self.change >= 0
+        is_valid = is_valid and self.steps >= 0
+        if not (is_valid and 0 < self.void < 1 and 0 < self.move <= 1):
             raise StaticsError(
                 f"{self}: SIMP needs a radius and steps of 0 or more, at least one iteration, a penalisation of 1 or "
                 "more, and void and move between 0 and 1"
@@ -130,7 +130,7 @@ def densities(
     area: float,
     solid: Bools | None = None,
     weights: Mapping[str, float] | None = None,
-    ask: Simp | None = None,
+    options: Simp | None = None,
 ) -> Densities:
     """Return densities of the faces with the least compliance for sum (density x face area) = `area`, square metres.
 
@@ -142,78 +142,79 @@ def densities(
 
     Raises StaticsError if the sheet is not supported, or if `area` is less than the solid faces have.
     """
-    ask, surface = ask or Simp(), sheet.surface
+    options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
-    share = _start(surface, area, solid)
+    share = _start_density(surface, area, solid)
     clock, cpu = time.perf_counter(), time.process_time()
-    K = FaceStiffness.of(sheet, list(loads.values()))
-    H = face_filter(surface, ask.filter_radius(surface))
-    many = np.array([1.0 if weights is None else weights[name] for name in loads])
+    K = FaceStiffness.from_sheet(sheet, list(loads.values()))
+    H = face_filter(surface, options.filter_radius(surface))
+    case_weights = np.array([1.0 if weights is None else weights[name] for name in loads])
     x, factor, history = np.where(solid, 1.0, share), None, []
-    for p in ask.penalisations:
-        now = replace(ask, penalisation=float(p))
-        for _ in range(ask.iterations):
-            factor = K.factor(now.stiffness(x), factor)
-            energy = K.energies(factor(K.force)) @ many
-            history.append(float(now.stiffness(x) @ energy))
-            gain = filtered_sensitivity(H, x, now.slope(x) * energy / surface.areas)
-            new = optimality_step(x, gain, surface.areas, area, solid, ask.move)
-            step, x = np.abs(new - x).max(), new
-            if step < ask.change:
+    for p in options.penalisations:
+        step_options = replace(options, penalisation=float(p))
+        for _ in range(options.iterations):
+            factor = K.factor(step_options.stiffness(x), factor)
+            energy = K.energies(factor(K.force)) @ case_weights
+            history.append(float(step_options.stiffness(x) @ energy))
+            gain = filtered_sensitivity(H, x, step_options.slope(x) * energy / surface.areas)
+            updated = optimality_step(x, gain, surface.areas, area, solid, options.move)
+            step, x = np.abs(updated - x).max(), updated
+            if step < options.change:
                 break
     return Densities(x, np.array(history), time.perf_counter() - clock, time.process_time() - cpu)
 
 
-def _start(surface: Surface, area: float, solid: Bools) -> float:
-    given = float(surface.areas[solid].sum())
-    if not given < area < surface.area:
+def _start_density(surface: Surface, area: float, solid: Bools) -> float:
+    solid_area = float(surface.areas[solid].sum())
+    if not solid_area < area < surface.area:
         raise StaticsError(
-            f"SIMP is to use {area:.4g} m2 of a surface of {surface.area:.4g} m2, of which {given:.4g} m2 are kept "
+            f"SIMP is to use {area:.4g} m2 of a surface of {surface.area:.4g} m2, of which {solid_area:.4g} m2 "
+            "are kept "
             "anyway; ask for an area between these, or set a smaller pattern.keep or pattern.rim"
         )
-    return (area - given) / (surface.area - given)
+    return (area - solid_area) / (surface.area - solid_area)
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
     """Return the sheet cut where SIMP densities exceed the value that gives the task's area; see `free_task`."""
     free = free_task(task)
-    return [Variant("", lambda: _cut(free, optimised_densities(free)))]
+    return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 
 
-def free_task(task: ComparisonTask, ask: Simp | None = None) -> ComparisonTask:
+def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
     """Return the task with fewer kept regions: painted ones, and discs of the filter radius around loads and supports.
 
     With the preset's rim, the optimiser would spend its material like the preset: on an L-bracket at 30 % of the
     material it was 3.2 or 5.0 times as soft as the whole plate.
     """
-    radius = (ask or Simp()).filter_radius(task.surface)
+    radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 
 
-def optimised_densities(task: ComparisonTask, ask: Simp | None = None) -> Densities:
+def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> Densities:
     """Return the densities of faces for the area, loads and kept regions of a task, at the mass of that area."""
-    statics, weights = task.preset.statics, task.preset.followed
-    sheet = statics.sheet().on(task.surface)
+    statics, weights = task.preset.statics, task.preset.followed_weights
+    sheet = statics.sheet().model_for(task.surface)
     loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}
-    return densities(sheet, loads, task.area, task.kept_faces, weights, ask)
+    return densities(sheet, loads, task.area, task.kept_faces, weights, options)
 
 
-def level_line(task: ComparisonTask, density: Floats) -> Structure:
+def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
     """Return the structure where densities of faces (m,), averaged around the vertices, exceed a level."""
-    return matched_structure(task, partial(_drawing, vertex_means(task.surface, density)))
+    return matched_structure(task, partial(_level_set_layers, vertex_means(task.surface, density)))
 
 
-def _cut(task: ComparisonTask, found: Densities) -> Structure:
+def _cut_structure(task: ComparisonTask, result: Densities) -> Structure:
     """Return `level_set_structure`; if that falls apart, the error tells the remaining grey share."""
     try:
-        return level_line(task, found.density)
+        return level_set_structure(task, result.density)
     except PatternError as error:
         raise PatternError(
-            f"{error}; SIMP left {found.grey(task.surface):.0%} of the area neither void nor material"
+            f"{error}; SIMP left {result.grey(task.surface):.0%} of the area neither void nor material"
         ) from None
 
 
-def _drawing(field: Floats, task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
+def _level_set_layers(field: Floats, task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
     """Return kept layers, and the level of a field (n,) that makes `share` of the surface material."""
     high, low = float(field.max()), float(field.min())
     margin = 1e-3 * (high - low)
@@ -221,6 +222,6 @@ def _drawing(field: Floats, task: ComparisonTask, share: float, tolerance: float
 
     def layers(depth: float) -> list[Layer]:
         level = high + margin - depth * (high - low + 2 * margin)
-        return [*task.kept, Layer("simp", field, np.array([level]), every)]
+        return [*task.kept_layers, Layer("simp", field, np.array([level]), every)]
 
     return layers(solved_factor(lambda depth: area_share(task, layers(depth)), share, tolerance))

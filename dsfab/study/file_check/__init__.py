@@ -10,7 +10,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.core.limits import Status
 from dsfab.core.messages import length
 from dsfab.design.design import Design
-from dsfab.export import Fault, Soundness, StepTriangles, curved_soundness, cut_fault, meanwhile, soundness
+from dsfab.export import Fault, Soundness, StepTriangles, curved_soundness, cut_fault, soundness, work_while_waiting
 from dsfab.study.fabrication import Check, fabrication
 from dsfab.study.file_check.file_geometry import (
     SUFFIXES,
@@ -23,7 +23,7 @@ from dsfab.study.file_check.file_geometry import (
     distance,
     read_shipped,
 )
-from dsfab.study.file_check.solid_compliance import SolidCompliance, carrying, missing
+from dsfab.study.file_check.solid_compliance import SolidCompliance, compared_compliance, missing_packages
 from dsfab.surface import DEFAULT_TRIANGLES
 
 __all__ = [
@@ -88,7 +88,7 @@ class FileCheck:
         return self.density * self.soundness.volume if self.density and self.soundness.watertight else None
 
     @property
-    def passed(self) -> bool:
+    def has_passed(self) -> bool:
         """True if no finding fails."""
         return not any(finding.verdict == "fail" for finding in self.findings)
 
@@ -113,12 +113,12 @@ def check_file(
     """
     if progress:
         progress("read", f"reading {Path(path).name}")
-    found = read_shipped(path, unit, max_triangles, deflection_for(design.preset) if design else 0.0)
-    return check_contents(found, design, unit is not None, density, solid, progress)
+    contents = read_shipped(path, unit, max_triangles, deflection_for(design.preset) if design else 0.0)
+    return check_contents(contents, design, unit is not None, density, solid, progress)
 
 
 def check_contents(
-    found: FileContents,
+    contents: FileContents,
     design: Design | None = None,
     unit_given: bool = False,
     density: float = 0.0,
@@ -130,117 +130,122 @@ def check_contents(
     unit_given : whether the user named the unit of the file's numbers.
     """
     tell = progress or (lambda stage, doing: None)
-    tell("judge", f"looking for holes and crossings in {len(found.F):,} triangles")
-    sound = _judged(found, tell)
-    cut, near, apart = _cut_and_measured(found, sound, design, tell)
-    findings = [Finding("solid", "pass" if sound.sound else "fail"), _unit(found, near, apart, unit_given)]
+    tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
+    sound = _file_soundness(contents, tell)
+    cut, walls_and_gaps, design_distance = _cut_and_measured(contents, sound, design, tell)
+    findings = [
+        Finding("solid", "pass" if sound.sound else "fail"),
+        _unit_finding(contents, walls_and_gaps, design_distance, unit_given),
+    ]
     usable = all(finding.verdict == "pass" for finding in findings)
     findings += cut
     carries = None
-    if design is not None and apart is not None:
-        same = apart.beyond <= 0
-        findings += _limits(near, design, same)
-        findings.append(Finding("design", "pass" if same else "fail"))
-        carries, why = _carrying(found, design, solid, usable, tell)
-        findings.append(_compliance(carries, why))
+    if design is not None and design_distance is not None:
+        matches_design = design_distance.beyond <= 0
+        findings += _limit_findings(walls_and_gaps, design, matches_design)
+        findings.append(Finding("design", "pass" if matches_design else "fail"))
+        carries, why = _solid_compliance(contents, design, solid, usable, tell)
+        findings.append(_compliance_finding(carries, why))
     density = density or (design.preset.statics.density if design else 0.0)
-    return FileCheck(found.path, found, sound, near, apart, carries, density, tuple(findings))
+    return FileCheck(contents.path, contents, sound, walls_and_gaps, design_distance, carries, density, tuple(findings))
 
 
-def _judged(found: FileContents, tell: Progress) -> Soundness:
+def _file_soundness(contents: FileContents, tell: Progress) -> Soundness:
     finer = "drawing triangles of curved faces finer, since some cross"
-    drawn = StepTriangles(found.V, found.F, found.face, found.collapsed)
-    return curved_soundness(drawn, found.deflection, found.shape, lambda: tell("judge", finer))
+    triangles = StepTriangles(contents.V, contents.F, contents.face, contents.collapsed)
+    return curved_soundness(triangles, contents.deflection, contents.shape, lambda: tell("judge", finer))
 
 
 def _cut_and_measured(
-    found: FileContents, sound: Soundness, design: Design | None, tell: Progress
+    contents: FileContents, sound: Soundness, design: Design | None, tell: Progress
 ) -> tuple[list[Finding], Clearances | None, Distance | None]:
     """Return OCCT's cut of a sound STEP file, walls and gaps, and the distance from a design; both run at once."""
-    near, apart = list[Clearances](), list[Distance]()
+    walls_and_gaps, distances = list[Clearances](), list[Distance]()
 
     def measure() -> None:
         if sound.watertight:
             tell("measure", "measuring walls and gaps")
-            near.append(clearances(found.V, found.F))
+            walls_and_gaps.append(clearances(contents.V, contents.F))
         if design is not None:
             tell("compare", "measuring the distance from the design")
-            apart.append(distance(found, design))
+            distances.append(distance(contents, design))
 
     cut = []
-    with meanwhile(measure):
-        if found.shape and sound.sound:
+    with work_while_waiting(measure):
+        if contents.shape and sound.sound:
             tell("judge", "cutting it in half")
-            cut.append(_cut(found))
-    return cut, next(iter(near), None), next(iter(apart), None)
+            cut.append(_cut_finding(contents))
+    return cut, next(iter(walls_and_gaps), None), next(iter(distances), None)
 
 
-def _unit(found: FileContents, near: Clearances | None, apart: Distance | None, asked: bool) -> Finding:
+def _unit_finding(
+    contents: FileContents, walls_and_gaps: Clearances | None, apart: Distance | None, unit_given: bool
+) -> Finding:
     if apart is not None:
         return Finding("unit", "fail" if apart.meant_unit else "pass")
-    if near is None or near.wall is None or found.declared or asked:
-        return Finding("unit", "pass" if found.declared or asked else "unknown", "an STL file names no unit")
-    return Finding("unit", "fail" if not TOO_THIN <= near.wall.size <= TOO_THICK else "pass")
+    if walls_and_gaps is None or walls_and_gaps.wall is None or contents.declared or unit_given:
+        return Finding("unit", "pass" if contents.declared or unit_given else "unknown", "an STL file names no unit")
+    return Finding("unit", "fail" if not TOO_THIN <= walls_and_gaps.wall.size <= TOO_THICK else "pass")
 
 
-def _cut(found: FileContents) -> Finding:
+def _cut_finding(contents: FileContents) -> Finding:
     """Check whether OCCT cuts a STEP file in half; a failure does not make the solid unsound."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "shape.bin"  # not the STEP file, which OCCT would take a third of the time to read again
-        path.write_bytes(found.shape)
-        fault, _ = cut_fault(path, found.path.read_bytes().count(b"ADVANCED_FACE("))
+        path.write_bytes(contents.shape)
+        fault, _ = cut_fault(path, contents.path.read_bytes().count(b"ADVANCED_FACE("))
     why = f"{fault}: to cut it in CAD, write step = 'members' or 'faceted'"
     return Finding("cut", "unknown", why) if fault else Finding("cut", "pass")
 
 
-def _limits(near: Clearances | None, design: Design, same: bool) -> list[Finding]:
+def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
     """Check the limits of [fabrication]: by the build's measures if the file equals the design, else on the file. Rays
     between the file's triangles hit other places than the sheet's measure does, for instance in wedges."""
-    ask, findings = design.preset.fabrication, []
-    built = {check.name: check for check in fabrication(design).checks} if same else {}
-    for name, limit in (("wall", ask.min_wall), ("gap", ask.min_gap)):
+    options, findings = design.preset.fabrication, []
+    built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
+    for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):
         if not limit:
             continue
         if check := built.get(f"min_{name}"):
-            findings.append(Finding(name, check.verdict, _as_built(check)))
+            findings.append(Finding(name, check.verdict, _built_measure(check)))
             continue
-        here = getattr(near, name) if near else None
-        if near is None:
+        clearance = getattr(walls_and_gaps, name) if walls_and_gaps else None
+        if walls_and_gaps is None:
             findings.append(Finding(name, "unknown", "the file is not closed"))
         else:
-            findings.append(Finding(name, "fail" if here is not None and here.size < limit else "pass"))
+            findings.append(Finding(name, "fail" if clearance is not None and clearance.size < limit else "pass"))
     return findings
 
 
-def _as_built(check: Check) -> str:
+def _built_measure(check: Check) -> str:
     if not check.value:
         return "none in the design"
     place = ", ".join(f"{x:.4g}" for x in check.place)
     return f"{length(check.value[0])} in the design, at ({place}) m; asked are {length(check.limit[0])}"
 
 
-def _carrying(
-    found: FileContents, design: Design, asked: bool, usable: bool, tell: Progress
+def _solid_compliance(
+    contents: FileContents, design: Design, is_requested: bool, usable: bool, tell: Progress
 ) -> tuple[SolidCompliance | None, str]:
-    if not asked:
+    if not is_requested:
         return None, "not asked for"
     if not usable:
         return None, "the file is no sound solid in the right unit"
-    if absent := missing():
+    if absent := missing_packages():
         return None, absent
     tell("carry", "filling the solid with tetrahedra and solving it")
     try:
-        return carrying(found, design), ""
+        return compared_compliance(contents, design), ""
     except DsfabError as error:
         return None, str(error)
 
 
-def _compliance(carries: SolidCompliance | None, why: str) -> Finding:
+def _compliance_finding(carries: SolidCompliance | None, why: str) -> Finding:
     if carries is None:
         return Finding("compliance", "unknown", why)
-    off = abs(carries.ratio - 1)
-    if off <= AGREES:
+    difference = abs(carries.ratio - 1)
+    if difference <= AGREES:
         return Finding("compliance", "pass")
-    if off > DIFFERS:
+    if difference > DIFFERS:
         return Finding("compliance", "fail")
-    return Finding("compliance", "unknown", f"solid and shell are {off:.0%} apart; a finer mesh may close that")
+    return Finding("compliance", "unknown", f"solid and shell are {difference:.0%} apart; a finer mesh may close that")

@@ -7,13 +7,13 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.core.errors import ExportError, SurfaceError
-from dsfab.core.limits import DEFLECTION, FURTHER, OFF_SURFACE
+from dsfab.core.limits import DEFLECTION, OFF_SURFACE, SIMPLIFIED_OFF_SURFACE
 from dsfab.core.units import METRES_PER, MM_PER_M, metres_per
 from dsfab.design.design import Design
 from dsfab.design.output import curved_design
-from dsfab.export import Limits, read_step, smooth_limits, step_triangles
+from dsfab.export import SmoothLimits, read_step, smooth_limits, step_triangles
 from dsfab.preset.model import Preset
-from dsfab.surface import DEFAULT_TRIANGLES, Surface, nearest, raw_mesh
+from dsfab.surface import DEFAULT_TRIANGLES, Surface, nearest_places, raw_mesh
 from dsfab.surface.files.other_libraries import stl_by_trimesh
 from dsfab.surface.topology import edge_table
 from dsfab.thickening.offset_vectors import SHIFT
@@ -94,23 +94,23 @@ def read_shipped(
     if unit is not None and suffix != ".stl":
         raise ExportError(f"{path} names its own unit; leave out --unit, which is for STL files")
     if suffix in (".step", ".stp"):
-        found = _step(path, deflection)
+        contents = _step_contents(path, deflection)
     else:
         raw = raw_mesh(path, max_triangles)
-        here = unit or raw.unit or BY_CONVENTION
-        metres = raw.metres if raw.unit else metres_per(here)
-        V, F, lost = _joined(*(stl_by_trimesh(path) if suffix == ".stl" else (raw.V, raw.F)))
-        found = FileContents(
-            path, V * metres, F, here, raw.unit is not None, metres, lost, "lib3mf" if raw.unit else "trimesh"
+        unit_name = unit or raw.unit or BY_CONVENTION
+        metres = raw.metres if raw.unit else metres_per(unit_name)
+        V, F, lost = _join_vertices(*(stl_by_trimesh(path) if suffix == ".stl" else (raw.V, raw.F)))
+        contents = FileContents(
+            path, V * metres, F, unit_name, raw.unit is not None, metres, lost, "lib3mf" if raw.unit else "trimesh"
         )
-    if not np.isfinite(found.V).all():
+    if not np.isfinite(contents.V).all():
         raise SurfaceError(f"{path} has coordinates that are not finite numbers; export it again")
-    if not len(found.F):
+    if not len(contents.F):
         raise ExportError(f"{path} holds no triangle with three different corners; export it again")
-    return found
+    return contents
 
 
-def _step(path: Path, deflection: float) -> FileContents:
+def _step_contents(path: Path, deflection: float) -> FileContents:
     if not path.is_file():
         raise ExportError(f"{path} does not exist; check the path")
     if not path.stat().st_size:
@@ -123,24 +123,24 @@ def _step(path: Path, deflection: float) -> FileContents:
         raise ExportError(f"{path} holds no solid, only loose faces or nothing; export it again as a solid")
     V, F, face, lost = step_triangles(mesh)
     metres = METRES_PER["mm"]
-    off = mesh.deflection * metres if _curved(path) else 0.0
-    return FileContents(path, V, F, "mm", True, metres, lost, "OCCT", off, mesh.shape, face)
+    chord_error = mesh.deflection * metres if _has_curved_faces(path) else 0.0
+    return FileContents(path, V, F, "mm", True, metres, lost, "OCCT", chord_error, mesh.shape, face)
 
 
-def _curved(path: Path) -> bool:
+def _has_curved_faces(path: Path) -> bool:
     text = path.read_bytes()
     return any(word in text for word in CURVED)
 
 
-def _joined(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
-    points, of = np.unique(V + 0.0, axis=0, return_inverse=True)
-    F, lost = _whole(of.reshape(-1)[F])
+def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
+    points, vertex_numbers = np.unique(V + 0.0, axis=0, return_inverse=True)
+    F, lost = _proper_triangles(vertex_numbers.reshape(-1)[F])
     return points, F, lost
 
 
-def _whole(F: Ints) -> tuple[Ints, int]:
-    whole = (np.roll(F, -1, axis=1) != F).all(axis=1)
-    return F[whole], int((~whole).sum())
+def _proper_triangles(F: Ints) -> tuple[Ints, int]:
+    is_proper = (np.roll(F, -1, axis=1) != F).all(axis=1)
+    return F[is_proper], int((~is_proper).sum())
 
 
 FLAT = 64 * float(np.finfo(np.float32).eps)
@@ -178,27 +178,27 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     that are not parallel to 3 degrees are the sides of a tip or a notch, and do not count. Flat facets that meet in a
     point do not count, nor do triangles too low for a normal in single precision. Widths of members are walls too.
     """
-    N, plain = _normals(V, F)
-    face = np.flatnonzero(plain)
+    N, has_normal = _normals(V, F)
+    face = np.flatnonzero(has_normal)
     corners = V[F[face]]
     centre = corners.mean(axis=1)
     start = np.concatenate([centre, *(INSIDE * centre + (1 - INSIDE) * corners[:, k] for k in range(3))])
     face = np.tile(face, 4)
     rays, facets = Rays(V, F), Facets(F, N)
 
-    def nearest(sign: float) -> Clearance | None:
-        way = sign * N[face]
-        hit = rays.first(start, way)
+    def shortest(sign: float) -> Clearance | None:
+        direction = sign * N[face]
+        hit = rays.first_hits(start, direction)
         opposed = -np.einsum("ki,ki->k", N[face], N[hit])
-        met = (hit >= 0) & plain[hit] & (opposed > OPPOSED)
+        met = (hit >= 0) & has_normal[hit] & (opposed > OPPOSED)
         tapering = np.flatnonzero(met & (opposed < PARALLEL))
         met[tapering[_neighbours(F, face[tapering], hit[tapering])]] = False
         depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])
         depth = np.where(met, np.abs(depth), np.inf)
-        k = facets.first_apart(depth, face, hit)
+        k = facets.nearest_separate_pair(depth, face, hit)
         return None if k is None else Clearance(float(depth[k]), start[k])
 
-    return Clearances(nearest(-1.0), nearest(1.0)) if len(face) else Clearances(None, None)
+    return Clearances(shortest(-1.0), shortest(1.0)) if len(face) else Clearances(None, None)
 
 
 def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
@@ -207,22 +207,22 @@ def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
     cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
     twice = np.linalg.norm(cross, axis=1)
     longest = np.linalg.norm(np.roll(P, -1, axis=1) - P, axis=2).max(axis=1)
-    plain = twice > FLAT * float(np.linalg.norm(np.ptp(V, axis=0))) * longest
-    return cross / np.where(twice > 0, twice, 1.0)[:, None], np.asarray(plain)
+    has_normal = twice > FLAT * float(np.linalg.norm(np.ptp(V, axis=0))) * longest
+    return cross / np.where(twice > 0, twice, 1.0)[:, None], np.asarray(has_normal)
 
 
-def _neighbours(F: Ints, one: Ints, other: Ints) -> Bools:
+def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
     """Return (k,) pairs of faces that share a corner, or are connected by an edge, as in a tip."""
     n = int(F.max()) + 1
     ends = edge_table(F).ends
     keys = np.sort(ends[:, 0] * n + ends[:, 1])
-    found = np.zeros(len(one), dtype=bool)
-    for a in F[one].T:
-        for b in F[other].T:
+    adjacent = np.zeros(len(first_faces), dtype=bool)
+    for a in F[first_faces].T:
+        for b in F[second_faces].T:
             key = np.minimum(a, b) * n + np.maximum(a, b)
-            at = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
-            found |= (a == b) | (keys[at] == key)
-    return found
+            position = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
+            adjacent |= (a == b) | (keys[position] == key)
+    return adjacent
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
@@ -265,8 +265,8 @@ class Distance:
     @property
     def meant_unit(self) -> str | None:
         """Likely unit of the file's numbers, if the scale is off by a unit's factor within 2 %."""
-        close = (unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02)
-        return next(close, None)
+        units = (unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02)
+        return next(units, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,25 +277,25 @@ class Allowance:
     """
 
     flat: float
-    limits: Limits | None = None
+    limits: SmoothLimits | None = None
 
     @classmethod
-    def of(cls, found: FileContents, design: Design) -> "Allowance":
+    def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
         """Return the allowance of a file. Triangles of STL and 3MF are exact. Planar faces of STEP may be simplified.
         Curved faces may be off by the mesh's own chord error, and their triangles by their deflection."""
-        flat, asked = off_surface(design.preset), design.preset.export.step_tolerance
-        if found.reader != "OCCT":
+        flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
+        if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
-        if not found.deflection:
-            return cls(asked or FURTHER * flat)
+        if not contents.deflection:
+            return cls(step_tolerance or SIMPLIFIED_OFF_SURFACE * flat)
         try:
             curved = curved_design(design)  # its surface may have been cut open
-            limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * asked)
+            limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * step_tolerance)
         except ExportError:  # the design has planar faces only
             limits = None
-        return cls(flat + found.deflection, limits)
+        return cls(flat + contents.deflection, limits)
 
-    def at(self, points: Floats) -> Floats:
+    def at_points(self, points: Floats) -> Floats:
         """Return the allowance (k,) in metres at points (k, 3)."""
         flat = np.full(len(points), self.flat)
         if self.limits is None:
@@ -314,12 +314,12 @@ def deflection_for(preset: Preset) -> float:
     return DEFLECTION * off_surface(preset)
 
 
-def distance(found: FileContents, design: Design) -> Distance:
+def distance(contents: FileContents, design: Design) -> Distance:
     """Measure the distance at vertices and centres of faces, in both directions."""
-    V, F, allowed = found.V, found.F, Allowance.of(found, design)
+    V, F, allowed = contents.V, contents.F, Allowance.from_design(contents, design)
     to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
     back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)
-    skin, place, mean = _off_the_sheet(V, F, design)
+    skin, place, mean = _skin_offsets(V, F, design)
     scale = float(np.linalg.norm(np.ptp(V, axis=0)) / np.linalg.norm(np.ptp(design.solid.box, axis=0)))
     return Distance(skin, place, mean, to, to_place, back, back_place, *max(to_excess, back_excess), scale)
 
@@ -329,30 +329,30 @@ def _farthest(
 ) -> tuple[float, Floats, tuple[float, float]]:
     """Return the largest distance from another mesh and its place; the largest excess and the allowance there."""
     P = np.concatenate([V, V[F].mean(axis=1)])
-    far = nearest(P, onto_V, onto_F).distance
-    k = int(far.argmax())
-    some = np.flatnonzero(far > allowed.flat)  # nearer points need no chord errors
-    some = some if len(some) else np.array([k])
-    most = allowed.at(P[some])
-    worst = int((far[some] - most).argmax())
-    return float(far[k]), P[k], (float(far[some][worst] - most[worst]), float(most[worst]))
+    offsets = nearest_places(P, onto_V, onto_F).distance
+    k = int(offsets.argmax())
+    candidates = np.flatnonzero(offsets > allowed.flat)  # nearer points need no chord errors
+    candidates = candidates if len(candidates) else np.array([k])
+    permitted = allowed.at_points(P[candidates])
+    worst = int((offsets[candidates] - permitted).argmax())
+    return float(offsets[k]), P[k], (float(offsets[candidates][worst] - permitted[worst]), float(permitted[worst]))
 
 
-def _off_the_sheet(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:
+def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:
     """Return the largest deviation of the skins, its place, and their mean by area; 0 without skins."""
     sheet: Surface = design.sheet.surface
     cross = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
     twice = np.linalg.norm(cross, axis=1)
     P = V[F].mean(axis=1)
-    close = nearest(P, sheet.V, sheet.F)
-    far, face = close.distance, close.simplex
+    projection = nearest_places(P, sheet.V, sheet.F)
+    distances, face = projection.distance, projection.simplex
     along = np.abs(np.einsum("mi,mi->m", cross, sheet.normals[face]))
     skin = (twice > 0) & (along > 0.9 * twice)  # other faces are walls
     half = design.preset.statics.thickness / 2
     shift = abs(SHIFT[design.preset.thickening.side])
     meant = np.array([half * (1 - shift), half * (1 + shift)])
-    off = np.abs(far[:, None] - meant).min(axis=1)
+    differences = np.abs(distances[:, None] - meant).min(axis=1)
     if not skin.any():
         return 0.0, np.zeros(3), 0.0
-    k = int(np.where(skin, off, -1).argmax())
-    return float(off[k]), P[k], float((off * twice)[skin].sum() / twice[skin].sum())
+    k = int(np.where(skin, differences, -1).argmax())
+    return float(differences[k]), P[k], float((differences * twice)[skin].sum() / twice[skin].sum())

@@ -16,20 +16,20 @@ TRIANGLE, TETRAHEDRON = 2, 4
 """gmsh's numbers of element types."""
 
 
-def tetrahedra(given: Any) -> tuple[Any, Any]:
+def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
     """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid; triangles of the input stay."""
     import gmsh
 
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
-    if "step" in given:
+    if "step" in mesh_data:
         gmsh.option.setString("Geometry.OCCTargetUnit", "M")
-        gmsh.model.occ.importShapes(str(given["step"]))
+        gmsh.model.occ.importShapes(str(mesh_data["step"]))
         gmsh.model.occ.synchronize()
     else:
-        _add_mesh(gmsh.model, given["V"], given["F"])
+        _add_mesh(gmsh.model, mesh_data["V"], mesh_data["F"])
     gmsh.option.setNumber("Mesh.Algorithm3D", 1)  # Delaunay, which keeps the surface triangles
-    gmsh.option.setNumber("Mesh.MeshSizeMax", float(given["edge"]))
+    gmsh.option.setNumber("Mesh.MeshSizeMax", float(mesh_data["edge"]))
     gmsh.model.mesh.generate(3)
     tags, points, _ = gmsh.model.mesh.getNodes()
     _, corners = gmsh.model.mesh.getElementsByType(TETRAHEDRON)

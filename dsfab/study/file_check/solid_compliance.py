@@ -24,7 +24,7 @@ from dsfab.statics.boundary_conditions import held_middles
 from dsfab.study.file_check import gmsh_program
 from dsfab.study.file_check.file_geometry import FileContents
 from dsfab.surface import LoadCase, Surface
-from dsfab.surface.edge_changes import refined
+from dsfab.surface.edge_changes import refined_surface
 from dsfab.thickening.offset_vectors import SHIFT
 
 NEEDED = ("gmsh", "skfem")
@@ -46,36 +46,36 @@ class Tetrahedra:
         lock(self, "T", np.int64, (None, 4))
 
 
-def missing() -> str:
+def missing_packages() -> str:
     """Return why no solid model can be made, and the remedy; '' if it can."""
     absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     return f'{" and ".join(absent)} not installed; pip install "dsfab[solid]"' if absent else ""
 
 
-def tetrahedra(found: FileContents, edge: float) -> Tetrahedra:
+def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
     """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
 
     gmsh reads STEP files itself and meshes them again; triangles of other files stay and are halved. Raises
     StaticsError if gmsh fails, takes too long, or fills another volume. Chords of curved faces may change the volume by
     `CHANGED_VOLUME`.
     """
-    volume = Surface(found.V, found.F).volume
-    if found.path.suffix.lower() in STEP:
-        X, T = _filled({"step": str(found.path.resolve()), "edge": edge})
-        return _sound(X, T, volume, CHANGED_VOLUME)
-    fine = refined(Surface(found.V, found.F), edge)
-    middle = found.V.mean(axis=0)
-    X, T = _filled({"V": (fine.V - middle) / found.size, "F": fine.F, "edge": edge / found.size})
-    return _sound(X * found.size + middle, T, volume, 1e-6)
+    volume = Surface(contents.V, contents.F).volume
+    if contents.path.suffix.lower() in STEP:
+        X, T = _run_gmsh({"step": str(contents.path.resolve()), "edge": edge})
+        return _checked_tetrahedra(X, T, volume, CHANGED_VOLUME)
+    fine = refined_surface(Surface(contents.V, contents.F), edge)
+    middle = contents.V.mean(axis=0)
+    X, T = _run_gmsh({"V": (fine.V - middle) / contents.size, "F": fine.F, "edge": edge / contents.size})
+    return _checked_tetrahedra(X * contents.size + middle, T, volume, 1e-6)
 
 
-def _filled(given: Mapping[str, Any], seconds: float = 300.0) -> tuple[Floats, Ints]:
+def _run_gmsh(mesh_data: Mapping[str, Any], seconds: float = 300.0) -> tuple[Floats, Ints]:
     with tempfile.TemporaryDirectory() as folder:
-        source, made = Path(folder) / "surface.npz", Path(folder) / "tets.npz"
-        np.savez(source, **given)
+        source, result_path = Path(folder) / "surface.npz", Path(folder) / "tets.npz"
+        np.savez(source, **mesh_data)
         try:
-            run_program(gmsh_program.__file__, str(source), str(made), seconds=seconds)
-            with np.load(made) as mesh:
+            run_program(gmsh_program.__file__, str(source), str(result_path), seconds=seconds)
+            with np.load(result_path) as mesh:
                 return np.asarray(mesh["X"], dtype=np.float64), np.asarray(mesh["T"], dtype=np.int64)
         except subprocess.TimeoutExpired:
             raise StaticsError(f"gmsh did not fill the solid with tetrahedra within {seconds:.0f} s") from None
@@ -83,7 +83,7 @@ def _filled(given: Mapping[str, Any], seconds: float = 300.0) -> tuple[Floats, I
             raise StaticsError(f"gmsh could not fill the solid with tetrahedra ({str(error)[:160]})") from None
 
 
-def _sound(X: Floats, T: Ints, volume: float, tolerance: float) -> Tetrahedra:
+def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> Tetrahedra:
     """Orient the tetrahedra to positive volume. Raises StaticsError if they do not fill the solid."""
     P = X[T]
     six = np.einsum("ki,ki->k", P[:, 1] - P[:, 0], np.cross(P[:, 2] - P[:, 0], P[:, 3] - P[:, 0]))
@@ -119,7 +119,7 @@ class SolidModel:
     _dofs: Ints
 
     @classmethod
-    def of(cls, mesh: Tetrahedra, material: Material) -> "SolidModel":
+    def from_tetrahedra(cls, mesh: Tetrahedra, material: Material) -> "SolidModel":
         """Assemble the stiffness. Raises StaticsError for more than `LARGEST` unknowns."""
         from skfem import ElementTetP2, ElementVector, MeshTet
 
@@ -128,7 +128,7 @@ class SolidModel:
         count = 3 * (tets.p.shape[1] + tets.edges.shape[1])
         if count > LARGEST:
             raise StaticsError(f"the solid model has {count:,} unknowns, more than the {LARGEST:,} that are solved")
-        K, dofs = _assembled(tets, element, material)
+        K, dofs = _assemble(tets, element, material)
         points = np.concatenate([tets.p.T, tets.p.T[tets.edges.T].mean(axis=1)])
         node = np.empty(count, dtype=np.int64)
         corners, middles = tets.p.shape[1], tets.edges.shape[1]
@@ -140,14 +140,14 @@ class SolidModel:
     def _tree(self) -> Any:
         return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
 
-    def at(self, points: Floats, reach: float) -> csr_array:
+    def interpolation(self, points: Floats, reach: float) -> csr_array:
         """Return (3 k, N) from the unknowns to the displacements of points (k, 3): x, y, z of the first, then of the
         second.
 
         reach : allowed distance of a point from the solid, metres.   Raises StaticsError for a point that lies farther
                 out.
         """
-        tet, local = self._inside(points, reach)
+        tet, local = self._locate(points, reach)
         phi = _shapes(local)  # (10, k)
         k = len(points)
         rows = np.broadcast_to(3 * np.arange(k)[None, None] + np.arange(3)[None, :, None], (10, 3, k))
@@ -156,27 +156,27 @@ class SolidModel:
         entries = (values.ravel(), (rows.ravel(), columns.ravel()))
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
-    def _inside(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
+    def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
         """Return the best tetrahedron (k,) of each point, among the 40 nearest, and the local coordinates (3, k)."""
-        near = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
-        P = self.mesh.X[self.mesh.T[near]]
+        candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
+        P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
         local = np.linalg.solve(edges, (points[:, None] - P[:, :, 0])[..., None])[..., 0]
         lowest = np.minimum(local.min(axis=2), 1 - local.sum(axis=2))
-        best = lowest.argmax(axis=1)
-        own = np.arange(len(points))
-        out = np.maximum(-lowest[own, best], 0) * np.abs(edges[own, best]).max(axis=(1, 2))
-        lost = np.flatnonzero((lowest[own, best] < -OUTSIDE) | (out > reach))
+        choice = lowest.argmax(axis=1)
+        numbers = np.arange(len(points))
+        out = np.maximum(-lowest[numbers, choice], 0) * np.abs(edges[numbers, choice]).max(axis=(1, 2))
+        lost = np.flatnonzero((lowest[numbers, choice] < -OUTSIDE) | (out > reach))
         if len(lost):
             place = points[lost[0]].round(4).tolist()
             raise StaticsError(
                 f"{len(lost)} of {len(points)} loaded or held points of the sheet have no material of the file around "
                 f"them (first at {place} m)"
             )
-        return near[own, best], local[own, best].T
+        return candidates[numbers, choice], local[numbers, choice].T
 
 
-def _assembled(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
+def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
     """Return the stiffness, and the unknowns of each tetrahedron (30, k); 20 000 tetrahedra at once take 150 MB."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
@@ -264,7 +264,7 @@ class SolidCompliance:
         return self.solid / self.shell
 
 
-def carrying(found: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
+def compared_compliance(contents: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
     """Compare the sound solid in a file with the sheet of its design.
 
     edge : longest edge on the surface of the solid model, metres; default: one thickness, or a hundredth of the size.
@@ -275,17 +275,17 @@ def carrying(found: FileContents, design: Design, edge: float | None = None) -> 
     """
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
-    longest = edge or max(EDGE * t, COARSE * found.size)
-    model = SolidModel.of(tetrahedra(found, longest), statics.elastic)
+    longest = edge or max(EDGE * t, COARSE * contents.size)
+    model = SolidModel.from_tetrahedra(tetrahedra(contents, longest), statics.elastic)
     points = SupportPoints(model, sheet, t, SHIFT[design.preset.thickening.side])
-    at = points.mean(sheet.V, sheet.vertex_normals)
-    forces = [at.T @ load.force.ravel() for load in loads.values()]
-    solid = compliances(model, _holding(points, at, loads, RIGID * statics.young * t), forces)
-    answers = solve_for(statics.sheet().on(sheet), loads, "compliance_once")
+    interpolation = points.mean(sheet.V, sheet.vertex_normals)
+    forces = [interpolation.T @ load.force.ravel() for load in loads.values()]
+    solid = compliances(model, _holding(points, interpolation, loads, RIGID * statics.young * t), forces)
+    answers = solve_for(statics.sheet().model_for(sheet), loads, "compliance_once")
     used = next(iter(answers.values())).elements
     pair = replace(used, bending=used.bending or elements_of("compliance_once").bending)  # none in a plane
-    weights = np.array([design.preset.followed[name] for name in loads])
-    shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed.items())
+    weights = np.array([design.preset.followed_weights[name] for name in loads])
+    shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed_weights.items())
     return SolidCompliance(
         float(shell), float(weights @ solid), len(model.mesh.T), model.K.shape[0], longest, str(pair)
     )
@@ -306,7 +306,7 @@ class SupportPoints:
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
-    def turn(self, edges: Bools) -> csr_array:
+    def rotation(self, edges: Bools) -> csr_array:
         """Return (r, N) relative displacement of the outer Gauss points, square to each marked edge and along the
         sheet."""
         places, normals, along = self.samples(edges)
@@ -324,30 +324,34 @@ class SupportPoints:
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
-        of = np.repeat(np.arange(len(start)), count)
-        number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
-        share = ((number + 0.5) / count[of])[:, None]
+        edge_numbers = np.repeat(np.arange(len(start)), count)
+        number = np.arange(len(edge_numbers)) - np.repeat(np.cumsum(count) - count, count)
+        share = ((number + 0.5) / count[edge_numbers])[:, None]
         face = table.order[table.start[:-1][edges]] // 3
         along = end - start
-        return start[of] + share * along[of], self.sheet.normals[face][of], along[of]
+        return (
+            start[edge_numbers] + share * along[edge_numbers],
+            self.sheet.normals[face][edge_numbers],
+            along[edge_numbers],
+        )
 
     def _level(self, places: Floats, normals: Floats, height: float) -> csr_array:
         lift = (self.shift + height) * self.thickness / 2
-        return self.model.at(places + lift * normals, self.thickness)
+        return self.model.interpolation(places + lift * normals, self.thickness)
 
 
-def _holding(points: SupportPoints, at: csr_array, loads: Mapping[str, LoadCase], rigid: float) -> Holding:
+def _holding(points: SupportPoints, interpolation: csr_array, loads: Mapping[str, LoadCase], rigid: float) -> Holding:
     sheet, load = points.sheet, next(iter(loads.values()))
     fixed, middles = load.fixed.copy(), held_middles(sheet, load.fixed)
     if (axis := flat_axis(sheet, *loads.values())) is not None:
         fixed[:, axis] = True
     stiffness = np.where(fixed, rigid, load.spring).ravel()
-    held = np.flatnonzero(stiffness)
-    rows, strength = [at[held]], [stiffness[held]]
+    held_unknowns = np.flatnonzero(stiffness)
+    rows, strength = [interpolation[held_unknowns]], [stiffness[held_unknowns]]
     for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # edges with equal held directions
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:
-        rows.append(points.turn(load.clamped))
+        rows.append(points.rotation(load.clamped))
     strength += [np.full(row.shape[0], rigid) for row in rows[1:]]
     return Holding(csr_array(vstack(rows)), np.concatenate(strength))

@@ -8,7 +8,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import StaticsError
 from dsfab.core.messages import length
 from dsfab.design import Design, Progress, loads_on, silent
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
@@ -42,7 +42,7 @@ class NonlinearCheck:
     minutes: float = 0.0
 
     @property
-    def told(self) -> str:
+    def sentence(self) -> str:
         """Sentence about the result."""
         how, stop = f"gives way at {self.limit:.3g} times its load", ""
         if self.minutes:
@@ -76,9 +76,9 @@ def nonlinear_check(
     if not minutes > 0:
         raise StaticsError(f"{minutes:g} minutes are no time for CalculiX; give it --minutes 60, or more")
     require_ccx()
-    asked, design = design, without_fillets(design, edge, progress)
+    requested_design, design = design, without_fillets(design, edge, progress)
     cases, surface = design.statics.cases, design.surface
-    name = case or next((one for one in cases if cases[one].factors is not None), next(iter(cases)))
+    name = case or next((case_name for case_name in cases if cases[case_name].factors is not None), next(iter(cases)))
     if name not in cases:
         raise StaticsError(f"{name!r} is no load case of this design; use one of {', '.join(cases)}")
     amount = float(np.ptp(surface.V, axis=0).max()) * (1 / 300) if imperfection is None else imperfection
@@ -89,8 +89,8 @@ def nonlinear_check(
     normal = sheet.carry(_vertex_normals(surface.V, surface.F, surface.normals * surface.areas[:, None]))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     model = solid_model(sheet.surface, normal, statics.thickness, statics.elastic, load)
-    found = solid_check(model, name, amount, 60 * minutes, progress)
-    return found if design is asked else replace(found, edge=surface.mean_edge)
+    result = solid_check(model, name, amount, 60 * minutes, progress)
+    return result if design is requested_design else replace(result, edge=surface.mean_edge)
 
 
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
@@ -107,14 +107,18 @@ def without_fillets(design: Design, edge: float | None, progress: Progress) -> D
         changes["surface.edge"] = edge
     if edge != 0 and design.preset.pattern.fillet:
         changes["pattern.fillet"] = 0.0
-    return Design.of(overridden(design.preset, changes), design, progress).until("slicing") if changes else design
+    return (
+        Design.from_preset(with_overrides(design.preset, changes), design, progress).until("slicing")
+        if changes
+        else design
+    )
 
 
 def _vertex_normals(V: Floats, F: Ints, normal: Floats) -> Floats:
-    found = np.zeros_like(V)
+    normals = np.zeros_like(V)
     for corner in F.T:
-        np.add.at(found, corner, normal)
-    return found
+        np.add.at(normals, corner, normal)
+    return normals
 
 
 def solid_check(
@@ -127,35 +131,35 @@ def solid_check(
     shape *= np.sign((shape * model.force).sum()) or 1.0  # in the direction of the loads
     middle = model.solid.columns[:, 2]
     watched = middle[:: -(-len(middle) // 1000)]  # at most 1000 vertices
-    most = 1.2 * linear  # end of the path
-    progress("nonlinear", f"loads up to {most:.3g} times theirs, with large displacements")
+    largest_factor = 1.2 * linear  # end of the path
+    progress("nonlinear", f"loads up to {largest_factor:.3g} times theirs, with large displacements")
     start = model.solid.nodes + imperfection * shape
-    path = load_path(model, start, (most,), watched, seconds, last_of)
-    if not _stuck(path) and (fine := softest(path)) is not None:
+    path = load_path(model, start, (largest_factor,), watched, seconds, last_point)
+    if not _has_no_equilibrium(path) and (fine := softest_range(path)) is not None:
         progress("nonlinear", f"loads from {fine[0]:.3g} to {fine[1]:.3g} times theirs in finer steps")
-        closer = load_path(model, start, fine, watched, seconds, last_of)
+        closer = load_path(model, start, fine, watched, seconds, last_point)
         path = closer if limit_of(closer)[1] else path
-    at, given_way = limit_of(path)
+    limit_step, given_way = limit_of(path)
     load, u = path.load, np.linalg.norm(path.u, axis=2).max(axis=1)
-    moved = float(np.interp(min(1.0, load[at]), load[: at + 1], u[: at + 1]))
+    moved = float(np.interp(min(1.0, load[limit_step]), load[: limit_step + 1], u[: limit_step + 1]))
     wedges, minutes = len(model.solid.elements), seconds / 60 if path.late and not given_way else 0.0
     return NonlinearCheck(
-        case, linear, float(load[at]), given_way, imperfection, moved, load, u, wedges, minutes=minutes
+        case, linear, float(load[limit_step]), given_way, imperfection, moved, load, u, wedges, minutes=minutes
     )
 
 
-def _stuck(path: LoadPath) -> bool:
+def _has_no_equilibrium(path: LoadPath) -> bool:
     """Return True if a slightly larger load has no equilibrium, so that finer steps are useless."""
-    at, given_way = limit_of(path)
-    return given_way and at == len(path.load) - 1
+    limit_step, given_way = limit_of(path)
+    return given_way and limit_step == len(path.load) - 1
 
 
-def softest(path: LoadPath) -> tuple[float, float] | None:
+def softest_range(path: LoadPath) -> tuple[float, float] | None:
     """Return the factors around the step that moves the structure most for its load.
 
     None: no step moves it much farther than the first, or the factors differ by less than 2 %.
     """
-    moves = _moves(path)
+    moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
     return (below, above) if moves[step] > CANDIDATE and above - below > 0.02 * above else None
@@ -168,7 +172,7 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
     it over `JUMP` times as far as the step before and over `CANDIDATE` times as far as the first step. A path that ends
     early also gives way, unless the time ran out.
     """
-    moves = _moves(path)
+    moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
     soft = np.flatnonzero((moves > 100) | np.concatenate([[False], jump]))
     if len(soft):
@@ -176,21 +180,21 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
     return len(path.load) - 1, not (path.whole or path.late)
 
 
-def last_of(path: LoadPath) -> int | None:
+def last_point(path: LoadPath) -> int | None:
     """Return the last point of interest of a path, or None: the end of a snap, or a soft point without equilibrium.
 
     At a soft point, CalculiX would halve the next step many times in vain. A point is soft if its step moved the
     structure over twice as far as the first step, and a load increment under 2.5 % failed.
     """
-    at, snaps = limit_of(replace(path, whole=True))
-    moves = _moves(path)
-    for start, by in path.failed:
-        if start <= at and start > 1 and moves[start - 1] > 2 and by <= 0.025 * path.load[start]:
+    limit_step, snaps = limit_of(replace(path, whole=True))
+    moves = _relative_moves(path)
+    for start, increment in path.failed:
+        if start <= limit_step and start > 1 and moves[start - 1] > 2 and increment <= 0.025 * path.load[start]:
             return start
-    return at + 1 if snaps else None
+    return limit_step + 1 if snaps else None
 
 
-def _moves(path: LoadPath) -> Floats:
+def _relative_moves(path: LoadPath) -> Floats:
     """Return (k - 1,) movement of each step for its load, over that of the first step."""
     load = np.maximum(np.diff(path.load), 1e-12 * path.load[-1])
     moves = np.linalg.norm(np.diff(path.u, axis=0), axis=(1, 2)) / load

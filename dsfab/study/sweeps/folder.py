@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from dsfab.core.errors import DsfabError, ExportError
-from dsfab.export import replacing, write_chunks
+from dsfab.export import atomic_file, write_chunks
 from dsfab.preset.file import preset_toml
 from dsfab.preset.model import Preset
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.plan import Constraint, Plan, base_preset, load_plan, plan_toml
 from dsfab.study.sweeps.runs import RunRow, State, Store, check_points, digest, points, search, trials
-from dsfab.study.sweeps.scheduler import TRIES, Progress, conduct, standing
+from dsfab.study.sweeps.scheduler import TRIES, Progress, conduct, current_progress
 from dsfab.study.sweeps.workers import Changes, Drawer, Job, OneWorker, Outcome, Workers, mesh_of
 
 NAME = "coordinator.lock"
@@ -79,15 +79,19 @@ def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ())
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
 
 
-def pareto(rows: Iterable[RunRow], one: str, other: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
+def pareto(
+    rows: Iterable[RunRow], first_metric: str, second_metric: str, limits: Sequence[Constraint] = ()
+) -> list[RunRow]:
     """Return runs that no other run beats in both metrics, the best of `first_metric` first."""
     front: list[RunRow] = []
-    sign = -1 if ABOUT[other].better == "more" else 1
-    usable = [row for row in best(rows, one, limits) if isfinite(row.metrics.get(other, float("nan")))]
+    sign = -1 if ABOUT[second_metric].better == "more" else 1
+    usable = [row for row in best(rows, first_metric, limits) if isfinite(row.metrics.get(second_metric, float("nan")))]
     # ties in the first metric are sorted by the second
-    first = -1 if ABOUT[one].better == "more" else 1
-    for row in sorted(usable, key=lambda row: (first * row.metrics[one], sign * row.metrics[other], row.number)):
-        if not front or sign * row.metrics[other] < sign * front[-1].metrics[other]:
+    first_sign = -1 if ABOUT[first_metric].better == "more" else 1
+    for row in sorted(
+        usable, key=lambda row: (first_sign * row.metrics[first_metric], sign * row.metrics[second_metric], row.number)
+    ):
+        if not front or sign * row.metrics[second_metric] < sign * front[-1].metrics[second_metric]:
             front.append(row)
     return front
 
@@ -124,7 +128,7 @@ def write_tables(folder: Path, table: Sequence[Mapping[str, Any]]) -> list[Path]
     writer.writeheader()
     writer.writerows(table)
     written = [folder / CSV]
-    with replacing(written[0]) as temporary:
+    with atomic_file(written[0]) as temporary:
         write_chunks(temporary, [text.getvalue().encode()])
     try:
         import pyarrow
@@ -133,7 +137,7 @@ def write_tables(folder: Path, table: Sequence[Mapping[str, Any]]) -> list[Path]
         return written
     columns = {name: [_plain(record[name]) for record in table] for name in table[0]}
     written.append(folder / PARQUET)
-    with replacing(written[1]) as temporary:
+    with atomic_file(written[1]) as temporary:
         parquet.write_table(pyarrow.table({name: _column(values) for name, values in columns.items()}), temporary)
     return written
 
@@ -173,7 +177,7 @@ class SweepFolder:
     preset: Preset
 
     @classmethod
-    def at(cls, path: Path) -> "SweepFolder":
+    def from_folder(cls, path: Path) -> "SweepFolder":
         """Return the sweep in a folder. Raises DsfabError if the folder holds none."""
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
@@ -186,7 +190,7 @@ class SweepFolder:
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
         token = f"{self.path.absolute()} {plan_toml(plan)}"
-        return Job(token, values, plan.measured, plan.keep, plan.formats, draw, mesh)
+        return Job(token, values, plan.measured_metrics, plan.keep, plan.formats, draw, mesh)
 
     def rows(self) -> list[RunRow]:
         """Return all runs."""
@@ -196,47 +200,47 @@ class SweepFolder:
     def run(
         self,
         crew: Workers,
-        told: Callable[[Progress], None] = lambda progress: None,
+        report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
         """Make every waiting run, interrupted runs, and runs that ended as in `retry`. Runs whose worker was killed
         `TRIES` times in all come last, one after another."""
         with Store.open(self.path) as store:
-            store.again(("running", *retry))
+            store.reset_to_waiting(("running", *retry))
             try:
                 if self.plan.search is None:
-                    self._make(store, crew, told, standing(store))
+                    self._make(store, crew, report, current_progress(store))
                 else:
-                    self._search(store, crew, told, self.plan.search.evaluations)
+                    self._search(store, crew, report, self.plan.search.evaluations)
             finally:
                 with suppress(DsfabError):
-                    store.again()
+                    store.reset_to_waiting()
                 with suppress(DsfabError):
                     self.write_tables()
 
-    def _make(self, store: Store, crew: Workers, told: Callable[[Progress], None], progress: Progress) -> None:
+    def _make(self, store: Store, crew: Workers, report: Callable[[Progress], None], progress: Progress) -> None:
         """Make all waiting runs together, then those whose workers were often killed, alone."""
         waiting = store.rows("waiting")
         together = {row.number: row.changes for row in waiting if row.lost < TRIES}
-        conduct(store, crew, together, self.deliver, told, progress)
+        conduct(store, crew, together, self.deliver, report, progress)
         if careful := {row.number: row.changes for row in waiting if row.lost >= TRIES}:
-            conduct(store, OneWorker(crew), careful, self.deliver, told, progress)
+            conduct(store, OneWorker(crew), careful, self.deliver, report, progress)
 
-    def _search(self, store: Store, crew: Workers, told: Callable[[Progress], None], total: int) -> None:
+    def _search(self, store: Store, crew: Workers, report: Callable[[Progress], None], total: int) -> None:
         """Make the runs that the search proposes, unless they are recorded."""
-        progress = standing(store, max(total, sum(store.counts().values())))
+        progress = current_progress(store, max(total, sum(store.counts().values())))
 
         def make(proposed: Sequence[Changes]) -> dict[str, RunRow]:
             store.add(proposed, {})
             if store.rows("waiting"):
-                self._make(store, crew, told, progress)
+                self._make(store, crew, report, progress)
             return {digest(row.changes): row for row in store.rows()}
 
         search(self.plan, make)
 
     def write_tables(self) -> list[Path]:
         """Write the current results."""
-        return write_tables(self.path, records(self.rows(), self.plan.measured, self.plan.limits))
+        return write_tables(self.path, records(self.rows(), self.plan.measured_metrics, self.plan.limits))
 
     def deliver(self, outcome: Outcome, changes: Changes) -> list[str]:
         """Write the files of a run, and its log if it failed. Raises ExportError."""
@@ -262,13 +266,13 @@ class SweepFolder:
 
 def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
     """Return the preset of a plan and the changes of each run. Raises PresetError for invalid plans."""
-    preset, found = base_preset(plan), points(plan) if plan.search is None else []
-    check_points(preset, found or trials(plan))
-    return preset, found
+    preset, runs = base_preset(plan), points(plan) if plan.search is None else []
+    check_points(preset, runs or trials(plan))
+    return preset, runs
 
 
 def prepare(
-    plan: Plan, folder: Path, extend: bool = False, known: tuple[Preset, list[dict[str, Any]]] | None = None
+    plan: Plan, folder: Path, extend: bool = False, checked: tuple[Preset, list[dict[str, Any]]] | None = None
 ) -> SweepFolder:
     """Create or update the folder of a plan and record its runs; call it inside `only_coordinator`.
 
@@ -276,13 +280,13 @@ def prepare(
               metrics or files repeat all runs. Without it, another plan in the folder raises DsfabError. Invalid keys
               and values raise PresetError.
     """
-    preset, found = checked_plan(plan) if known is None else known
-    settled = _settled(plan, found)
+    preset, runs = checked_plan(plan) if checked is None else checked
+    settled = _portable_plan(plan, runs)
     texts = {"plan": plan_toml(settled), "preset": preset_toml(preset)}
     with Store.create(folder) as store:
-        old, old_preset = store.meta("plan"), store.meta("preset")
-        if old is not None:
-            changed = _changed(old, settled) - HARMLESS
+        recorded_plan, old_preset = store.meta("plan"), store.meta("preset")
+        if recorded_plan is not None:
+            changed = _changed_keys(recorded_plan, settled) - HARMLESS
             if old_preset != texts["preset"]:
                 raise DsfabError(f"{folder} holds a sweep of another preset; choose another folder with -o")
             if changed and not extend:
@@ -291,8 +295,8 @@ def prepare(
                     "new to it, or choose another folder with -o"
                 )
             if changed & RENEWING:
-                store.again(("done", "failed", "killed"))
-        store.add(found, texts)
+                store.reset_to_waiting(("done", "failed", "killed"))
+        store.add(runs, texts)
     _write(folder / PRESET, texts["preset"].encode())
     _write(folder / SWEEP, texts["plan"].encode())
     return SweepFolder(folder, settled.model_copy(update={"preset": str(folder.absolute() / PRESET)}), preset)
@@ -307,15 +311,15 @@ def sweep_folder(folder: Path) -> Path:
     return folder
 
 
-def _settled(plan: Plan, found: list[dict[str, Any]]) -> Plan:
+def _portable_plan(plan: Plan, runs: list[dict[str, Any]]) -> Plan:
     update: dict[str, Any] = {"preset": PRESET, "set": {}, "mesh": None}
     if plan.sampling.startswith("csv:"):
-        columns = {key: tuple(changes[key] for changes in found) for key in found[0]}
+        columns = {key: tuple(changes[key] for changes in runs) for key in runs[0]}
         update.update(sampling="grid", linked=(columns,))
     return plan.model_copy(update=update)
 
 
-def _changed(old: str, new: Plan) -> set[str]:
+def _changed_keys(old: str, new: Plan) -> set[str]:
     """Return the keys in which two plans differ; the order of varied keys counts."""
     was, now = tomllib.loads(old), tomllib.loads(plan_toml(new))
     return {key for key in {*was, *now} if json.dumps(was.get(key)) != json.dumps(now.get(key))}
@@ -323,5 +327,5 @@ def _changed(old: str, new: Plan) -> set[str]:
 
 def _write(path: Path, content: bytes) -> None:
     sweep_folder(path.parent)
-    with replacing(path) as temporary:
+    with atomic_file(path) as temporary:
         write_chunks(temporary, [content])

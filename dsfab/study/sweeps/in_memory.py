@@ -9,7 +9,7 @@ from typing import Any
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.design import draft
 from dsfab.design.design import Design
-from dsfab.preset.file import overridden
+from dsfab.preset.file import with_overrides
 from dsfab.preset.model import STAGES, Preset
 from dsfab.study.sweeps.metrics import BASIC, METRICS, Metric
 
@@ -53,7 +53,7 @@ class Rows:
         """Return the next run of a worker; an empty row takes part of the longest row."""
         row = self._rows.setdefault(worker, [])
         if not row:
-            self._rows[worker] = row = self._share()
+            self._rows[worker] = row = self._take_share()
         return row.pop(0) if row else None
 
     def give_back(self, worker: str, number: int) -> None:
@@ -65,14 +65,14 @@ class Rows:
         """Release the row of a worker that left."""
         self._free.extend(self._rows.pop(worker, []))
 
-    def _share(self) -> list[int]:
+    def _take_share(self) -> list[int]:
         if self._free:
             row, self._free = self._free, []
             return row
         longest = max(self._rows.values(), key=len, default=[])
-        at = len(longest) // 2
-        taken = longest[at:]
-        del longest[at:]
+        middle = len(longest) // 2
+        taken = longest[middle:]
+        del longest[middle:]
         return taken
 
 
@@ -105,17 +105,17 @@ def sweep(
     """
     measured = _metrics(metrics)
     combinations = [dict(zip(vary, values, strict=True)) for values in product(*vary.values())]
-    presets = [overridden(preset, changes) for changes in combinations]
+    presets = [with_overrides(preset, changes) for changes in combinations]
     runs: dict[int, Run] = {}
-    for index, made, error in _designs(presets, stage_order(combinations)):
+    for index, design, error in _designs(presets, stage_order(combinations)):
         changes = combinations[index]
-        if made is None:
+        if design is None:
             runs[index] = Run(changes, {}, error)
             continue
         try:
-            runs[index] = Run(changes, {name: measure(made) for name, measure in measured.items()})
+            runs[index] = Run(changes, {name: measure(design) for name, measure in measured.items()})
             if keep:
-                keep(changes, made.until("thickening"))
+                keep(changes, design.until("thickening"))
         except DsfabError as refusal:
             runs[index] = Run(changes, {}, str(refusal))
     return [runs[index] for index in range(len(presets))]
@@ -123,23 +123,23 @@ def sweep(
 
 def _metrics(metrics: Mapping[str, Metric] | Sequence[str]) -> dict[str, Callable[[Design], float]]:
     if isinstance(metrics, Mapping):
-        return {name: _of_design(metric) for name, metric in metrics.items()}
+        return {name: _after_thickening(metric) for name, metric in metrics.items()}
     unknown = [name for name in metrics if name not in METRICS]
     if unknown:
         raise PresetError(f"metric {unknown[0]!r} is not known; use {', '.join(METRICS)}, or give a function")
     return {name: METRICS[name] for name in metrics}
 
 
-def _of_design(metric: Metric) -> Callable[[Design], float]:
+def _after_thickening(metric: Metric) -> Callable[[Design], float]:
     return lambda made: float(metric(made.until("thickening")))
 
 
 def _designs(presets: list[Preset], order: list[int]) -> Iterator[tuple[int, Design | None, str]]:
     """Yield each design, revised from the one before; after a failure, from the last success."""
-    last: Design | None = None
+    previous: Design | None = None
     for index in order:
         try:
-            last = draft(presets[index], old=last)
-            yield index, last, ""
+            previous = draft(presets[index], earlier=previous)
+            yield index, previous, ""
         except DsfabError as error:
             yield index, None, str(error)

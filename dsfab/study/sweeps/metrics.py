@@ -10,8 +10,8 @@ from dsfab.core.errors import StaticsError
 from dsfab.core.limits import CONVERGED
 from dsfab.design.design import Design
 from dsfab.design.directions import load_axes
-from dsfab.design.pattern_measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
-from dsfab.diffusion import found_symmetry
+from dsfab.design.pattern_measures import measured_pattern, stripes_on_chart, symmetry_error, used_symmetry
+from dsfab.diffusion import largest_symmetry
 from dsfab.slicing.measures.pattern_quality import PatternQuality
 from dsfab.statics import (
     Aid,
@@ -34,21 +34,21 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
     """Return equilibria of a design's cut sheet under the loads that its pattern follows, by name; solved once. Raises
     StaticsError if the sheet does not carry them."""
 
-    def solved() -> dict[str, Equilibrium]:
-        return solve_for(design.preset.statics.sheet().on(design.sheet.surface), design.cut_loads, use)
+    def solve() -> dict[str, Equilibrium]:
+        return solve_for(design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, use)
 
-    return design.once("slicing", f"carried by {elements_of(use)}", solved)
+    return design.cached_result("slicing", f"carried by {elements_of(use)}", solve)
 
 
 def verdict(design: Design) -> Verdict:
     """Return the full verdict on a design's cut sheet under the loads that its pattern follows; solved once."""
 
-    def checked() -> Verdict:
-        loads = design.statics.loads(design.preset.followed)
+    def run_check() -> Verdict:
+        loads = design.statics.loads(design.preset.followed_weights)
         setting = LoadedSurface(design.surface, design.preset.statics.sheet(), loads)
-        return check(setting, design.slicing.cells.kept())
+        return check(setting, design.slicing.cells.subset())
 
-    return design.once("slicing", "verdict", checked)
+    return design.cached_result("slicing", "verdict", run_check)
 
 
 Metric = Callable[[Design], float]
@@ -59,51 +59,51 @@ NARROWEST = 0.1
 width of single faces does not converge."""
 
 
-def _kept_share(made: Design) -> float:
-    return made.sheet.surface.area / made.surface.area
+def _kept_share(design: Design) -> float:
+    return design.sheet.surface.area / design.surface.area
 
 
-def _sheet_mass(made: Design) -> float:
-    statics = made.preset.statics
-    return made.sheet.surface.area * statics.thickness * statics.density
+def _sheet_mass(design: Design) -> float:
+    statics = design.preset.statics
+    return design.sheet.surface.area * statics.thickness * statics.density
 
 
-def _loose(made: Design) -> float:
-    cells = made.slicing.cells
+def _loose(design: Design) -> float:
+    cells = design.slicing.cells
     material = float(cells.surface.areas @ cells.material)
-    held = sum(piece.area for piece in made.slicing.pieces if piece.held)
-    return max(0.0, 1 - held / material)
+    supported_area = sum(piece.area for piece in design.slicing.pieces if piece.held)
+    return max(0.0, 1 - supported_area / material)
 
 
-def _min_width(made: Design) -> float:
+def _min_width(design: Design) -> float:
     """Return the width across the stripes, 2 d / |grad z| on faces of material; the lesser of both families."""
-    pattern = made.pattern
+    pattern = design.pattern
     if pattern.even is not None:
-        return _even_min_width(made)
-    families = (("major", made.diffusion.major), ("minor", made.diffusion.minor))
+        return _even_min_width(design)
+    families = (("major", design.diffusion.major), ("minor", design.diffusion.minor))
     width, area = [np.zeros(0)], [np.zeros(0)]
     for (name, modes), number, frequency in zip(families, pattern.mode, pattern.frequency, strict=True):
         if name not in pattern.names:
             continue
         index = pattern.names.index(name)
-        cells = made.sheet.family == index
-        faces = made.sheet.parent[cells]
+        cells = design.sheet.family == index
+        faces = design.sheet.parent[cells]
         z, d = frequency * modes.mode(number), pattern.half_widths[index]
-        slope = _slopes(made, z)[faces]
-        width.append(2 * d[made.surface.F].mean(axis=1)[faces] / np.maximum(slope, 1e-12))
-        area.append(made.sheet.surface.areas[cells])
+        slope = _slopes(design, z)[faces]
+        width.append(2 * d[design.surface.F].mean(axis=1)[faces] / np.maximum(slope, 1e-12))
+        area.append(design.sheet.surface.areas[cells])
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 
 
 def _even_min_width(draft: Design) -> float:
     """Return the least width of evenly spaced stripes from their chart, before the cut."""
-    drawn = drawn_on_chart(draft)
-    width, area = zip(*(drawn.member(k) for k in (0, 1)), strict=True)
+    chart_pattern = stripes_on_chart(draft)
+    width, area = zip(*(chart_pattern.member_widths(k) for k in (0, 1)), strict=True)
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 
 
-def _slopes(made: Design, z: Floats) -> Floats:
-    gradient = np.einsum("mcx,mc->mx", hat_gradients(made.surface), z[made.surface.F])
+def _slopes(design: Design, z: Floats) -> Floats:
+    gradient = np.einsum("mcx,mc->mx", hat_gradients(design.surface), z[design.surface.F])
     return np.asarray(np.linalg.norm(gradient, axis=1))
 
 
@@ -116,70 +116,75 @@ def _lower_share(values: Floats, weights: Floats, share: float) -> float:
     return float(values[order][place])
 
 
-def _quality(made: Design) -> PatternQuality:
-    return made.once("pattern", "quality", lambda: measured_pattern(made, symmetry=False))
+def _quality(design: Design) -> PatternQuality:
+    return design.cached_result("pattern", "quality", lambda: measured_pattern(design, symmetry=False))
 
 
-def _symmetry_error(made: Design) -> float:
+def _symmetry_error(design: Design) -> float:
     """Return the error of the pattern's symmetry, or else of the detected symmetry; 0 without one."""
-    group = used_symmetry(made)
+    group = used_symmetry(design)
     if group is None:
-        loads = list(made.statics.loads(made.preset.followed).values())
-        group = found_symmetry(made.surface, load_axes(made.surface, made.statics.load), loads)
-    return symmetry_error(made.surface, drawn_on_chart(made), group) if group else 0.0
+        loads = list(design.statics.loads(design.preset.followed_weights).values())
+        group = largest_symmetry(design.surface, load_axes(design.surface, design.statics.load), loads)
+    return symmetry_error(design.surface, stripes_on_chart(design), group) if group else 0.0
 
 
-def _answers(made: Design) -> Mapping[str, Equilibrium]:
-    return cut_equilibria(made, "displacement")
+def _answers(design: Design) -> Mapping[str, Equilibrium]:
+    return cut_equilibria(design, "displacement")
 
 
-def _compliance(made: Design, answers: Mapping[str, Equilibrium]) -> float:
-    return sum(weight * answers[name].compliance for name, weight in made.preset.followed.items())
+def _compliance(design: Design, answers: Mapping[str, Equilibrium]) -> float:
+    return sum(weight * answers[name].compliance for name, weight in design.preset.followed_weights.items())
 
 
-def _buckling(made: Design) -> float:
-    sheet, loads, lowest = made.preset.statics.sheet().on(made.sheet.surface), made.cut_loads, float("inf")
-    for name, answer in _answers(made).items():
-        found = buckling(sheet, mode_supports(sheet.surface, loads[name]).load, answer, 1)
-        lowest = min([lowest, *found.factor.tolist()])
+def _buckling(design: Design) -> float:
+    sheet, loads, lowest = design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, float("inf")
+    for name, answer in _answers(design).items():
+        modes = buckling(sheet, mode_supports(sheet.surface, loads[name]).load, answer, 1)
+        lowest = min([lowest, *modes.factor.tolist()])
     return lowest
 
 
-def _stress(made: Design) -> float:
-    surface = made.sheet.surface
-    sheet = made.preset.statics.sheet().on(surface)
-    found = [sheet_stress(sheet, one.elements, one).largest for one in cut_equilibria(made, "stress").values()]
-    return max(quantile(value, surface.areas) for value in found)
+def _stress(design: Design) -> float:
+    surface = design.sheet.surface
+    sheet = design.preset.statics.sheet().model_for(surface)
+    stresses = [
+        sheet_stress(sheet, equilibrium.elements, equilibrium).largest
+        for equilibrium in cut_equilibria(design, "stress").values()
+    ]
+    return max(quantile(value, surface.areas) for value in stresses)
 
 
-def _ersatz(made: Design) -> float:
+def _ersatz(design: Design) -> float:
     """Return the compliance of the uncut surface, with each face's stiffness scaled by its share of material."""
-    surface = made.surface
-    kept = np.bincount(made.sheet.parent, made.sheet.surface.areas, surface.m) / surface.areas
-    loads = [load.on_share(surface, kept) for load in made.statics.loads(made.preset.followed).values()]
-    sheet = FaceStiffness.of(made.preset.statics.sheet().on(surface), loads)
+    surface = design.surface
+    kept_share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
+    loads = [
+        load.on_share(surface, kept_share) for load in design.statics.loads(design.preset.followed_weights).values()
+    ]
+    sheet = FaceStiffness.from_sheet(design.preset.statics.sheet().model_for(surface), loads)
     void = 1e-6  # stiffness of a face without material
-    u = sheet.factor(void + (1 - void) * np.clip(kept, 0, 1))(sheet.force)
-    return float(np.einsum("nk,nk->k", sheet.force, u) @ list(made.preset.followed.values()))
+    u = sheet.factor(void + (1 - void) * np.clip(kept_share, 0, 1))(sheet.force)
+    return float(np.einsum("nk,nk->k", sheet.force, u) @ list(design.preset.followed_weights.values()))
 
 
-def _verdict(made: Design) -> float:
+def _verdict(design: Design) -> float:
     """Return the weighted sum over the followed loads. Raises StaticsError if the verdict is fail."""
-    found = verdict(made)
-    if found.status == "fail":
-        raise StaticsError(found.reason)
-    return float(sum(weight * found.case(name).value for name, weight in made.preset.followed.items()))
+    result = verdict(design)
+    if result.status == "fail":
+        raise StaticsError(result.reason)
+    return float(sum(weight * result.case(name).value for name, weight in design.preset.followed_weights.items()))
 
 
-def _verdict_bound(made: Design) -> float:
-    found = verdict(made)
-    return max(found.case(name).bound for name in made.preset.followed)
+def _verdict_bound(design: Design) -> float:
+    result = verdict(design)
+    return max(result.case(name).bound for name in design.preset.followed_weights)
 
 
-def _over(made: Design, name: str) -> float:
+def _ratio_to_alternative(design: Design, name: str) -> float:
     """Return the compliance over that of an alternative of the same mass; nan if the alternative carries no loads."""
-    found = next(one for one in design_alternatives(made) if one.name == name)
-    return float("nan") if found.error else found.over
+    alternative = next(candidate for candidate in design_alternatives(design) if candidate.name == name)
+    return float("nan") if alternative.error else alternative.over
 
 
 METRICS: dict[str, Metric] = {
@@ -208,8 +213,8 @@ METRICS: dict[str, Metric] = {
     "verdict": _verdict,
     "verdict_bound": _verdict_bound,
     "ersatz": _ersatz,
-    "over_thinner": lambda design: _over(design, "thinner"),
-    "over_isotropic": lambda design: _over(design, "isotropic"),
+    "over_thinner": lambda design: _ratio_to_alternative(design, "thinner"),
+    "over_isotropic": lambda design: _ratio_to_alternative(design, "isotropic"),
 }
 """Metrics of a sweep in SI units: functions of a Design; `ABOUT` describes their accuracy."""
 
@@ -294,6 +299,6 @@ ABOUT: Mapping[str, MetricFacts] = {
 """Description of each metric."""
 
 
-def metric_value(name: str, made: Design) -> float:
+def metric_value(name: str, design: Design) -> float:
     """Return a metric of a design by name. Raises the DsfabError of a stage that fails."""
-    return float(METRICS[name](made))
+    return float(METRICS[name](design))

@@ -44,17 +44,17 @@ class Range(BaseModel):
             raise ValueError(f"log runs over positive numbers, from = {self.start} is none")
         return self
 
-    def at(self, u: float) -> int | float:
+    def value_at(self, u: float) -> int | float:
         """Return the value at u in 0..1 of the range; whole numbers get equal shares."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
-        value = self._between(u)
+        value = self._interpolate(u)
         return round(value) if self._whole else float(f"{value:.{DIGITS}g}")
 
-    def listed(self) -> list[int | float]:
+    def grid_values(self) -> list[int | float]:
         """Return `count` values with both ends."""
         steps = self.count or 1
-        values = [self._between(i / max(steps - 1, 1)) for i in range(steps)]
+        values = [self._interpolate(i / max(steps - 1, 1)) for i in range(steps)]
         if self._whole and all(abs(value - round(value)) < 1e-9 * max(1, abs(value)) for value in values):
             return [round(value) for value in values]
         return [float(f"{value:.{DIGITS}g}") for value in values]
@@ -63,7 +63,7 @@ class Range(BaseModel):
     def _whole(self) -> bool:
         return isinstance(self.start, int) and isinstance(self.to, int)
 
-    def _between(self, u: float) -> float:
+    def _interpolate(self, u: float) -> float:
         if self.log:
             return exp(log(self.start) + u * (log(self.to) - log(self.start)))
         return self.start + u * (self.to - self.start)
@@ -77,38 +77,38 @@ class Axis:
     rows: tuple[tuple[Any, ...], ...] = ()
     span: Range | None = None
 
-    def listed(self) -> list[dict[str, Any]]:
+    def grid_changes(self) -> list[dict[str, Any]]:
         """Return all changes along the axis."""
-        rows = self.rows if self.span is None else [(value,) for value in self.span.listed()]
+        rows = self.rows if self.span is None else [(value,) for value in self.span.grid_values()]
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
-    def at(self, u: float) -> dict[str, Any]:
+    def changes_at(self, u: float) -> dict[str, Any]:
         """Return the change at u in 0..1; rows get equal shares."""
         if self.span is not None:
-            return {self.keys[0]: self.span.at(u)}
+            return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
         return dict(zip(self.keys, row, strict=True))
 
 
 def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str, Sequence[Any]]]) -> list[Axis]:
     """Return the axes of a sweep: one for each key, then one for each table of linked keys."""
-    found = [
+    varied = [
         Axis((key,), span=values) if isinstance(values, Range) else Axis((key,), tuple((value,) for value in values))
         for key, values in vary.items()
     ]
-    return found + [Axis(tuple(table), tuple(zip(*table.values(), strict=True))) for table in linked]
+    return varied + [Axis(tuple(table), tuple(zip(*table.values(), strict=True))) for table in linked]
 
 
-def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Return nested tables as dotted keys. A table with `from` is a range and stays. Tables of quoted dotted keys stay
     because they are values as after --set; empty tables stay too."""
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
-            found.update(flat(value, f"{prefix}{key}."))
+            entries.update(dotted_keys(value, f"{prefix}{key}."))
         else:
-            found[prefix + key] = value
-    return found
+            entries[prefix + key] = value
+    return entries
 
 
 def number(text: str) -> int | float:
@@ -122,8 +122,8 @@ def number(text: str) -> int | float:
 _FORM = re.compile(r"^\s*([a-z_]+)\s*(<=|>=|==|!=|=|<|>)\s*([-+0-9.eE]+)\s*([a-z]*)\s*$")
 
 
-def _equal(one: float, other: float) -> bool:
-    return abs(one - other) <= 1e-3 * abs(other)  # 0.4003 meets a share of 40 %
+def _equal(value: float, limit: float) -> bool:
+    return abs(value - limit) <= 1e-3 * abs(limit)  # 0.4003 meets a share of 40 %
 
 
 _HOLDS: dict[str, Callable[[float, float], bool]] = {
@@ -146,11 +146,11 @@ class Constraint:
     limit: float
 
     @classmethod
-    def parsed(cls, text: str) -> "Constraint":
+    def from_text(cls, text: str) -> "Constraint":
         """Return the constraint of a text such as 'pieces == 1' or 'min_width >= 8 mm'. Raises PresetError."""
-        found = _FORM.match(text)
+        match = _FORM.match(text)
         try:
-            name, sign, value, unit = found.groups() if found else ("", "", "", "")
+            name, sign, value, unit = match.groups() if match else ("", "", "", "")
             limit = float(value) * METRES_PER[unit or "m"]
         except (ValueError, KeyError):
             raise PresetError(
@@ -181,8 +181,8 @@ Format = Literal["stl", "3mf", "step", "obj", "ply", "glb"]
 Listed = Annotated[tuple[Any, ...], MinLen(1)]
 
 
-def _kind_of_values(given: Any) -> str:
-    return "range" if isinstance(given, dict | Range) else "list"
+def _kind_of_values(values: Any) -> str:
+    return "range" if isinstance(values, dict | Range) else "list"
 
 
 Values = Annotated[
@@ -204,7 +204,7 @@ class Search(BaseModel):
 
     @field_validator("metric")
     @classmethod
-    def _known(cls, name: str) -> str:
+    def _check_metric(cls, name: str) -> str:
         return _metric(name)
 
 
@@ -243,29 +243,33 @@ class Plan(BaseModel):
 
     @field_validator("set", "vary", mode="before")
     @classmethod
-    def _flat(cls, given: Any) -> Any:
-        return flat(given) if isinstance(given, dict) else given
+    def _flatten(cls, tables: Any) -> Any:
+        return dotted_keys(tables) if isinstance(tables, dict) else tables
 
     @field_validator("linked", mode="before")
     @classmethod
-    def _flat_tables(cls, given: Any) -> Any:
-        return [flat(one) if isinstance(one, dict) else one for one in given] if isinstance(given, list) else given
+    def _flatten_tables(cls, tables: Any) -> Any:
+        return (
+            [dotted_keys(table) if isinstance(table, dict) else table for table in tables]
+            if isinstance(tables, list)
+            else tables
+        )
 
     @field_validator("metrics")
     @classmethod
-    def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_metrics(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(dict.fromkeys(_metric(name) for name in names))
 
     @field_validator("constraints")
     @classmethod
     def _readable(cls, texts: tuple[str, ...]) -> tuple[str, ...]:
         for text in texts:
-            _told(Constraint.parsed, text)
+            _check_text(Constraint.from_text, text)
         return texts
 
     @model_validator(mode="after")
     def _possible(self) -> "Plan":
-        wrong = [*self._uneven(), *self._twice(), *self._countless()]
+        wrong = [*self._uneven_links(), *self._repeated_keys(), *self._missing_counts()]
         if not self.vary and not self.linked and not self.sampling.startswith("csv:"):
             wrong.append("nothing is varied; give [vary] at least one key with its values")
         if self.sampling.startswith("csv:") and (self.vary or self.linked):
@@ -274,20 +278,20 @@ class Plan(BaseModel):
             raise ValueError("; ".join(wrong))
         return self
 
-    def _uneven(self) -> list[str]:
-        found = []
+    def _uneven_links(self) -> list[str]:
+        mistakes = []
         for table in self.linked:
             lengths = {key: len(values) for key, values in table.items()}
             if len(set(lengths.values())) > 1:
-                told = ", ".join(f"{key} {length}" for key, length in lengths.items())
-                found.append(f"linked keys need lists of one length, here: {told}")
-        return found
+                lengths_text = ", ".join(f"{key} {length}" for key, length in lengths.items())
+                mistakes.append(f"linked keys need lists of one length, here: {lengths_text}")
+        return mistakes
 
-    def _twice(self) -> list[str]:
+    def _repeated_keys(self) -> list[str]:
         keys = [key for axis in axes(self.vary, ()) for key in axis.keys] + [k for table in self.linked for k in table]
         return [f"{key} is varied twice" for key in dict.fromkeys(keys) if keys.count(key) > 1]
 
-    def _countless(self) -> list[str]:
+    def _missing_counts(self) -> list[str]:
         if self.sampling != "grid" or self.search is not None:
             return []
         return [
@@ -304,13 +308,13 @@ class Plan(BaseModel):
     @property
     def limits(self) -> list[Constraint]:
         """The constraints."""
-        return [Constraint.parsed(text) for text in self.constraints]
+        return [Constraint.from_text(text) for text in self.constraints]
 
     @property
-    def measured(self) -> tuple[str, ...]:
+    def measured_metrics(self) -> tuple[str, ...]:
         """Metrics, with those of constraints and search."""
-        wanted = [*self.metrics, *(limit.metric for limit in self.limits)]
-        return tuple(dict.fromkeys(wanted + ([self.search.metric] if self.search else [])))
+        names = [*self.metrics, *(limit.metric for limit in self.limits)]
+        return tuple(dict.fromkeys(names + ([self.search.metric] if self.search else [])))
 
 
 def _metric(name: str) -> str:
@@ -319,7 +323,7 @@ def _metric(name: str) -> str:
     return name
 
 
-def _told(check: Any, text: str) -> None:
+def _check_text(check: Any, text: str) -> None:
     try:
         check(text)
     except PresetError as error:
@@ -342,8 +346,8 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
     try:
         return Plan.model_validate(dict(values))
     except ValidationError as error:
-        told = dict.fromkeys(_sentence(detail) for detail in error.errors())
-        raise PresetError(f"{source}: {'; '.join(told)}") from None
+        mistakes = dict.fromkeys(_sentence(detail) for detail in error.errors())
+        raise PresetError(f"{source}: {'; '.join(mistakes)}") from None
 
 
 def plan_toml(plan: Plan) -> str:
@@ -364,17 +368,17 @@ def _line(key: str, value: Any) -> str:
 
 def base_preset(plan: Plan) -> Preset:
     """Return the preset that all runs of a plan start from. Raises PresetError."""
-    given = load_preset(plan.preset, plan.set, plan.mesh)
+    preset = load_preset(plan.preset, plan.set, plan.mesh)
     if plan.mesh is None:
-        require_mesh(given)
-    return given
+        require_mesh(preset)
+    return preset
 
 
 def _from_folder(values: dict[str, Any], folder: Path) -> dict[str, Any]:
     for key in ("preset", "mesh"):
-        given = values.get(key)
-        if isinstance(given, str) and (folder / given).is_file():
-            values[key] = str(folder / given)
+        value = values.get(key)
+        if isinstance(value, str) and (folder / value).is_file():
+            values[key] = str(folder / value)
     sampling = values.get("sampling")
     if isinstance(sampling, str) and sampling.startswith("csv:"):
         values["sampling"] = f"csv:{folder / sampling.removeprefix('csv:')}"
@@ -388,8 +392,8 @@ def _sentence(detail: ErrorDetails) -> str:
     if kind == "extra_forbidden":
         models: dict[str, Any] = {"search": Search, "vary": Range}
         fields = models.get(words[0], Plan).model_fields if len(words) > 1 else Plan.model_fields
-        known = [field.alias or name for name, field in fields.items()]
-        return f"unknown key {key}{did_you_mean(words[-1], known)} (known here: {', '.join(known)})"
+        known_keys = [field.alias or name for name, field in fields.items()]
+        return f"unknown key {key}{did_you_mean(words[-1], known_keys)} (known here: {', '.join(known_keys)})"
     if kind == "missing":
         return f"{key} is missing"
     if kind == "value_error":

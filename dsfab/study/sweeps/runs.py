@@ -19,7 +19,7 @@ from scipy.stats import qmc
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError, PresetError
-from dsfab.preset.file import overridden, parse_override
+from dsfab.preset.file import parse_override, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.plan import Axis, Constraint, Plan
@@ -40,12 +40,12 @@ def points(plan: Plan) -> list[Changes]:
     """
     kind, _, rest = plan.sampling.partition(":")
     if kind == "csv":
-        found: Iterator[Changes] = from_csv(Path(rest))
+        runs: Iterator[Changes] = from_csv(Path(rest))
     elif kind == "grid":
-        found = _grid(plan.axes)
+        runs = _grid(plan.axes)
     else:
-        found = (point_on_axes(plan.axes, u) for u in _unit(kind, int(rest), len(plan.axes), plan.seed))
-    return list({digest(changes): changes for changes in found}.values())
+        runs = (point_on_axes(plan.axes, u) for u in _unit(kind, int(rest), len(plan.axes), plan.seed))
+    return list({digest(changes): changes for changes in runs}.values())
 
 
 def digest(changes: Mapping[str, Any]) -> str:
@@ -57,40 +57,40 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
     """Return the changes at u (k,) in 0..1 along each axis."""
     changes: Changes = {}
     for axis, place in zip(axes, u, strict=True):
-        changes.update(axis.at(float(place)))
+        changes.update(axis.changes_at(float(place)))
     return changes
 
 
 def trials(plan: Plan) -> list[Changes]:
     """Return points that reveal mistakes in the keys and values of a search: each axis from end to end."""
     middle = np.full(len(plan.axes), 0.5)
-    found = []
+    runs = []
     for i, axis in enumerate(plan.axes):
         for u in np.linspace(0, 1, max(len(axis.rows), 3)):
             place = middle.copy()
             place[i] = u
-            found.append(point_on_axes(plan.axes, place))
-    return found
+            runs.append(point_on_axes(plan.axes, place))
+    return runs
 
 
-def check_points(preset: Preset, found: list[Changes]) -> None:
+def check_points(preset: Preset, runs: list[Changes]) -> None:
     """Raise PresetError for invalid keys and values of the first 5000 runs, before anything is built: each mistake
     once."""
     wrong: dict[str, None] = {}
-    for changes in found[:5000]:
+    for changes in runs[:5000]:
         try:
-            overridden(preset, changes)
+            with_overrides(preset, changes)
         except PresetError as error:
             wrong.setdefault(str(error))
     if wrong:
         shown = list(wrong)[:3]
-        more = f" (and {len(wrong) - len(shown)} more mistakes)" if len(wrong) > len(shown) else ""
-        raise PresetError("; ".join(shown) + more)
+        remainder = f" (and {len(wrong) - len(shown)} more mistakes)" if len(wrong) > len(shown) else ""
+        raise PresetError("; ".join(shown) + remainder)
 
 
 def _grid(axes: list[Axis]) -> Iterator[Changes]:
-    listed = [axis.listed() for axis in axes]
-    total = int(np.prod([float(len(one)) for one in listed]))
+    listed = [axis.grid_changes() for axis in axes]
+    total = int(np.prod([float(len(values)) for values in listed]))
     if total > MOST:
         raise PresetError(f'the full grid has {total:,} runs; take fewer values, or sampling = "sobol:200"')
     for chosen in product(*listed):
@@ -166,17 +166,17 @@ class Store:
     @classmethod
     def create(cls, folder: Path) -> "Store":
         """Open the database of a new or existing sweep."""
-        return cls._opened(folder / NAME)
+        return cls._connect(folder / NAME)
 
     @classmethod
     def open(cls, folder: Path) -> "Store":
         """Open the database of a sweep. Raises DsfabError if it is missing."""
         if not (folder / NAME).is_file():
             raise DsfabError(f"{folder} holds no sweep ({NAME} is missing); give a sweep's folder or a sweep file")
-        return cls._opened(folder / NAME)
+        return cls._connect(folder / NAME)
 
     @classmethod
-    def _opened(cls, path: Path) -> "Store":
+    def _connect(cls, path: Path) -> "Store":
         try:
             connection = sqlite3.connect(path, timeout=30, isolation_level=None)
         except sqlite3.Error as error:
@@ -229,8 +229,8 @@ class Store:
 
     def meta(self, key: str) -> str | None:
         """Return a text about the sweep."""
-        found = self._read("SELECT value FROM meta WHERE key = ?", (key,))
-        return str(found[0][0]) if found else None
+        rows = self._read("SELECT value FROM meta WHERE key = ?", (key,))
+        return str(rows[0][0]) if rows else None
 
     def describe(self, texts: Mapping[str, str]) -> None:
         """Record texts about the sweep."""
@@ -242,8 +242,8 @@ class Store:
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
-            known = {row[0] for row in db.execute("SELECT digest FROM runs")}
-            fresh = [run for run in runs if digest(run) not in known]
+            digests = {row[0] for row in db.execute("SELECT digest FROM runs")}
+            fresh = [run for run in runs if digest(run) not in digests]
             db.executemany(
                 "INSERT INTO runs (number, digest, changes, state) VALUES (?, ?, ?, 'waiting')",
                 [(number + i, digest(run), json.dumps(run)) for i, run in enumerate(fresh, start=1)],
@@ -252,7 +252,7 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
         return count
 
-    def again(self, states: Sequence[State] = ("running",)) -> int:
+    def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
         """Reset runs in these states to waiting, by default those in progress when a coordinator died; return their
         number."""
         marks = ", ".join("?" * len(states))
@@ -313,14 +313,14 @@ class Store:
     def rows(self, state: State | None = None) -> list[RunRow]:
         """Return all runs by number, or those in one state."""
         where, values = ("WHERE state = ?", (state,)) if state else ("", ())
-        found = self._read(
+        records = self._read(
             "SELECT number, changes, state, metrics, error, files, seconds, tries, lost FROM runs "
             f"{where} ORDER BY number",
             values,
         )
         return [
             RunRow(n, json.loads(c), s, json.loads(m), e, tuple(json.loads(f)), t, tries, lost)
-            for n, c, s, m, e, f, t, tries, lost in found
+            for n, c, s, m, e, f, t, tries, lost in records
         ]
 
 
@@ -399,15 +399,15 @@ class _Search:
 
     def _costs(self, u: Floats) -> Floats:
         """Return (S,) costs of a generation u (k, S); runs beyond the limit are not made."""
-        asked = [point_on_axes(self.axes, np.clip(column, 0.0, 1.0)) for column in u.T]
-        names = [digest(changes) for changes in asked]
+        proposed = [point_on_axes(self.axes, np.clip(column, 0.0, 1.0)) for column in u.T]
+        names = [digest(changes) for changes in proposed]
         fresh = list(dict.fromkeys(name for name in names if name not in self.made))
         allowed = set(fresh[: self.ask.evaluations - len(self.made)]) | self.made
-        wanted = {name: changes for name, changes in zip(names, asked, strict=True) if name in allowed}
-        rows = self.make(list(wanted.values()))
-        self.made.update(wanted)
-        found = [rows.get(name) if name in wanted else None for name in names]
-        return np.array([cost(row, self.ask.metric, self.limits) for row in found])
+        selected = {name: changes for name, changes in zip(names, proposed, strict=True) if name in allowed}
+        rows = self.make(list(selected.values()))
+        self.made.update(selected)
+        results = [rows.get(name) if name in selected else None for name in names]
+        return np.array([cost(row, self.ask.metric, self.limits) for row in results])
 
     def _enough(self, *_: Any, **__: Any) -> bool:
         return len(self.made) >= self.ask.evaluations

@@ -36,7 +36,7 @@ class Progress:
     last: Outcome | None = None
 
     @property
-    def left(self) -> int:
+    def remaining(self) -> int:
         """Number of remaining runs."""
         return self.total - self.done - self.failed - self.killed
 
@@ -48,7 +48,7 @@ class Progress:
     @property
     def seconds_left(self) -> float:
         """Seconds until the end, at the rate so far."""
-        return 60 * self.left / self.rate if self.ended_now else float("inf")
+        return 60 * self.remaining / self.rate if self.ended_now else float("inf")
 
 
 def conduct(
@@ -56,7 +56,7 @@ def conduct(
     crew: Workers,
     runs: Mapping[int, Changes],
     deliver: Deliver,
-    told: Callable[[Progress], None] = lambda progress: None,
+    report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> None:
     """Make `runs` (number -> changes), which wait in the store, until each is done, failed or killed.
@@ -67,10 +67,10 @@ def conduct(
     Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
     recorded as running; `Store.reset_to_waiting` resets them.
     """
-    _Scheduler(store, crew, runs, deliver, told, progress or standing(store)).run()
+    _Scheduler(store, crew, runs, deliver, report, progress or current_progress(store)).run()
 
 
-def standing(store: Store, total: int | None = None) -> Progress:
+def current_progress(store: Store, total: int | None = None) -> Progress:
     """Return the progress at the start of a session; `total` expected runs, or else the recorded ones."""
     counts = store.counts()
     done, failed, killed = (counts.get(state, 0) for state in ("done", "failed", "killed"))
@@ -84,10 +84,10 @@ class _Scheduler:
         crew: Workers,
         runs: Mapping[int, Changes],
         deliver: Deliver,
-        told: Callable[[Progress], None],
+        report: Callable[[Progress], None],
         progress: Progress,
     ) -> None:
-        self.store, self.crew, self.runs, self.deliver, self.told = store, crew, runs, deliver, told
+        self.store, self.crew, self.runs, self.deliver, self.told = store, crew, runs, deliver, report
         self.progress = progress
         self.rows = Rows(list(runs), list(runs.values()))
         self.busy: dict[Future[Outcome], tuple[str, int]] = {}
@@ -111,12 +111,12 @@ class _Scheduler:
                 time.sleep(tick)
 
     def _hand_out(self) -> None:
-        there = list(self.crew.workers())
-        for gone in self.known.difference(there):
+        workers = list(self.crew.workers())
+        for gone in self.known.difference(workers):
             self.rows.leave(gone)
-        self.known = set(there)
+        self.known = set(workers)
         occupied = {worker for worker, _ in self.busy.values()}
-        for worker in there:
+        for worker in workers:
             if worker in occupied or (number := self.rows.take(worker)) is None:
                 continue
             self.store.start(number, worker)
@@ -138,7 +138,7 @@ class _Scheduler:
         self._record(outcome)
 
     def _worker_died(self, worker: str, number: int, error: Exception) -> None:
-        known = self.crew.lost(worker)
+        detail = self.crew.lost(worker)
         self.store.lose(number)
         self.losses[number] += 1
         if self.losses[number] < TRIES:
@@ -146,7 +146,7 @@ class _Scheduler:
             return
         self.rows.leave(worker)
         why = f"the worker was killed {self.losses[number]} times while it made this run"
-        why += f" ({known})" if known else ""
+        why += f" ({detail})" if detail else ""
         self._record(Outcome(number, error=why, log=f"{type(error).__name__}: {error}", killed=True))
 
     def _record(self, outcome: Outcome) -> None:

@@ -19,7 +19,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.core.sparse import peak_memory
 from dsfab.design import Design, draft
 from dsfab.design.output.files import step_options
-from dsfab.preset.file import overridden, preset_from, preset_toml
+from dsfab.preset.file import preset_from, preset_toml, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
@@ -63,32 +63,32 @@ class Outcome:
     killed: bool = False
 
 
-_alone = threading.Lock()
+_run_lock = threading.Lock()
 """One run at a time in a process, because neither the sparse solver nor the graphics are safe for threads."""
 
-_memory = threading.local()
+_thread_state = threading.local()
 """State of each worker thread: the job, its base preset, and the last design."""
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
     """Make one run. It never raises: errors become the outcome, with the metrics so far."""
-    with _alone:
-        return _executed(job, number, changes)
+    with _run_lock:
+        return _run_job(job, number, changes)
 
 
-def _executed(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
+def _run_job(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
     start, metrics, files = time.perf_counter(), dict[str, float](), dict[str, bytes]()
     doing, wrong, log = "the design", list[str](), ""
     try:
-        made = _made(job, changes)
+        design = _job_design(job, changes)
         for name in job.metrics:
             doing = name
             try:
-                metrics[name] = metric_value(name, made)
+                metrics[name] = metric_value(name, design)
             except DsfabError as refusal:  # other metrics may still work
                 wrong.append(str(refusal))
         doing = "its files"
-        _keep(job, made, files)
+        _keep(job, design, files)
     except DsfabError as refusal:
         wrong.append(str(refusal))
     except Exception as mistake:  # a bug in one run must not end the sweep
@@ -98,12 +98,12 @@ def _executed(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
     return Outcome(number, metrics, error, log, files, time.perf_counter() - start, peak_memory())
 
 
-def _made(job: Job, changes: Mapping[str, Any]) -> Design:
-    if getattr(_memory, "token", None) != job.token:
-        _memory.token, _memory.base, _memory.last = job.token, _base(job), None
-    preset = overridden(_memory.base, changes)
-    _memory.last = draft(preset, old=_memory.last)
-    return _memory.last  # type: ignore[no-any-return]
+def _job_design(job: Job, changes: Mapping[str, Any]) -> Design:
+    if getattr(_thread_state, "token", None) != job.token:
+        _thread_state.token, _thread_state.base, _thread_state.last = job.token, _base(job), None
+    preset = with_overrides(_thread_state.base, changes)
+    _thread_state.last = draft(preset, earlier=_thread_state.last)
+    return _thread_state.last  # type: ignore[no-any-return]
 
 
 def _base(job: Job) -> Preset:
@@ -111,16 +111,16 @@ def _base(job: Job) -> Preset:
     if job.mesh is not None:
         from dsfab.export import temporary_folder
 
-        _memory.folder = temporary_folder("dsfab-sweep")
-        mesh = Path(_memory.folder.name) / Path(values["surface"]["file"]).name
+        _thread_state.folder = temporary_folder("dsfab-sweep")
+        mesh = Path(_thread_state.folder.name) / Path(values["surface"]["file"]).name
         mesh.write_bytes(job.mesh)
         values["surface"] = {**values["surface"], "file": str(mesh)}
     return preset_from(values)
 
 
-def _at_home(job: Job, preset: Preset) -> Preset:
+def _with_original_mesh(job: Job, preset: Preset) -> Preset:
     """Return the preset with the path of the mesh file on the coordinator's machine."""
-    return preset if job.mesh is None else overridden(preset, {"surface.file": job.preset["surface"]["file"]})
+    return preset if job.mesh is None else with_overrides(preset, {"surface.file": job.preset["surface"]["file"]})
 
 
 def mesh_of(preset: Preset) -> bytes | None:
@@ -128,21 +128,21 @@ def mesh_of(preset: Preset) -> bytes | None:
     return preset.surface.file.read_bytes() if isinstance(preset.surface, FileSurface) else None
 
 
-def _keep(job: Job, made: Design, files: dict[str, bytes]) -> None:
+def _keep(job: Job, design: Design, files: dict[str, bytes]) -> None:
     from dsfab.export import write
 
     if "preset" in job.keep:
-        files["preset.toml"] = preset_toml(_at_home(job, made.preset)).encode()
+        files["preset.toml"] = preset_toml(_with_original_mesh(job, design.preset)).encode()
     if "picture" in job.keep and job.draw is not None:
-        files["picture.png"] = job.draw(made)
+        files["picture.png"] = job.draw(design)
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         if "sheet" in job.keep:
-            files["sheet.ply"] = write(made.sheet.surface, Path(folder) / "sheet.ply").read_bytes()
+            files["sheet.ply"] = write(design.sheet.surface, Path(folder) / "sheet.ply").read_bytes()
         if "solid" in job.keep:
-            name = made.preset.name
+            name = design.preset.name
             for suffix in job.formats:
                 path = Path(folder) / f"{name}.{suffix}"
-                write(made.solid, path, step=step_options(made.preset.export))
+                write(design.solid, path, step=step_options(design.preset.export))
                 files[f"{name}.{suffix}"] = path.read_bytes()
 
 
@@ -175,10 +175,10 @@ class OneWorker:
         self._crew = crew
 
     def workers(self) -> Collection[str]:
-        there = list(self._crew.workers())
-        for other in there[1:]:
-            self._crew.lost(other)
-        return there[:1]
+        names = list(self._crew.workers())
+        for worker in names[1:]:
+            self._crew.lost(worker)
+        return names[:1]
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
         return self._crew.submit(worker, number, changes)
@@ -271,12 +271,12 @@ def quiet_start() -> Iterator[None]:
     """Start processes in this context with one thread each, without Ctrl-C, which the coordinator handles."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
-    mine = threading.current_thread() is threading.main_thread()
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if mine else None
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main_thread else None
     try:
         yield
     finally:
-        if mine:
+        if in_main_thread:
             signal.signal(signal.SIGINT, handler)
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
@@ -302,15 +302,15 @@ def cores() -> int:
 
 def free_memory() -> int:
     """Return the free memory of this machine or container in bytes; 0 if unknown."""
-    found = []
+    sizes = []
     with suppress(OSError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        found.append(next(1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable")))
+        sizes.append(next(1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable")))
     group = Path("/sys/fs/cgroup")
     with suppress(OSError, ValueError):
         limit, used = ((group / name).read_text(encoding="ascii") for name in ("memory.max", "memory.current"))
-        found.append(int(limit) - int(used))
-    return max(0, min(found)) if found else 0
+        sizes.append(int(limit) - int(used))
+    return max(0, min(sizes)) if sizes else 0
 
 
 def memory_kills() -> int:
@@ -351,8 +351,8 @@ class DaskWorkers:
     def workers(self) -> Collection[str]:
         """Return the addresses of the present workers."""
         # n_workers=-1, because newer versions list five workers by default
-        found = self._client.scheduler_info(n_workers=-1)["workers"]
-        return list(found)
+        by_address = self._client.scheduler_info(n_workers=-1)["workers"]
+        return list(by_address)
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
         if worker not in self._executors:
@@ -386,8 +386,8 @@ def fitting_processes(count: int) -> int:
     return max(1, min(count, cores(), int(free / MEMORY) if free else cores()))
 
 
-def made_in_processes(
-    job: Callable[[Item], Result], given: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
+def map_in_processes(
+    job: Callable[[Item], Result], items: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
 ) -> Iterator[Result]:
     """Yield job(item) for each item in order, from `workers` processes of one thread each; 1 runs in this process.
 
@@ -396,16 +396,16 @@ def made_in_processes(
     Raises DsfabError if a process dies. If the caller stops iterating, all processes end.
     """
     if workers == 1:
-        yield from map(job, given)
+        yield from map(job, items)
         return
     before = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=end_with_parent)
     try:
         with quiet_start():
-            first = sorted(range(len(given)), key=lambda k: -work(given[k]) if work else 0.0)
-            results = {k: pool.submit(job, given[k]) for k in first}
-        for k in range(len(given)):
+            order = sorted(range(len(items)), key=lambda k: -work(items[k]) if work else 0.0)
+            results = {k: pool.submit(job, items[k]) for k in order}
+        for k in range(len(items)):
             yield results[k].result()
     except BrokenExecutor as error:
         raise DsfabError("a process ended before its time, perhaps for want of memory; try --workers 1") from error

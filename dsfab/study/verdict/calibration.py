@@ -17,8 +17,19 @@ from dsfab.preset.file import load_preset
 from dsfab.slicing import Sheet
 from dsfab.statics import Elements
 from dsfab.study.verdict import estimates
-from dsfab.study.verdict.levels import BESIDE, MAIN, ONCE, Level, Shares, SmoothSurface, level, meshes, on_mesh, shares
-from dsfab.study.verdict.verdict import LoadedSurface, attached_material, facets_of, members
+from dsfab.study.verdict.levels import (
+    MAIN_ELEMENTS,
+    QUICK_ELEMENTS,
+    SPREAD_ELEMENTS,
+    Level,
+    Shares,
+    SmoothSurface,
+    level,
+    meshes,
+    on_mesh,
+    shares,
+)
+from dsfab.study.verdict.verdict import LoadedSurface, attached_material, facet_ratio, mean_member_width
 
 TABLE = files("dsfab.study.verdict") / "calibration.csv"
 """The table that ships with dsfab."""
@@ -49,19 +60,19 @@ class TrialRow:
     recovery: tuple[float, ...]
 
     @property
-    def plane(self) -> bool:
+    def is_plane(self) -> bool:
         """True for a sheet that is solved in its plane."""
         return self.kind == "cantilever"
 
     @property
     def levels(self) -> int:
         """Number of meshes of its verdict: two, or three if two do not converge."""
-        return 2 if self._after(2).bound <= CONVERGED else 3
+        return 2 if self._estimate_after(2).bound <= CONVERGED else 3
 
     @property
     def estimate(self) -> estimates.ComplianceEstimate:
         """Value and bound of its verdict."""
-        return self._after(self.levels)
+        return self._estimate_after(self.levels)
 
     @property
     def truth(self) -> float:
@@ -79,18 +90,18 @@ class TrialRow:
         return self.quick / self.truth - 1
 
     @property
-    def tested(self) -> bool:
+    def is_tested(self) -> bool:
         """True if a mesh beyond those of the verdict was solved; otherwise the truth is the verdict itself."""
         return len(self.compliance) > self.levels
 
     @property
-    def inside(self) -> bool:
+    def is_inside(self) -> bool:
         """True if the truth lies within the bound."""
-        found = self.estimate
-        return abs(self.truth - found.value) <= found.bound * found.value
+        compliance_estimate = self.estimate
+        return abs(self.truth - compliance_estimate.value) <= compliance_estimate.bound * compliance_estimate.value
 
-    def _after(self, count: int) -> estimates.ComplianceEstimate:
-        spread = 0.0 if self.plane else self.midedge / self.compliance[0] - 1
+    def _estimate_after(self, count: int) -> estimates.ComplianceEstimate:
+        spread = 0.0 if self.is_plane else self.midedge / self.compliance[0] - 1
         return estimates.estimate(self.compliance[:count], spread, self.recovery[count - 1])
 
 
@@ -114,13 +125,13 @@ class Summary:
 
 def summary(rows: Sequence[TrialRow]) -> Summary:
     """Return the statistics of a table. Raises ValueError if no row is tested."""
-    rows = [row for row in rows if row.tested]
+    rows = [row for row in rows if row.is_tested]
     if not rows:
         raise ValueError("no design was solved on a mesh beyond those of its verdict")
     bounds, quick = [row.estimate.bound for row in rows], [abs(row.quick_error) for row in rows]
     return Summary(
         len(rows),
-        float(np.mean([row.inside for row in rows])),
+        float(np.mean([row.is_inside for row in rows])),
         float(np.median(bounds)),
         max(abs(row.error) for row in rows),
         sum(bound <= CONVERGED for bound in bounds),
@@ -212,32 +223,35 @@ snap value of the shipped table, whatever its preset says."""
 def random_design(kind: str, seed: int) -> Design:
     """Return a design with random frequencies, modes, phases, widths and share of material; `seed` fixes them. Raises
     DsfabError if the design cannot be built."""
-    rng, given = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
+    rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
-    changes: dict[str, Any] = {**given.changes, "pattern.method": "modes", "pattern.fillet": 0.0}
+    changes: dict[str, Any] = {**surface_kind.changes, "pattern.method": "modes", "pattern.fillet": 0.0}
     for family in ("major", "minor"):
         changes[f"pattern.{family}.mode"] = int(rng.integers(1, 4))
-        changes[f"pattern.{family}.frequency"] = round(float(rng.uniform(*given.frequency)), 2)
+        changes[f"pattern.{family}.frequency"] = round(float(rng.uniform(*surface_kind.frequency)), 2)
         changes[f"pattern.{family}.phase"] = round(float(rng.uniform(0, 1)), 3)
         changes[f"pattern.{family}.threshold"] = round(float(rng.uniform(-0.3, 0.2)), 2)
     if width["rule"] != "plain":
         width["solid_fraction"] = round(float(rng.uniform(0.45, 0.7)), 2)
-    return run(load_preset(given.preset, changes | {"pattern.width": width}))
+    return run(load_preset(surface_kind.preset, changes | {"pattern.width": width}))
 
 
-def measured_trial(kind: str, seed: int, count: int = 4) -> TrialRow:
+def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
     """Return a random design solved on up to `count` meshes.
 
     A large design whose verdict takes two meshes skips the fourth mesh: its third mesh serves as the truth. Raises
     DsfabError if the design cannot be built or does not carry its loads.
     """
     design = random_design(kind, seed)
-    setting = LoadedSurface.of(design)
-    sheet, _, loads = attached_material(setting, design.slicing.cells.kept())
-    forces, smooth = shares(sheet, loads), SmoothSurface.through(design.surface)
-    quick = _solved(setting, sheet, forces, ONCE)
+    setting = LoadedSurface.from_design(design)
+    sheet, _, loads = attached_material(setting, design.slicing.cells.subset())
+    forces, smooth = shares(sheet, loads), SmoothSurface.from_surface(design.surface)
+    quick = _solve(setting, sheet, forces, QUICK_ELEMENTS)
     finer = meshes(sheet, smooth)
-    levels = [_solved(setting, next(finer), forces, *pairs) for pairs in ((MAIN, BESIDE), (MAIN,), (MAIN,))[:count]]
+    levels = [
+        _solve(setting, next(finer), forces, *pairs)
+        for pairs in ((MAIN_ELEMENTS, SPREAD_ELEMENTS), (MAIN_ELEMENTS,), (MAIN_ELEMENTS,))[:count]
+    ]
     case = next(iter(setting.loads))
     row = TrialRow(
         kind,
@@ -246,37 +260,37 @@ def measured_trial(kind: str, seed: int, count: int = 4) -> TrialRow:
         sheet.surface.area / design.surface.area,
         design.surface.n,
         sheet.surface.m,
-        members(sheet) / design.surface.mean_edge,
-        facets_of(smooth, setting.made.thickness),
+        mean_member_width(sheet) / design.surface.mean_edge,
+        facet_ratio(smooth, setting.made.thickness),
         quick.compliance[case],
         levels[0].midedge.get(case, levels[0].compliance[case]),
-        tuple(one.compliance[case] for one in levels),
-        tuple(one.zz_membrane[case] + one.zz_bending[case] for one in levels),
+        tuple(mesh_level.compliance[case] for mesh_level in levels),
+        tuple(mesh_level.zz_membrane[case] + mesh_level.zz_bending[case] for mesh_level in levels),
     )
     largest_triangles = 100_000  # of a fourth mesh, for time
-    if count > 3 and (64 * row.triangles <= largest_triangles or not row.tested):
-        last = _solved(setting, next(finer), forces, MAIN)
-        recovery = last.zz_membrane[case] + last.zz_bending[case]
-        return replace(row, compliance=(*row.compliance, last.compliance[case]), recovery=(*row.recovery, recovery))
+    if count > 3 and (64 * row.triangles <= largest_triangles or not row.is_tested):
+        finest = _solve(setting, next(finer), forces, MAIN_ELEMENTS)
+        recovery = finest.zz_membrane[case] + finest.zz_bending[case]
+        return replace(row, compliance=(*row.compliance, finest.compliance[case]), recovery=(*row.recovery, recovery))
     return row
 
 
-def _solved(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *pairs: Elements) -> Level:
-    given = on_mesh(setting.surface, mesh, setting.loads, forces)
-    return level(mesh.surface, setting.made, *given, pairs)
+def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *pairs: Elements) -> Level:
+    cases_and_spreads = on_mesh(setting.surface, mesh, setting.loads, forces)
+    return level(mesh.surface, setting.made, *cases_and_spreads, pairs)
 
 
 def calibrate(count: int = 8, told: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
     """Yield the rows of the first `count` designs of each kind that can be built, in a quarter of an hour. `told`
     receives the kind and the seed before each design."""
     for kind in KINDS:
-        seed = found = 0
-        while found < count:
+        seed = solved = 0
+        while solved < count:
             if told:
                 told(kind, seed)
             try:
-                yield measured_trial(kind, seed)
-                found += 1
+                yield trial_row(kind, seed)
+                solved += 1
             except DsfabError:
                 pass  # a design that falls apart does not test a bound
             seed += 1

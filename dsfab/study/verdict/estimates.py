@@ -10,16 +10,16 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-STEP = 2.0
+EXTRAPOLATION_DIVISOR = 2.0
 """Two meshes extrapolate to c1 + (c1 - c0) / this: each refinement divides the error by 1 + this."""
 
-FLOOR = 0.003
+LEAST_BOUND = 0.003
 """Smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only."""
 
-QUICK = (0.02, 0.05)
+QUICK_ERRORS = (0.02, 0.05)
 """Relative error of the quick level (hybrid + hhj, unrefined mesh): its median and its 90 % quantile."""
 
-MEMBER = 4.0
+LEAST_EDGES_PER_MEMBER = 4.0
 """A warning appears if members are narrower than this many edges of the uncut mesh."""
 
 
@@ -44,13 +44,13 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least shares in the bound, see calibration.csv
     if len(values) < 2:
         # 19 of 20 designs keep 1.7 times the recovery error
-        return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), FLOOR))
+        return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
     step = values[-1] - values[-2]
-    usual, own = values[-1] + step / STEP, limit_at_own_rate(values)
-    value = (usual + own) / 2
-    left = abs(spread) / 2 ** (len(values) - 1)
-    steps = max(of_step * abs(step), of_rates * abs(own - usual)) / value
-    return ComplianceEstimate(value, max(steps, of_spread * left, of_recovery * recovery, FLOOR))
+    usual_limit, own_limit = values[-1] + step / EXTRAPOLATION_DIVISOR, limit_at_own_rate(values)
+    value = (usual_limit + own_limit) / 2
+    remaining_spread = abs(spread) / 2 ** (len(values) - 1)
+    steps = max(of_step * abs(step), of_rates * abs(own_limit - usual_limit)) / value
+    return ComplianceEstimate(value, max(steps, of_spread * remaining_spread, of_recovery * recovery, LEAST_BOUND))
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
@@ -58,14 +58,14 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
     that turns back, are extrapolated by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
-        return values[-1] + step / STEP
-    return values[-1] + step / (min(max(before / step, STEPS[0]), STEPS[1]) - 1)
+        return values[-1] + step / EXTRAPOLATION_DIVISOR
+    return values[-1] + step / (min(max(before / step, STEP_RATIOS[0]), STEP_RATIOS[1]) - 1)
 
 
-MODES_KNOWN = 0.05
+WIDEST_MODE_BOUND = 0.05
 """A third mesh is solved if the relative bound of a mode is wider. Linear buckling itself is off by more."""
 
-STEPS = (1.5, 4.0)
+STEP_RATIOS = (1.5, 4.0)
 """Smallest and largest accepted ratio of successive steps. Reentrant corners let an eigenvalue's error fall to 1 / 2.1
 at best, smooth sheets to 1 / 16; steps below the first ratio count as not shrinking."""
 
@@ -82,7 +82,7 @@ class ModeEstimate:
     ratio: float | None = None
 
     @property
-    def known(self) -> float | None:
+    def finite_bound(self) -> float | None:
         """The bound, None for one mesh."""
         return self.bound if self.bound < float("inf") else None
 
@@ -99,22 +99,22 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     """
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
-    last, step = values[-1], values[-1] - values[-2]
+    finest, step = values[-1], values[-1] - values[-2]
     if len(values) == 2:
-        value = last + step / STEP
-        return ModeEstimate(value, max(abs(step) / value, FLOOR))
+        value = finest + step / EXTRAPOLATION_DIVISOR
+        return ModeEstimate(value, max(abs(step) / value, LEAST_BOUND))
     before = values[-2] - values[-3]
     ratio = before / step if step else float("inf")
-    if ratio < STEPS[0]:
-        shrinking = abs(ratio) >= STEPS[0]
+    if ratio < STEP_RATIOS[0]:
+        shrinking = abs(ratio) >= STEP_RATIOS[0]
         return ModeEstimate(
-            last, max(2 * (abs(step) if shrinking else max(abs(step), abs(before))) / last, FLOOR), ratio
+            finest, max(2 * (abs(step) if shrinking else max(abs(step), abs(before))) / finest, LEAST_BOUND), ratio
         )
-    on = step / (min(ratio, STEPS[1]) - 1)
-    return ModeEstimate(last + on, max(abs(on) / (last + on), FLOOR), ratio)
+    extension = step / (min(ratio, STEP_RATIOS[1]) - 1)
+    return ModeEstimate(finest + extension, max(abs(extension) / (finest + extension), LEAST_BOUND), ratio)
 
 
-REENTRANT = np.radians(30)
+REENTRANT_ANGLE = np.radians(30)
 """A boundary vertex is a reentrant corner if the outline turns inwards by more; less is a rounded outline."""
 
 
@@ -137,7 +137,7 @@ class Extreme:
         return self.value if self.away is None else self.away
 
 
-def stress_extremes(surface: Surface, stress: SheetStress, held: Bools) -> dict[str, Extreme]:
+def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
     """Return extremes (Pa) of `stress` (von Mises), `tension` (largest principal) and `compression` (minus the
     smallest).
 
@@ -149,15 +149,15 @@ def stress_extremes(surface: Surface, stress: SheetStress, held: Bools) -> dict[
         "tension": np.maximum(principal[..., 0].max(axis=1), 0),
         "compression": np.maximum(-principal[..., 1].min(axis=1), 0),
     }
-    far = off_corners(surface, held)
-    return {name: extreme(surface, value, far) for name, value in values.items()}
+    off_corner_faces = off_corners(surface, supported)
+    return {name: extreme(surface, value, off_corner_faces) for name, value in values.items()}
 
 
-def extreme(surface: Surface, value: Floats, far: Bools | None = None) -> Extreme:
+def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = None) -> Extreme:
     """Return the extreme of values of faces (m,). off_corner_faces : (m,) faces that are far from corners."""
     worst = int(value.argmax())
     x, y, z = (float(v) for v in surface.centroids[worst] + 0.0)
-    away = float(value[far].max()) if far is not None and far.any() else None
+    away = float(value[off_corner_faces].max()) if off_corner_faces is not None and off_corner_faces.any() else None
     return Extreme(float(value[worst]), (x, y, z), quantile(value, surface.areas), away)
 
 
@@ -166,14 +166,14 @@ def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
     return weighted_quantile(value, weight, share)
 
 
-def off_corners(surface: Surface, held: Bools) -> Bools:
+def off_corners(surface: Surface, supported: Bools) -> Bools:
     """Return (m,) faces further than a rib's width from every reentrant corner and every end of a support."""
-    corners = np.concatenate([inward_corners(surface), support_ends(surface, held)])
+    corners = np.concatenate([inward_corners(surface), support_ends(surface, supported)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
-    near, _ = cKDTree(surface.V[corners]).query(surface.centroids)
+    distances, _ = cKDTree(surface.V[corners]).query(surface.centroids)
     # sheets without openings have no ribs: 5 % of their size limits the width
-    return np.asarray(near > min(rib_width(surface), 0.05 * surface.size))
+    return np.asarray(distances > min(rib_width(surface), 0.05 * surface.size))
 
 
 def rib_width(surface: Surface) -> float:
@@ -191,11 +191,11 @@ def inward_corners(surface: Surface) -> Ints:
     around = np.bincount(surface.F.ravel(), angle.ravel(), surface.n)
     border = np.zeros(surface.n, dtype=bool)
     border[surface.edges.ends[surface.edges.boundary]] = True
-    return np.flatnonzero(border & (around > np.pi + REENTRANT))
+    return np.flatnonzero(border & (around > np.pi + REENTRANT_ANGLE))
 
 
-def support_ends(surface: Surface, held: Bools) -> Ints:
+def support_ends(surface: Surface, supported: Bools) -> Ints:
     """Return (c,) supported border vertices next to an unsupported border vertex."""
     ends = surface.edges.ends[surface.edges.boundary]
-    mixed = ends[held[ends].sum(axis=1) == 1]
-    return np.unique(mixed[held[mixed]])
+    mixed = ends[supported[ends].sum(axis=1) == 1]
+    return np.unique(mixed[supported[mixed]])

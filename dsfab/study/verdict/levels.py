@@ -13,7 +13,7 @@ from dsfab.core.arrays import Floats, lock
 from dsfab.core.errors import StaticsError
 from dsfab.core.sparse import NotPositiveDefinite, peak_memory
 from dsfab.design import sheet_supports
-from dsfab.slicing import Sheet, three_each
+from dsfab.slicing import Sheet, weight_entries
 from dsfab.statics import (
     Elements,
     Equilibrium,
@@ -33,7 +33,7 @@ from dsfab.statics import (
 from dsfab.study.verdict.estimates import Extreme, rib_width, stress_extremes
 from dsfab.surface import LoadCase, Surface
 
-CREASE = np.cos(np.radians(30))
+CREASE_COSINE = np.cos(np.radians(30))
 """A face that leans more than 30 degrees from the mean normal at a vertex keeps its own normal there: a crease."""
 
 
@@ -56,13 +56,13 @@ class SmoothSurface:
         lock(self, "bulge", np.float64, (len(self.surface.edges.ends), 3))
 
     @classmethod
-    def through(cls, surface: Surface) -> "SmoothSurface":
+    def from_surface(cls, surface: Surface) -> "SmoothSurface":
         """Return the smooth surface through the vertices of `surface`."""
         normals, F, edges = _corner_normals(surface), surface.F, surface.edges
         start, end = F, np.roll(F, -1, axis=1)
         chord = surface.V[end] - surface.V[start]  # (m, half-edge, 3)
         n_a, n_b = normals, np.roll(normals, -1, axis=1)
-        bent = (_along(chord, n_b) - _along(chord, n_a)) / 8
+        bent = (_normal_component(chord, n_b) - _normal_component(chord, n_a)) / 8
         total = np.stack([np.bincount(edges.of.ravel(), bent[..., k].ravel()) for k in range(3)], axis=1)
         return cls(surface, total / edges.count[:, None])
 
@@ -71,31 +71,33 @@ class SmoothSurface:
         flat = np.asarray(weights @ self.surface.V)
         if not self.bulge.any():
             return flat
-        edges, (column, weight) = self.surface.edges, three_each(weights)
+        edges, (column, weight) = self.surface.edges, weight_entries(weights)
         for i, j in ((0, 1), (1, 2), (0, 2)):
             product = 4 * weight[:, i] * weight[:, j]
             between = np.flatnonzero(product > 0)
-            flat[between] += product[between, None] * self.bulge[edges.between(column[between, i], column[between, j])]
+            flat[between] += (
+                product[between, None] * self.bulge[edges.edges_between(column[between, i], column[between, j])]
+            )
         return flat
 
 
-def _along(chord: Floats, normal: Floats) -> Floats:
+def _normal_component(chord: Floats, normal: Floats) -> Floats:
     return np.asarray((chord * normal).sum(axis=-1, keepdims=True) * normal)
 
 
 def _corner_normals(surface: Surface) -> Floats:
     """Return (m, 3, 3) unit normals at the corners of each face: the mean around the vertex, or its own at a crease."""
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
-    first = np.zeros(surface.n, dtype=np.int64)
-    first[corner[::-1]] = face[::-1]
-    own = surface.normals[face]
+    first_face = np.zeros(surface.n, dtype=np.int64)
+    first_face[corner[::-1]] = face[::-1]
+    face_normals = surface.normals[face]
     # faces of a one-sided sheet disagree around a vertex: turn all of them like the first face
-    side = np.where((own * surface.normals[first[corner]]).sum(axis=1) < 0, -1.0, 1.0)
-    weighted = own * (side * surface.areas[face])[:, None]
+    side = np.where((face_normals * surface.normals[first_face[corner]]).sum(axis=1) < 0, -1.0, 1.0)
+    weighted = face_normals * (side * surface.areas[face])[:, None]
     mean = np.stack([np.bincount(corner, weighted[:, k], surface.n) for k in range(3)], axis=1)
     mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
-    smooth = np.abs((own * mean[corner]).sum(axis=1)) > CREASE
-    return np.asarray(np.where(smooth[:, None], mean[corner], own).reshape(-1, 3, 3))
+    smooth = np.abs((face_normals * mean[corner]).sum(axis=1)) > CREASE_COSINE
+    return np.asarray(np.where(smooth[:, None], mean[corner], face_normals).reshape(-1, 3, 3))
 
 
 def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
@@ -136,17 +138,19 @@ def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
 
     loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices.
     """
-    areas, last = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
-    found = {}
+    areas, face_count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
+    shares_by_load = {}
     for name, load in loads.items():
         spread = np.zeros((len(areas), 3)) if load.parts is None else load.parts.traction * areas
-        on_faces: Floats = np.stack([np.bincount(sheet.parent, x, last) for x in spread.T], axis=1).astype(np.float64)
-        found[name] = Shares(np.asarray(sheet.weights.T @ load.point), on_faces)
-    return found
+        on_faces: Floats = np.stack([np.bincount(sheet.parent, x, face_count) for x in spread.T], axis=1).astype(
+            np.float64
+        )
+        shares_by_load[name] = Shares(np.asarray(sheet.weights.T @ load.point), on_faces)
+    return shares_by_load
 
 
 def on_mesh(
-    surface: Surface, sheet: Sheet, given: Mapping[str, LoadCase], forces: Mapping[str, Shares]
+    surface: Surface, sheet: Sheet, uncut_loads: Mapping[str, LoadCase], forces: Mapping[str, Shares]
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
     """Return supports and loads on any mesh of a sheet of the uncut surface.
 
@@ -161,16 +165,16 @@ def on_mesh(
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}
-    for name, load in given.items():
+    for name, load in uncut_loads.items():
         around, within = forces[name]
         density = np.divide(around, mass[:, None], out=np.zeros_like(around), where=mass[:, None] > 0)
         even = within / np.where(material > 0, material, 1.0)[:, None]
-        spreads[name] = SpreadLoad.on(sheet.surface, np.asarray(hats @ density) + even[sheet.parent])
+        spreads[name] = SpreadLoad.broadcast(sheet.surface, np.asarray(hats @ density) + even[sheet.parent])
         cases[name] = replace(sheet_supports(surface, sheet, load), force=spreads[name].vertex_forces(sheet.surface))
     return cases, spreads
 
 
-FULL = 6 / 5
+PARABOLIC_SHEAR = 6 / 5
 """Energy factor of shear through the thickness, because that is a parabola and not even [Reissner 1945]."""
 
 
@@ -199,33 +203,39 @@ def rib_softening(
 ) -> dict[str, RibSoftening]:
     """Return the softening of a solved sheet that bends, for each of its cases. It solves once more on the same
     mesh."""
-    surface, h, made = sheet.surface, sheet.thickness, sheet.material
+    surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
-        barred = [one.compliance for one in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
+        barred = [
+            barred_answer.compliance
+            for barred_answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()
+        ]
     except (StaticsError, NotPositiveDefinite):
         barred = [np.inf] * len(loads)
-    recovery, means = ShearRecovery.of(surface, linear=elements.bending == "hhj"), _means_within(surface, h / 2)
-    stiff, found = made.young / (2 * (1 + made.poisson)) * h, {}
+    recovery, means = (
+        ShearRecovery.for_surface(surface, linear=elements.bending == "hhj"),
+        _means_within(surface, h / 2),
+    )
+    stiff, softening = material.young / (2 * (1 + material.poisson)) * h, {}
     slender = float(np.sqrt(h / rib_width(surface)))
-    for name, one in zip(loads, barred, strict=True):
+    for name, barred_answer in zip(loads, barred, strict=True):
         c, stress = answers[name].compliance, stresses[name]
         forces = section_forces(surface, h, stress, recovery)
         q = means @ np.einsum("ma,max->mx", forces.q, forces.frame)
-        sheared = FULL / stiff * float(surface.areas @ (q**2).sum(axis=1))
+        sheared = PARABOLIC_SHEAR / stiff * float(surface.areas @ (q**2).sum(axis=1))
         bent = 2 * float(surface.areas @ stress.bending_energy) * slender
-        shares = (max(float(one / c) - 1, 0.0), sheared / c, bent / c) if c > 0 else (0.0, 0.0, 0.0)
-        found[name] = RibSoftening(*shares)
-    return found
+        shares = (max(float(barred_answer / c) - 1, 0.0), sheared / c, bent / c) if c > 0 else (0.0, 0.0, 0.0)
+        softening[name] = RibSoftening(*shares)
+    return softening
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
     """Return (m, m) area means over faces within `reach` (m), for vectors that change sign with a face's side."""
     tree = cKDTree(surface.centroids)
-    near = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
-    here, there = near.coords
-    side = np.sign(np.einsum("kx,kx->k", surface.normals[here], surface.normals[there]))
-    weight = surface.areas[there] / np.bincount(here, surface.areas[there], surface.m)[here]
-    return csr_array((side * weight, (here, there)), shape=(surface.m, surface.m))
+    pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
+    face, neighbour = pairs.coords
+    side = np.sign(np.einsum("kx,kx->k", surface.normals[face], surface.normals[neighbour]))
+    weight = surface.areas[neighbour] / np.bincount(face, surface.areas[neighbour], surface.m)[face]
+    return csr_array((side * weight, (face, neighbour)), shape=(surface.m, surface.m))
 
 
 def theory_share(soft: RibSoftening) -> float:
@@ -238,13 +248,13 @@ def theory_share(soft: RibSoftening) -> float:
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
-MAIN, BESIDE = elements_of("compliance"), elements_of("spread")
+MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
 """The pair of elements of a verdict, and the pair beside it. Their errors have mostly opposite signs."""
 
-ONCE = elements_of("compliance_once")
+QUICK_ELEMENTS = elements_of("compliance_once")
 """The pair of the quick level, which solves one mesh only."""
 
-BYTES = {
+BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
@@ -283,10 +293,10 @@ class Level:
 
 def level(
     surface: Surface,
-    made: SheetMaterial,
+    material: SheetMaterial,
     loads: Mapping[str, LoadCase],
     spreads: Mapping[str, SpreadLoad],
-    pairs: tuple[Elements, ...] = (MAIN, BESIDE),
+    pairs: tuple[Elements, ...] = (MAIN_ELEMENTS, SPREAD_ELEMENTS),
     ribs: bool = False,
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
@@ -297,36 +307,46 @@ def level(
     """
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
-    found = {}
+    answers_by_pair = {}
     # both pairs are the same in the plane, because they differ in bending only
     for pair in pairs[:1] if plane else pairs:
         elements = pair.in_plane if plane else pair
-        K = sheet_stiffness(made.on(surface), elements)
+        K = sheet_stiffness(material.model_for(surface), elements)
         answers = equilibria(surface, K, list(loads.values()), elements, spreads=list(spreads.values()))
-        found[pair] = dict(zip(loads, answers, strict=True))
+        answers_by_pair[pair] = dict(zip(loads, answers, strict=True))
         del K
     main = pairs[0]
     elements = main.in_plane if plane else main
-    stress = {name: sheet_stress(made.on(surface), elements, answer) for name, answer in found[main].items()}
-    errors = {name: recovery_errors(surface, made, stress[name], answer) for name, answer in found[main].items()}
-    energies = {pair: {name: answer.compliance for name, answer in of.items()} for pair, of in found.items()}
+    stress = {
+        name: sheet_stress(material.model_for(surface), elements, answer)
+        for name, answer in answers_by_pair[main].items()
+    }
+    errors = {
+        name: recovery_errors(surface, material, stress[name], answer) for name, answer in answers_by_pair[main].items()
+    }
+    energies = {
+        pair: {name: answer.compliance for name, answer in case_answers.items()}
+        for pair, case_answers in answers_by_pair.items()
+    }
     return Level(
         surface.m,
         elements.unknowns(surface),
         energies[main],
-        energies.get(BESIDE, {}),
+        energies.get(SPREAD_ELEMENTS, {}),
         {name: error[0] for name, error in errors.items()},
         {name: error[1] for name, error in errors.items()},
-        max(answer.residual for of in found.values() for answer in of.values()),
+        max(answer.residual for case_answers in answers_by_pair.values() for answer in case_answers.values()),
         time.perf_counter() - start,
         peak_memory(),
-        {name: stress_extremes(surface, one, loads[name].held) for name, one in stress.items()},
-        rib_softening(made.on(surface), elements, loads, spreads, found[main], stress) if ribs and not plane else {},
+        {name: stress_extremes(surface, case_stress, loads[name].supported) for name, case_stress in stress.items()},
+        rib_softening(material.model_for(surface), elements, loads, spreads, answers_by_pair[main], stress)
+        if ribs and not plane
+        else {},
     )
 
 
 def recovery_errors(
-    surface: Surface, made: SheetMaterial, found: SheetStress, answer: Equilibrium
+    surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
     """Return the squared energy errors of membrane and of bending, relative to the compliance.
 
@@ -335,20 +355,22 @@ def recovery_errors(
     """
     if answer.compliance <= 0:
         return 0.0, 0.0
-    C = np.linalg.inv(made.material.membrane(made.law)) * made.thickness
-    D = np.linalg.inv(made.material.bending(made.thickness)) * (made.thickness**2 / 6) ** 2
-    membrane = _squared(surface, found.smooth_membrane - found.membrane, np.asarray(C))
-    bending = _squared(surface, found.smooth_bending - found.bending, np.asarray(D))
+    C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness
+    D = np.linalg.inv(material.material.bending(material.thickness)) * (material.thickness**2 / 6) ** 2
+    membrane = _energy_norm(surface, sheet_stress_field.smooth_membrane - sheet_stress_field.membrane, np.asarray(C))
+    bending = _energy_norm(surface, sheet_stress_field.smooth_bending - sheet_stress_field.bending, np.asarray(D))
     return membrane / answer.compliance, bending / answer.compliance
 
 
-def _squared(surface: Surface, off: Floats, by: Floats) -> float:
+def _energy_norm(surface: Surface, difference: Floats, matrix: Floats) -> float:
     """Return the integral of d . matrix . d, for `difference` d (m, 3 corners, 3) linear on each face."""
-    there = off @ by
-    total = np.einsum("mci,mci->m", off, there) + np.einsum("mi,mi->m", off.sum(axis=1), there.sum(axis=1))
+    weighted = difference @ matrix
+    total = np.einsum("mci,mci->m", difference, weighted) + np.einsum(
+        "mi,mi->m", difference.sum(axis=1), weighted.sum(axis=1)
+    )
     return float(total @ surface.areas / 12)
 
 
 def memory_needed(unknowns: int, bending: str | None, solver: str) -> int:
     """Estimate the bytes of a solve with `unknowns` unknowns by a solver of `dsfab.core.sparse.solver_name`."""
-    return int(BYTES[solver][bending] * unknowns)
+    return int(BYTES_PER_UNKNOWN[solver][bending] * unknowns)

@@ -8,10 +8,10 @@ from dsfab.core.errors import DsfabError
 from dsfab.design import Progress
 from dsfab.slicing import Sheet
 from dsfab.statics import (
-    Ask,
     Elements,
-    KeptFactor,
+    FactorCache,
     ModeSupports,
+    ResultRequest,
     SheetMaterial,
     SpreadLoad,
     buckling,
@@ -25,10 +25,10 @@ from dsfab.statics import (
 from dsfab.statics.boundary_conditions import all_clamped
 from dsfab.study.verdict import estimates
 from dsfab.study.verdict.levels import SmoothSurface, memory_needed, meshes, on_mesh, shares
-from dsfab.study.verdict.verdict import LEVELS, LoadedSurface, attached_material
+from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-PAIR: Elements = elements_of("buckling")
+MODE_ELEMENTS: Elements = elements_of("buckling")
 """Elements for buckling and frequency, which share a stiffness and its factor."""
 
 
@@ -64,7 +64,7 @@ class ModeIntervals:
 
 
 def mode_intervals(
-    setting: LoadedSurface, material: Sheet, ask: Ask, budget: float, progress: Progress | None = None
+    setting: LoadedSurface, material: Sheet, request: ResultRequest, budget: float, progress: Progress | None = None
 ) -> ModeIntervals:
     """Return the lowest buckling factor of each case and the lowest frequency of a sheet, as requested.
 
@@ -81,20 +81,22 @@ def mode_intervals(
     try:
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
-        for mesh in islice(meshes(sheet, SmoothSurface.through(setting.surface)), LEVELS):
+        for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
             # memory with two stored factors was not measured: use the larger figure
-            needed = memory_needed(PAIR.unknowns(mesh.surface), PAIR.bending, "multifrontal")
+            needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")
                 break
             if progress:
                 progress("modes", f"{mesh.surface.m:,} triangles")
             cases, spreads = on_mesh(setting.surface, mesh, setting.loads, forces)
-            standing = mode_supports(mesh.surface, next(iter(cases.values())), _plane(mesh.surface, cases))
+            standing = mode_supports(mesh.surface, next(iter(cases.values())), _is_plane(mesh.surface, cases))
             assumed = standing.told
-            levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, ask))
-            found = _together(levels)
-            if len(levels) > 1 and all(one.bound <= estimates.MODES_KNOWN for one in found):
+            levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request))
+            mode_estimates = _all_estimates(levels)
+            if len(levels) > 1 and all(
+                mode_estimate.bound <= estimates.WIDEST_MODE_BOUND for mode_estimate in mode_estimates
+            ):
                 break
     except DsfabError as error:
         refusals.append(f"no {'finer mesh for the bound of modes' if levels else 'modes'}: {error}")
@@ -103,49 +105,49 @@ def mode_intervals(
 
 def mode_level(
     surface: Surface,
-    made: SheetMaterial,
+    material: SheetMaterial,
     cases: Mapping[str, LoadCase],
     spreads: Mapping[str, SpreadLoad],
     standing: ModeSupports,
-    ask: Ask,
+    request: ResultRequest,
 ) -> ModeLevel:
     """Return the modes on one mesh; all cases share one factor. Raises StaticsError if modes cannot be solved."""
-    sheet, kept = made.on(surface), KeptFactor(2)
-    K = sheet_stiffness(sheet, PAIR)
+    sheet, factor_cache = material.model_for(surface), FactorCache(2)
+    K = sheet_stiffness(sheet, MODE_ELEMENTS)
     supports = standing.load
     factors: dict[str, float | None] = {}
-    if ask.buckling:
-        plane = PAIR.in_plane if _plane(surface, cases) else PAIR
-        stiffness = sheet_stiffness(sheet, plane) if plane != PAIR else K
-        given = list(spreads.values())
-        answers = equilibria(surface, stiffness, list(cases.values()), plane, given, factor_of=kept)
+    if request.buckling:
+        plane = MODE_ELEMENTS.in_plane if _is_plane(surface, cases) else MODE_ELEMENTS
+        stiffness = sheet_stiffness(sheet, plane) if plane != MODE_ELEMENTS else K
+        spread_loads = list(spreads.values())
+        answers = equilibria(surface, stiffness, list(cases.values()), plane, spread_loads, factor_of=factor_cache)
         for (name, load), answer in zip(cases.items(), answers, strict=True):
-            held = replace(load, fixed=supports.fixed, clamped=supports.clamped)
-            found = buckling(sheet, held, answer, 1, PAIR, K, kept).factor
-            factors[name] = float(found[0]) if len(found) else None
+            supported_load = replace(load, fixed=supports.fixed, clamped=supports.clamped)
+            lowest_factors = buckling(sheet, supported_load, answer, 1, MODE_ELEMENTS, K, factor_cache).factor
+            factors[name] = float(lowest_factors[0]) if len(lowest_factors) else None
     hertz = None
-    if ask.frequencies:
+    if request.frequencies:
         still = replace(sheet, clamped=all_clamped(supports))
-        hertz = float(frequencies(still, supports.fixed, 1, PAIR, K, kept, supports.spring).hertz[0])
+        hertz = float(frequencies(still, supports.fixed, 1, MODE_ELEMENTS, K, factor_cache, supports.spring).hertz[0])
     return ModeLevel(surface.m, factors, hertz)
 
 
-def _plane(surface: Surface, cases: Mapping[str, LoadCase]) -> bool:
+def _is_plane(surface: Surface, cases: Mapping[str, LoadCase]) -> bool:
     return flat_axis(surface, *cases.values()) is not None
 
 
-def _together(levels: list[ModeLevel]) -> list[estimates.ModeEstimate]:
+def _all_estimates(levels: list[ModeLevel]) -> list[estimates.ModeEstimate]:
     hertz = _hertz(levels)
     return [*_factors(levels).values(), *([hertz] if hertz else [])]
 
 
 def _factors(levels: list[ModeLevel]) -> dict[str, estimates.ModeEstimate]:
-    found: dict[str, estimates.ModeEstimate] = {}
+    estimate_by_case: dict[str, estimates.ModeEstimate] = {}
     for name in levels[0].buckling if levels else ():
         values = [value for level in levels if (value := level.buckling[name]) is not None]
         if len(values) == len(levels):
-            found[name] = estimates.mode_estimate(values)
-    return found
+            estimate_by_case[name] = estimates.mode_estimate(values)
+    return estimate_by_case
 
 
 def _hertz(levels: list[ModeLevel]) -> estimates.ModeEstimate | None:

@@ -16,15 +16,15 @@ from dsfab.core.sparse import NotPositiveDefinite, solver_name
 from dsfab.design import held_vertices, sheet_loads
 from dsfab.design.design import Design
 from dsfab.design.log import Progress
-from dsfab.slicing import Sheet, improved
-from dsfab.statics import Elements, SheetMaterial, flat_axis, needles_told
+from dsfab.slicing import Sheet, improve_cells
+from dsfab.statics import Elements, SheetMaterial, flat_axis, needle_message
 from dsfab.statics.boundary_conditions import all_clamped, require_held
 from dsfab.study.verdict import estimates
 from dsfab.study.verdict.estimates import rib_width
 from dsfab.study.verdict.levels import (
-    BESIDE,
-    MAIN,
-    ONCE,
+    MAIN_ELEMENTS,
+    QUICK_ELEMENTS,
+    SPREAD_ELEMENTS,
     Level,
     Shares,
     SmoothSurface,
@@ -48,12 +48,12 @@ class LoadedSurface:
     loads: Mapping[str, LoadCase]
 
     @classmethod
-    def of(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
+    def from_design(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
         """Return the surface, cases and combinations of a design, with `share` of its thickness."""
         statics = design.preset.statics
-        made, surface = statics.sheet(share * statics.thickness), design.surface
+        material, surface = statics.sheet(share * statics.thickness), design.surface
         loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
-        return cls(surface, made, loads)
+        return cls(surface, material, loads)
 
 
 class Dropped(NamedTuple):
@@ -89,7 +89,7 @@ def attached_material(
     for k in loose:
         x, y, z = s.centroids[int((label == k).argmax())].tolist()
         dropped.append(Dropped(float(area[k]), (x, y, z)))
-    sheet = material.kept(reach[label]) if loose else material
+    sheet = material.subset(reach[label]) if loose else material
     loads = sheet_loads(setting.surface, material, sheet, setting.loads)
     _require_held(sheet.surface, loads)
     return sheet, tuple(dropped), loads
@@ -195,7 +195,7 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-LEVELS = 3
+MOST_MESHES = 3
 """Limit on the number of meshes: the cut mesh and two refinements."""
 
 COUNT = {2: "two levels", 3: "three levels"}
@@ -218,13 +218,13 @@ class Refinement:
     stopped: tuple[Status, str] | None = None
     unsolved: bool = False
 
-    def up(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
+    def refine(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
         """Solve meshes until all cases pass or no further mesh is possible. loads : on the sheet."""
         forces = shares(sheet, loads)
-        bent = islice(meshes(sheet, self.smooth), LEVELS)
+        bent = islice(meshes(sheet, self.smooth), MOST_MESHES)
         for mesh in [sheet] if self.depth == "quick" else bent:
-            if told := self._too_large(mesh.surface):
-                self.stopped = "unknown", told
+            if reason := self._too_large(mesh.surface):
+                self.stopped = "unknown", reason
                 return
             try:
                 self._solve(mesh, forces)
@@ -241,14 +241,14 @@ class Refinement:
         return [self._case(name) for name in self.setting.loads]
 
     @property
-    def plane(self) -> bool:
+    def is_plane(self) -> bool:
         """True for a sheet that is solved in its plane."""
         return flat_axis(self.setting.surface, *self.setting.loads.values()) is not None
 
     @property
     def _pair(self) -> Elements:
-        pair = ONCE if self.depth == "quick" else MAIN
-        return pair.in_plane if self.plane else pair
+        pair = QUICK_ELEMENTS if self.depth == "quick" else MAIN_ELEMENTS
+        return pair.in_plane if self.is_plane else pair
 
     def _too_large(self, mesh: Surface) -> str:
         needed = memory_needed(self._pair.unknowns(mesh), self._pair.bending, solver_name())
@@ -264,30 +264,50 @@ class Refinement:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         # the first mesh alone measures the spread between both pairs
-        pairs = (ONCE,) if self.depth == "quick" else (MAIN,) if self.levels else (MAIN, BESIDE)
+        pairs = (
+            (QUICK_ELEMENTS,)
+            if self.depth == "quick"
+            else (MAIN_ELEMENTS,)
+            if self.levels
+            else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
+        )
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
 
     def _case(self, name: str) -> CaseVerdict:
-        last, values = self.levels[-1], [one.compliance[name] for one in self.levels]
+        finest, values = self.levels[-1], [mesh_level.compliance[name] for mesh_level in self.levels]
         softer = self.levels[0].softer
-        errors = last.zz_membrane[name], last.zz_bending[name], theory_share(softer[name]) if softer else 0.0
+        errors = finest.zz_membrane[name], finest.zz_bending[name], theory_share(softer[name]) if softer else 0.0
         if self.depth == "quick":
-            typical, most = estimates.QUICK
-            told = f"one solve on the cut mesh: typically within {percent(typical)}, nine in ten within {percent(most)}"
-            return CaseVerdict(name, values[0], most, "unknown", told, 0.0, *errors)
-        first = self.levels[0]
-        spread = first.midedge[name] / first.compliance[name] - 1 if first.midedge else 0.0
-        found = estimates.estimate(values, spread, sum(errors[:2]))
-        known = len(values) > 1 and found.bound <= CONVERGED
+            typical, largest_error = estimates.QUICK_ERRORS
+            reason = (
+                f"one solve on the cut mesh: typically within {percent(typical)}, nine in ten within "
+                f"{percent(largest_error)}"
+            )
+            return CaseVerdict(name, values[0], largest_error, "unknown", reason, 0.0, *errors)
+        coarsest = self.levels[0]
+        spread = coarsest.midedge[name] / coarsest.compliance[name] - 1 if coarsest.midedge else 0.0
+        compliance_estimate = estimates.estimate(values, spread, sum(errors[:2]))
+        is_known = len(values) > 1 and compliance_estimate.bound <= CONVERGED
         if len(values) == 1:
-            told = f"{percent(found.bound)} by the recovery error of one mesh, which alone shows no convergence"
-        elif known:
-            told = f"converged within {percent(found.bound)}"
+            reason = (
+                f"{percent(compliance_estimate.bound)} by the recovery error of one mesh, which alone shows "
+                "no convergence"
+            )
+        elif is_known:
+            reason = f"converged within {percent(compliance_estimate.bound)}"
         else:
-            told = f"not converged: {percent(found.bound)} after {COUNT[len(values)]}"
-        told += theory_words(errors[2]) if len(values) > 1 else ""
-        return CaseVerdict(name, found.value, found.bound, "pass" if known else "unknown", told, spread, *errors)
+            reason = f"not converged: {percent(compliance_estimate.bound)} after {COUNT[len(values)]}"
+        reason += theory_words(errors[2]) if len(values) > 1 else ""
+        return CaseVerdict(
+            name,
+            compliance_estimate.value,
+            compliance_estimate.bound,
+            "pass" if is_known else "unknown",
+            reason,
+            spread,
+            *errors,
+        )
 
 
 def theory_words(share: float) -> str:
@@ -327,29 +347,29 @@ def check(
     `sheet`.
     """
     start = time.perf_counter()
-    setting = LoadedSurface.of(subject) if isinstance(subject, Design) else subject
+    setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject
     if sheet is None:
         if not isinstance(subject, Design):
             raise ValueError("a LoadedSurface has no sheet: pass `sheet`")
         cells = subject.slicing.cells
-        sheet = cells.kept()
-    smooth = SmoothSurface.through(setting.surface)
+        sheet = cells.subset()
+    smooth = SmoothSurface.from_surface(setting.surface)
     refinement = Refinement(setting, smooth, depth, budget, progress)
-    found, dropped = _solved(refinement, sheet)
-    if cells is not None and refinement.unsolved and needles_told(found.surface):
-        better = improved(cells, setting.surface).sheet
+    attached, dropped = _solve(refinement, sheet)
+    if cells is not None and refinement.unsolved and needle_message(attached.surface):
+        better = improve_cells(cells, setting.surface).sheet
         again = Refinement(setting, smooth, depth, budget, progress)
-        solved, left = _solved(again, better.kept())
+        solved, loose = _solve(again, better.subset())
         if len(again.levels) > len(refinement.levels):
-            refinement, found, dropped = again, solved, left
-    return _verdict(refinement, found, dropped, time.perf_counter() - start)
+            refinement, attached, dropped = again, solved, loose
+    return _verdict(refinement, attached, dropped, time.perf_counter() - start)
 
 
-def _solved(refinement: Refinement, sheet: Sheet) -> tuple[Sheet, tuple[Dropped, ...]]:
+def _solve(refinement: Refinement, sheet: Sheet) -> tuple[Sheet, tuple[Dropped, ...]]:
     dropped: tuple[Dropped, ...] = ()
     try:
         sheet, dropped, loads = attached_material(refinement.setting, sheet)
-        refinement.up(sheet, loads)
+        refinement.refine(sheet, loads)
     except DsfabError as error:
         refinement.stopped = "fail", str(error)
     return sheet, dropped
@@ -369,14 +389,14 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
         status, why = refinement.stopped or ("unknown", "nothing was solved")
         cases = [CaseVerdict(name, np.nan, np.inf, status, why) for name in refinement.setting.loads]
     cases.sort(key=lambda case: (-SEVERITY.index(case.status), -case.value if np.isfinite(case.value) else 0.0))
-    first = cases[0]
-    reason = first.reason if len(cases) == 1 else f"{first.name}: {first.reason}"
-    across = members(sheet) / surface.mean_edge
-    facets = facets_of(refinement.smooth, thickness)
+    governing = cases[0]
+    reason = governing.reason if len(cases) == 1 else f"{governing.name}: {governing.reason}"
+    across = mean_member_width(sheet) / surface.mean_edge
+    facets = facet_ratio(refinement.smooth, thickness)
     warnings = tuple(_warnings(across, facets))
     return Verdict(
         refinement.depth,
-        first.status,
+        governing.status,
         reason,
         tuple(cases),
         tuple(refinement.levels),
@@ -388,26 +408,27 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
     )
 
 
-def members(sheet: Sheet) -> float:
+def mean_member_width(sheet: Sheet) -> float:
     """Return the mean width of the members (m): twice the area over the length of all borders; inf without a border."""
     return rib_width(sheet.surface)
 
 
-def facets_of(smooth: SmoothSurface, thickness: float) -> float:
+def facet_ratio(smooth: SmoothSurface, thickness: float) -> float:
     """Return L^2 / (R h) of the flat faces: eight times the median distance of an edge's middle from its chord."""
     return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 
 def _warnings(across: float, facets: float) -> list[str]:
-    told = []
-    if across < estimates.MEMBER:
-        told.append(
-            f"members are {across:.2g} edges of the uncut mesh wide in the mean (better {estimates.MEMBER:g} or more): "
+    warnings = []
+    if across < estimates.LEAST_EDGES_PER_MEMBER:
+        warnings.append(
+            f"members are {across:.2g} edges of the uncut mesh wide in the mean (better "
+            f"{estimates.LEAST_EDGES_PER_MEMBER:g} or more): "
             "their outline is coarse; make the mesh finer (surface.edge), or the stripes fewer"
         )
     if facets > FACETS:
-        told.append(
+        warnings.append(
             f"flat faces are {facets:.2g} thicknesses off the smooth surface, as L^2 / (R h) (better under "
             f"{FACETS:g}): what lies between the vertices is a guess; make the mesh finer (surface.edge)"
         )
-    return told
+    return warnings

@@ -7,13 +7,13 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, lengths
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
-TURN = float(np.radians(35))
+RAGGED_TURN = float(np.radians(35))
 """Turn of the border in the surface, radians, above which it may be ragged. Finely divided borders turn by less at each
 vertex, except at corners of the design."""
-STEPS = 12
+LEAST_TURNS = 12
 """Least number of alternating turns in a row; fewer may be design. A door in a wall has four corners, and an opening of
 a 5 m roof may have fifteen edges. (With such an opening evened, the STEP file by members failed.)"""
-APART = 3
+LARGEST_GAP = 3
 """Largest number of edges from one turn to the next; teeth of more edges are not those of the mesh."""
 FLAT = float(np.radians(150))
 """Radians; a face with a wider corner at the border has lost its height to evening, and goes."""
@@ -38,21 +38,21 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
         return EvenEdges(V, F, 0, 0.0)
     turn = _turns(V, F, edges)
     largest = float(np.ptp(V, axis=0).max())
-    moved, most = 0, 0.0
+    moved, largest_move = 0, 0.0
     for loop in boundary_loops(F, edges):
         for run, closed in _ragged_runs(turn[loop]):
             line = loop[run]
-            better = _evened(V[line], closed)
-            far = lengths(better - V[line])
+            better = _smoothed_line(V[line], closed)
+            moves = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
             # larger moves belong to a design: teeth deeper than an edge, points of a coarse star
-            if far.max() > min(step, 0.04 * largest):
+            if moves.max() > min(step, 0.04 * largest):
                 continue
-            found = _with_line(V, F, line, better)
-            if found is not None:
-                V, F = found
-                moved, most = moved + int((far > 0).sum()), max(most, float(far.max()))
-    return EvenEdges(V, F, moved, most)
+            changed = _with_line(V, F, line, better)
+            if changed is not None:
+                V, F = changed
+                moved, largest_move = moved + int((moves > 0).sum()), max(largest_move, float(moves.max()))
+    return EvenEdges(V, F, moved, largest_move)
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
@@ -65,29 +65,29 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
     """Return the indices (k,) of each ragged run of a closed line with turns (j,), and whether it is the whole line."""
-    large = np.flatnonzero(np.abs(turn) > TURN)
-    if len(large) < STEPS:
+    large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
+    if len(large) < LEAST_TURNS:
         return []
     gap = np.diff(large, append=large[0] + len(turn))
-    breaks = np.flatnonzero(gap > APART)
+    breaks = np.flatnonzero(gap > LARGEST_GAP)
     if not len(breaks):
-        return [(np.arange(len(turn)), True)] if _to_and_fro(turn[large]) else []
+        return [(np.arange(len(turn)), True)] if _alternates(turn[large]) else []
     runs = []
-    for one, other in zip(breaks, np.roll(breaks, -1), strict=True):
-        count = (other - one - 1) % len(large) + 1
-        chosen = large[(one + 1 + np.arange(count)) % len(large)]
-        if _to_and_fro(turn[chosen]):
+    for start, end in zip(breaks, np.roll(breaks, -1), strict=True):
+        count = (end - start - 1) % len(large) + 1
+        chosen = large[(start + 1 + np.arange(count)) % len(large)]
+        if _alternates(turn[chosen]):
             runs.append((np.arange(chosen[0], chosen[-1] + (len(turn) if chosen[-1] < chosen[0] else 0) + 1), False))
     return [(run % len(turn), closed) for run, closed in runs]
 
 
-def _to_and_fro(turn: Floats) -> bool:
+def _alternates(turn: Floats) -> bool:
     """Return whether turns (k,) in a row cancel, and change their sign often enough."""
     changes = int((turn[1:] * turn[:-1] < 0).sum())
-    return changes >= STEPS - 1 and bool(np.abs(turn).sum() >= 3 * abs(turn.sum()))
+    return changes >= LEAST_TURNS - 1 and bool(np.abs(turn).sum() >= 3 * abs(turn.sum()))
 
 
-def _evened(P: Floats, closed: bool) -> Floats:
+def _smoothed_line(P: Floats, closed: bool) -> Floats:
     """Return the points (k, 3) of a line without its teeth; the ends of an open line stay. Steps alternately shrink and
     swell the line, so that arcs keep their radius [Taubin 1995]."""
     for k in range(20):
@@ -99,15 +99,15 @@ def _evened(P: Floats, closed: bool) -> Floats:
 
 
 def _with_line(V: Floats, F: Ints, line: Ints, better: Floats) -> tuple[Floats, Ints] | None:
-    new = V.copy()
-    new[line] = better
+    moved = V.copy()
+    moved[line] = better
     touched: Ints = np.flatnonzero(np.isin(F, line).any(axis=1))
-    flat = _flat_ears(new, F, touched, line)
-    kept = touched[~flat]
-    before, after = area_vectors(V, F[kept]), area_vectors(new, F[kept])
+    flat = _flat_ears(moved, F, touched, line)
+    remaining = touched[~flat]
+    before, after = area_vectors(V, F[remaining]), area_vectors(moved, F[remaining])
     if (np.einsum("ki,ki->k", before, after) <= 0).any():
         return None
-    return new, np.delete(F, touched[flat], axis=0)
+    return moved, np.delete(F, touched[flat], axis=0)
 
 
 def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
@@ -139,13 +139,13 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
             j, between = i + span, np.arange(i + 1, i + span)
             if barred[i, j]:
                 continue
-            total = cost[i, between] + cost[between, j] + _weights(P[i], P[between], P[j])
-            best = int(total.argmin())
-            cost[i, j], apex[i, j] = total[best], between[best]
+            total = cost[i, between] + cost[between, j] + _triangle_costs(P[i], P[between], P[j])
+            cheapest = int(total.argmin())
+            cost[i, j], apex[i, j] = total[cheapest], between[cheapest]
     return _triangles(apex, k) if np.isfinite(cost[0, k - 1]) else None
 
 
-def _weights(a: Floats, X: Floats, b: Floats) -> Floats:
+def _triangle_costs(a: Floats, X: Floats, b: Floats) -> Floats:
     """Return the area (k,) of the triangles a, X, b; of equal areas, the smaller is that with shorter edges."""
     area = lengths(np.cross(X - a, b - a)) / 2
     squares = ((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)
@@ -153,11 +153,11 @@ def _weights(a: Floats, X: Floats, b: Floats) -> Floats:
 
 
 def _triangles(apex: Ints, k: int) -> Ints:
-    found, waiting = [], [(0, k - 1)]
+    triangles, waiting = [], [(0, k - 1)]
     while waiting:
         i, j = waiting.pop()
         if j - i > 1:
             m = int(apex[i, j])
-            found.append((i, m, j))
+            triangles.append((i, m, j))
             waiting += [(i, m), (m, j)]
-    return np.array(found)
+    return np.array(triangles)

@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, closed_length, complement, group_sums, lengths
-from dsfab.core.messages import counted, length
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, complement, group_sums, lengths, polygon_perimeter
+from dsfab.core.messages import count_phrase, length
 from dsfab.surface.clean.borders import even_edges, hole_triangles
-from dsfab.surface.clean.overlaps import crossings, single_sheets
-from dsfab.surface.clean.seams import FAR, in_reach, joined_at_points, merged, stitched
-from dsfab.surface.edge_changes import contracted, meets_link_condition, winners
+from dsfab.surface.clean.overlaps import crossing_pairs, single_sheets
+from dsfab.surface.clean.seams import ASTRAY_RATIO, in_reach, joined_at_points, merged_vertices, stitched_faces
+from dsfab.surface.edge_changes import contracted_faces, leading_candidates, meets_link_condition
 from dsfab.surface.topology import (
     EdgeTable,
     boundary_loops,
@@ -35,7 +35,7 @@ PINHOLE = 1e-3
 _NO_AREA = "without area"
 _DOUBT = ", many of all: is a part of it in another unit?"
 
-_ASTRAY = f"with corners more than {FAR:,.0f} times as far away as the others"
+_ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the others"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class MendedMesh:
         if not lost:
             return self
         doubt = _DOUBT if which == _NO_AREA and lost > 0.2 * len(self.F) else ""
-        words = f"{counted(lost, 'face')} {which} dropped{doubt}"
+        words = f"{count_phrase(lost, 'face')} {which} dropped{doubt}"
         return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
 
 
@@ -63,7 +63,7 @@ Fault = tuple[Callable[[Floats, Ints], Ints], str]
 """Function that selects the sound faces, and the words for the others."""
 
 
-def mended(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
+def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """Return the mesh V (n, 3), F (m, 3), in any unit, without faults that no design contains.
 
     metres : of that unit, for the texts of the repairs.
@@ -77,7 +77,7 @@ def mended(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = _without(stitched_mesh(_without(mesh, _TOO_MANY)), _TOO_SMALL)
-    mesh = _mend_joined(mesh) if len(mesh.F) else mesh
+    mesh = _join_at_points(mesh) if len(mesh.F) else mesh
     return _compact(_without_teeth(_without_pinholes(mesh), metres) if len(mesh.F) else mesh)
 
 
@@ -88,16 +88,16 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
-    mesh = _without(_welded(_compact(mesh)), _UNSOUND)
-    once = _unrepeated(mesh.V, mesh.F)
+    mesh = _without(_weld(_compact(mesh)), _UNSOUND)
+    once = _distinct_faces(mesh.V, mesh.F)
     twice = 2 * len(once) <= len(mesh.F)
     return _compact(mesh.with_faces(once, "that repeat others, for the sheet is there twice," if twice else _REPEATED))
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
     """Return the mesh with one sheet in place of two copies or a slab; `metres` of its unit, for the texts."""
-    V, F, told = single_sheets(mesh.V, mesh.F, metres)
-    return _compact(MendedMesh(V, F, (*mesh.repairs, *told))) if told else mesh
+    V, F, texts = single_sheets(mesh.V, mesh.F, metres)
+    return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
 
 def _without(mesh: MendedMesh, faults: tuple[Fault, ...]) -> MendedMesh:
@@ -112,12 +112,12 @@ def _compact(mesh: MendedMesh) -> MendedMesh:
     return replace(mesh, V=mesh.V[used], F=F.reshape(-1, 3))
 
 
-def _welded(mesh: MendedMesh) -> MendedMesh:
-    V, became = merged(mesh.V, WELD, partial(crossings, mesh.F))
+def _weld(mesh: MendedMesh) -> MendedMesh:
+    V, became = merged_vertices(mesh.V, WELD, partial(crossing_pairs, mesh.F))
     fewer = len(mesh.V) - len(V)
     if not fewer:
         return mesh
-    words = f"{counted(fewer, 'vertex')} welded to others within {WELD:g} of the largest side"
+    words = f"{count_phrase(fewer, 'vertex')} welded to others within {WELD:g} of the largest side"
     return MendedMesh(V, became[mesh.F], (*mesh.repairs, words))
 
 
@@ -125,16 +125,16 @@ def stitched_mesh(mesh: MendedMesh) -> MendedMesh:
     """Return the mesh in which vertices on edges of other faces are corners of these faces."""
     if not len(mesh.F):
         return mesh
-    F, joined = stitched(mesh.V, mesh.F, WELD * float(np.ptp(mesh.V, axis=0).max()))
+    F, joined = stitched_faces(mesh.V, mesh.F, WELD * float(np.ptp(mesh.V, axis=0).max()))
     if not joined:
         return mesh
-    words = f"{counted(joined, 'vertex')} on open seams joined to the edges beside"
+    words = f"{count_phrase(joined, 'vertex')} on open seams joined to the edges beside"
     return replace(mesh, F=F, repairs=(*mesh.repairs, words))
 
 
-def _mend_joined(mesh: MendedMesh) -> MendedMesh:
+def _join_at_points(mesh: MendedMesh) -> MendedMesh:
     F, count = joined_at_points(mesh.V, mesh.F)
-    words = f"parts that touch in a point joined by a face at {counted(count, 'place')}"
+    words = f"parts that touch in a point joined by a face at {count_phrase(count, 'place')}"
     return replace(mesh, F=F, repairs=(*mesh.repairs, words)) if count else mesh
 
 
@@ -145,18 +145,18 @@ def _with_area(V: Floats, F: Ints) -> Ints:
     return np.flatnonzero(twice > 1e-9 * longest**2)
 
 
-def _unrepeated(_: Floats, F: Ints) -> Ints:
+def _distinct_faces(_: Floats, F: Ints) -> Ints:
     """Return the faces (k,) without repetitions. A repeated face goes altogether if two other faces continue at one of
     its edges: it and its twin lie flat between them, as in the corners of a cushion sewn from two sheets."""
     twins = duplicate_faces(F)
     once = complement(twins, len(F))
     if not len(twins):
         return once
-    _, same, times = np.unique(np.sort(F, axis=1), axis=0, return_inverse=True, return_counts=True)
-    twin = (times > 1)[same.ravel()][once]
+    _, group, times = np.unique(np.sort(F, axis=1), axis=0, return_inverse=True, return_counts=True)
+    twin = (times > 1)[group.ravel()][once]
     edges = edge_table(F[once])
-    others = np.bincount(edges.of[~twin].ravel(), minlength=len(edges.count))
-    between: Bools = ((others == 2) & (edges.count > 2))[edges.of].any(axis=1)
+    neighbours = np.bincount(edges.of[~twin].ravel(), minlength=len(edges.count))
+    between: Bools = ((neighbours == 2) & (edges.count > 2))[edges.of].any(axis=1)
     return once[~(twin & between)]
 
 
@@ -190,16 +190,16 @@ def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
     fans = [
         np.stack([np.full(len(loop) - 2, loop[0]), loop[2:], loop[1:-1]], axis=1)
         for loop in boundary_loops(F, edge_table(F))
-        if len(loop) >= 3 and closed_length(V[loop]) < longest
+        if len(loop) >= 3 and polygon_perimeter(V[loop]) < longest
     ]
     if not fans:
         return mesh
-    return MendedMesh(V, np.concatenate([F, *fans]), (*mesh.repairs, f"{counted(len(fans), 'pinhole')} closed"))
+    return MendedMesh(V, np.concatenate([F, *fans]), (*mesh.repairs, f"{count_phrase(len(fans), 'pinhole')} closed"))
 
 
 def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     even = even_edges(mesh.V, mesh.F)
-    words = f"ragged edges made even, {counted(even.moved, 'vertex')} by up to {length(metres * even.most)}"
+    words = f"ragged edges made even, {count_phrase(even.moved, 'vertex')} by up to {length(metres * even.most)}"
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
@@ -228,13 +228,13 @@ def is_scan(V: Floats, F: Ints) -> bool:
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
-    if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded(V, F).mean() > FOLDED:
+    if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
         return True
     if mean > FINE * side:
         return False
     if (edges.count > 2).sum() >= SEVERAL:
         return True
-    return sum(closed_length(V[loop]) < HOLE * side for loop in boundary_loops(F, edges)) >= SEVERAL
+    return sum(polygon_perimeter(V[loop]) < HOLE * side for loop in boundary_loops(F, edges)) >= SEVERAL
 
 
 def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
@@ -242,35 +242,36 @@ def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
     metres : of V's unit, for the texts.
 
-    Repairs beyond `mended`: of an edge with three or more faces, the two that continue most smoothly keep it, and the
+    Repairs beyond `mended_mesh`: of an edge with three or more faces, the two that continue most smoothly keep it,
+    and the
     others get their own vertices. Parts that touch in a point are separated. Faces are oriented alike. Pieces below
     `SPECK`
     of the largest go. Holes with outlines below `HOLE` are filled. Faces folded over by noise lose their shortest edge.
     """
     mesh = single_sheet(sound_faces(V, F), metres)
-    for step in (stitched_mesh, _split, _turned, _without_specks, _filled, _unfolded):
+    for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):
         mesh = step(mesh) if len(mesh.F) else mesh
     return mesh
 
 
-def _split(mesh: MendedMesh) -> MendedMesh:
+def _split_junctions(mesh: MendedMesh) -> MendedMesh:
     edges = edge_table(mesh.F)
     crowded = np.flatnonzero(edges.count > 2)
-    kept = _smoothest(mesh.V, mesh.F, edges, crowded)
+    joined_pairs = _smoothest(mesh.V, mesh.F, edges, crowded)
     points = 0 if len(crowded) else len(pinches(mesh.F, edges, len(mesh.V)))
     if not (len(crowded) or points):
         return mesh
-    fans = corner_fans(mesh.F, edges, kept)
-    _, first = np.unique(fans, return_index=True)
-    V = mesh.V[mesh.F.ravel()[first]]
-    what = f"{counted(len(crowded), 'edge')} of more than two faces split" if len(crowded) else ""
-    what = what or f"{counted(points, 'point')} in which parts touch split"
+    fans = corner_fans(mesh.F, edges, joined_pairs)
+    _, first_corners = np.unique(fans, return_index=True)
+    V = mesh.V[mesh.F.ravel()[first_corners]]
+    what = f"{count_phrase(len(crowded), 'edge')} of more than two faces split" if len(crowded) else ""
+    what = what or f"{count_phrase(points, 'point')} in which parts touch split"
     return MendedMesh(V, fans, (*mesh.repairs, what))
 
 
 def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
     """Return the two half-edges (k, 2) of each crowded edge (k,) whose faces turn least from one to the other."""
-    found = []
+    smoothest_pairs = []
     for edge in crowded.tolist():
         h = edges.order[edges.start[edge] : edges.start[edge + 1]]
         a, b = V[edges.ends[edge]]
@@ -281,16 +282,16 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
         i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # smooth neighbours point away from each other
-        found.append((h[i], h[j]))
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+        smoothest_pairs.append((h[i], h[j]))
+    return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def _turned(mesh: MendedMesh) -> MendedMesh:
+def _orient_faces(mesh: MendedMesh) -> MendedMesh:
     flips = flips_to_orient(mesh.F, edge_table(mesh.F))
     if flips is None or not flips.any():
         return mesh
     F = np.where(flips[:, None], mesh.F[:, ::-1], mesh.F)
-    what = f"{counted(int(flips.sum()), 'face')} of {len(F):,} turned over, so that neighbours face the same side"
+    what = f"{count_phrase(int(flips.sum()), 'face')} of {len(F):,} turned over, so that neighbours face the same side"
     return replace(mesh, F=F, repairs=(*mesh.repairs, what))
 
 
@@ -302,11 +303,11 @@ def _without_specks(mesh: MendedMesh) -> MendedMesh:
         return mesh
     used, F = np.unique(mesh.F[~small[piece]], return_inverse=True)
     share = area[small].sum() / area.sum()
-    what = f"{counted(int(small.sum()), 'small piece')} dropped, {share:.2g} of the area"
+    what = f"{count_phrase(int(small.sum()), 'small piece')} dropped, {share:.2g} of the area"
     return MendedMesh(mesh.V[used], F.reshape(-1, 3), (*mesh.repairs, what))
 
 
-def _filled(mesh: MendedMesh) -> MendedMesh:
+def _fill_holes(mesh: MendedMesh) -> MendedMesh:
     """Fill small holes; unchanged if the faces cannot be oriented. The time for a hole grows with the cube of its
     edges."""
     V, F = mesh.V, mesh.F
@@ -315,17 +316,17 @@ def _filled(mesh: MendedMesh) -> MendedMesh:
         return mesh
     fills, longest = [], HOLE * float(np.ptp(V, axis=0).max())
     for loop in boundary_loops(F, edges):
-        if 3 <= len(loop) <= 400 and closed_length(V[loop]) < longest:
+        if 3 <= len(loop) <= 400 and polygon_perimeter(V[loop]) < longest:
             around = loop[::-1]
-            inside = hole_triangles(V[around], _joined(edges, around))
+            inside = hole_triangles(V[around], _joined_pairs(edges, around))
             fills += [around[inside]] if inside is not None else []
     if not fills:
         return mesh
-    what = f"{counted(len(fills), 'hole')} filled with {sum(map(len, fills)):,} faces"
+    what = f"{count_phrase(len(fills), 'hole')} filled with {sum(map(len, fills)):,} faces"
     return replace(mesh, F=np.concatenate([F, *fills]), repairs=(*mesh.repairs, what))
 
 
-def _folded(V: Floats, F: Ints) -> Bools:
+def _folded_faces(V: Floats, F: Ints) -> Bools:
     """Return the faces (m,) whose normals oppose those around; no crease between two sides does."""
     return _cosines(V, F) < 0
 
@@ -333,67 +334,67 @@ def _folded(V: Floats, F: Ints) -> Bools:
 def _cosines(V: Floats, F: Ints) -> Floats:
     """Return the cosines (m,) between the normal of each face and the mean normal of those around it."""
     area = area_vectors(V, F)
-    around = _around(V, F)[F].sum(axis=1) - 3 * area
+    around = _vertex_normal_sums(V, F)[F].sum(axis=1) - 3 * area
     return np.asarray(np.einsum("ij,ij->i", around, area) / np.maximum(lengths(around) * lengths(area), 1e-300))
 
 
-def _crumpled(V: Floats, F: Ints) -> Bools:
+def _crumpled_faces(V: Floats, F: Ints) -> Bools:
     side = np.stack([lengths(V[F[:, k]] - V[F[:, k - 1]]) for k in range(3)], axis=1)
     cosine, height = _cosines(V, F), lengths(area_vectors(V, F)) / side.max(axis=1)
     return np.asarray((cosine < 0) | ((cosine < TILTED) & (height < LOW * side.mean())))
 
 
-def _around(V: Floats, F: Ints) -> Floats:
+def _vertex_normal_sums(V: Floats, F: Ints) -> Floats:
     """Return the sum (n, 3) of twice the area vectors of the faces at each vertex."""
     return group_sums(F.ravel(), np.repeat(area_vectors(V, F), 3, axis=0), len(V))
 
 
-def _unfolded(mesh: MendedMesh) -> MendedMesh:
+def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
     """Collapse the shortest edges of faces that noise has crumpled, until noise is less than the edges' lengths. The
     mesh is unchanged if its faces are not oriented alike."""
     V, F = mesh.V, mesh.F
-    if not _folded(V, F).any() or len(misoriented_edges(F, edge_table(F))):
+    if not _folded_faces(V, F).any() or len(misoriented_edges(F, edge_table(F))):
         return mesh
-    crumpled = _crumpled(V, F)
+    crumpled = _crumpled_faces(V, F)
     count = int(crumpled.sum())
     for _ in range(50):
-        V, onto = _collapsed(V, F, crumpled)
-        F = contracted(F, onto)
-        crumpled = _crumpled(V, F)
+        V, onto = _collapse_edges(V, F, crumpled)
+        F = contracted_faces(F, onto)
+        crumpled = _crumpled_faces(V, F)
         if (onto == np.arange(len(V))).all() or not crumpled.any():
             break
     used, F = np.unique(F, return_inverse=True)
-    lost = counted(len(V) - len(used), "short edge")
-    what = f"{counted(count, 'face')} folded over or tilted by noise flattened: {lost} collapsed"
+    lost = count_phrase(len(V) - len(used), "short edge")
+    what = f"{count_phrase(count, 'face')} folded over or tilted by noise flattened: {lost} collapsed"
     return MendedMesh(V[used], F.reshape(-1, 3), (*mesh.repairs, what))
 
 
-def _collapsed(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
+def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
     """Collapse the shortest edges of crumpled faces (m,): return the vertices (n, 3), and the target (n,) of each. The
     target is the middle, or the boundary. Edges that would join two boundaries or change the topology stay."""
     edges, n = edge_table(F), len(V)
-    rim, of = on_boundary(edges, n), edges.of[crumpled]
+    rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)
-    near = np.unique(of)
-    near = near[meets_link_condition(edges, near, n)]
-    near = near[edges.boundary[near] | ~rim[edges.ends[near]].all(axis=1)]
-    length[near] = lengths(V[edges.ends[near, 1]] - V[edges.ends[near, 0]])
-    chosen = np.unique(of[np.arange(len(of)), length[of].argmin(axis=1)])
+    candidates = np.unique(face_edges)
+    candidates = candidates[meets_link_condition(edges, candidates, n)]
+    candidates = candidates[edges.boundary[candidates] | ~rim[edges.ends[candidates]].all(axis=1)]
+    length[candidates] = lengths(V[edges.ends[candidates, 1]] - V[edges.ends[candidates, 0]])
+    chosen = np.unique(face_edges[np.arange(len(face_edges)), length[face_edges].argmin(axis=1)])
     chosen = chosen[np.isfinite(length[chosen])]
     order = np.argsort(length[chosen], kind="stable")
-    kept, gone = edges.ends[chosen[winners(order, edges.ends[chosen], n, edges.ends)]].T
-    kept, gone = np.where(rim[gone], gone, kept), np.where(rim[gone], kept, gone)
+    targets, gone = edges.ends[chosen[leading_candidates(order, edges.ends[chosen], n, edges.ends)]].T
+    targets, gone = np.where(rim[gone], gone, targets), np.where(rim[gone], targets, gone)
     onto, V = np.arange(n), V.copy()
-    onto[gone] = kept
-    V[kept] = np.where((rim[kept] == rim[gone])[:, None], (V[kept] + V[gone]) / 2, V[kept])
+    onto[gone] = targets
+    V[targets] = np.where((rim[targets] == rim[gone])[:, None], (V[targets] + V[gone]) / 2, V[targets])
     return V, onto
 
 
-def _joined(edges: EdgeTable, loop: Ints) -> Bools:
+def _joined_pairs(edges: EdgeTable, loop: Ints) -> Bools:
     place = np.full(int(edges.ends.max()) + 1, -1)
     place[loop] = np.arange(len(loop))
     i, j = place[edges.ends].T
-    both = (i >= 0) & (j >= 0)
+    inside = (i >= 0) & (j >= 0)
     joined = np.zeros((len(loop),) * 2, dtype=bool)
-    joined[i[both], j[both]] = joined[j[both], i[both]] = True
+    joined[i[inside], j[inside]] = joined[j[inside], i[inside]] = True
     return joined

@@ -7,27 +7,29 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, along_segments, distinct, from_segments, lengths
-from dsfab.surface.topology import EdgeTable, connected, corner_fans, edge_table, next_half_edge, pinches
+from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, distinct, lengths, positions_on_segments
+from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
-FAR = 1000.0
+ASTRAY_RATIO = 1000.0
 """Ratio of a vertex's distance from the middle to that of 99 % of vertices, above which a number in the file is
 broken."""
 
 
 def in_reach(V: Floats) -> Bools:
     """Return the vertices of V (n, 3) with finite numbers that are not astray: see `FAR`."""
-    near: Bools = np.asarray(np.isfinite(V).all(axis=1))
-    if not near.any():
-        return near
-    from_middle = np.abs(V[near] - np.median(V[near], axis=0)).max(axis=1)
-    most = float(np.quantile(from_middle, 0.99, method="lower"))
-    if most > 0:
-        near[near] = from_middle <= FAR * most
-    return near
+    is_near: Bools = np.asarray(np.isfinite(V).all(axis=1))
+    if not is_near.any():
+        return is_near
+    from_middle = np.abs(V[is_near] - np.median(V[is_near], axis=0)).max(axis=1)
+    typical = float(np.quantile(from_middle, 0.99, method="lower"))
+    if typical > 0:
+        is_near[is_near] = from_middle <= ASTRAY_RATIO * typical
+    return is_near
 
 
-def merged(V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None) -> tuple[Floats, Ints]:
+def merged_vertices(
+    V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
+) -> tuple[Floats, Ints]:
     """Merge vertices V (n, 3) at the same place into the first of them; return the rest, and the target (n,) of each.
 
     within : share of the mesh's largest side that counts as one place; no vertex moves further. The default covers
@@ -46,26 +48,27 @@ def merged(V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | Non
         return alone
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(V), len(V)))
     label = connected_components(links, directed=False)[1]
-    _, first, became = np.unique(label, return_index=True, return_inverse=True)
-    at = _without_chains(V, pairs, first[became.ravel()], reach)
-    kept, became = np.unique(at, return_inverse=True)
-    return V[kept], became.ravel()
+    _, first_vertices, became = np.unique(label, return_index=True, return_inverse=True)
+    targets = _without_chains(V, pairs, first_vertices[became.ravel()], reach)
+    remaining, became = np.unique(targets, return_inverse=True)
+    return V[remaining], became.ravel()
 
 
-def _without_chains(V: Floats, pairs: Ints, at: Ints, reach: float) -> Ints:
-    """Return the target (n,) of each vertex: the first `at` of its group, unless it is further than `reach`. Groups may
+def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
+    """Return the target (n,) of each vertex: the first `targets` of its group, unless it is further than `reach`.
+    Groups may
     be chains, so that a finely divided outline would shrink to a point. Along such a chain a vertex becomes the first
     vertex within reach that stays."""
-    long = np.unique(at[lengths(V - V[at]) > reach])
+    long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
-        return at
-    near: dict[int, list[int]] = {}
-    for a, b in np.sort(pairs[np.isin(at[pairs[:, 0]], long)], axis=1).tolist():
-        near.setdefault(b, []).append(a)
-    at = at.copy()
-    for vertex in np.flatnonzero(np.isin(at, long)).tolist():
-        at[vertex] = min((k for k in near.get(vertex, ()) if at[k] == k), default=vertex)
-    return at
+        return targets
+    neighbours: dict[int, list[int]] = {}
+    for a, b in np.sort(pairs[np.isin(targets[pairs[:, 0]], long)], axis=1).tolist():
+        neighbours.setdefault(b, []).append(a)
+    targets = targets.copy()
+    for vertex in np.flatnonzero(np.isin(targets, long)).tolist():
+        targets[vertex] = min((k for k in neighbours.get(vertex, ()) if targets[k] == k), default=vertex)
+    return targets
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
@@ -77,7 +80,7 @@ def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 def coincident(V: Floats) -> int:
     """Return the number of vertices V (n, 3) at the place of an earlier one."""
-    return len(V) - len(merged(V)[0])
+    return len(V) - len(merged_vertices(V)[0])
 
 
 SAG = 1 / 15
@@ -85,7 +88,7 @@ SAG = 1 / 15
 are that far apart between them. Seams narrower than `within` need not share any vertex."""
 
 
-def stitched(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
+def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
     """Return the faces F (m, 3) of the mesh V (n, 3), those along open seams as fans, and the number of joined
     vertices.
 
@@ -108,25 +111,25 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
     """Return half-edges (k,) on the boundary, at most one of a face, and the vertices (k,) of other faces on them."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
-    edge, vertex = _near(V, ends, within)
+    edge, vertex = _near_vertices(V, ends, within)
     if not len(edge):
         return half[:0], vertex
-    far = from_segments(V[vertex], V[ends[edge, 0]], V[ends[edge, 1]])
+    distance = distances_from_segments(V[vertex], V[ends[edge, 0]], V[ends[edge, 1]])
     long = lengths(V[ends[edge, 1]] - V[ends[edge, 0]])
-    on = (far <= within) | ((far <= SAG * long) & _of_one_seam(ends, edge, vertex))
-    on &= (F[half[edge] // 3] != vertex[:, None]).all(axis=1)
-    edge, vertex, far = edge[on], vertex[on], far[on]
-    nearest = np.lexsort((far, vertex))
+    is_on = (distance <= within) | ((distance <= SAG * long) & _on_one_seam(ends, edge, vertex))
+    is_on &= (F[half[edge] // 3] != vertex[:, None]).all(axis=1)
+    edge, vertex, distance = edge[is_on], vertex[is_on], distance[is_on]
+    nearest = np.lexsort((distance, vertex))
     nearest = nearest[np.diff(vertex[nearest], prepend=-1) > 0]
     edge, vertex = edge[nearest], vertex[nearest]
     face = half[edge] // 3
-    first = np.full(len(F), len(alone))
-    np.minimum.at(first, face, edge)
-    now = first[face] == edge
+    first_edge = np.full(len(F), len(alone))
+    np.minimum.at(first_edge, face, edge)
+    now = first_edge[face] == edge
     return half[edge[now]], vertex[now]
 
 
-def _near(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
+def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     """Return edges (k,) of those with ends (b, 2), and vertices (k,) of others that lie beside their inside. The
     distance is `SAG` of an edge where boundaries meet; it is `within` if all are closed loops, which have no seams."""
     a, b = V[ends].transpose(1, 0, 2)
@@ -134,54 +137,54 @@ def _near(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     long = lengths(b - a)
     reach = np.maximum((0.0 if loops else SAG) * long, within)
     tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
-    found = [np.zeros((0, 2), dtype=np.int64)]
+    pairs = [np.zeros((0, 2), dtype=np.int64)]
     while len(edge):
         # a long edge among many vertices, as in a comb of spikes, is divided (in two, a comb takes 1.2 times as long)
         middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
         radius = size / 2 * long[edge] + reach[edge]
-        crowded, k, near = _few_within(tree, middle, radius)
-        found.append(np.stack([edge[k], border[near]], axis=1))
+        crowded, k, border_index = _few_within(tree, middle, radius)
+        pairs.append(np.stack([edge[k], border[border_index]], axis=1))
         long_ones = crowded & (size * long[edge] > reach[edge])
-        k, near = _all_within(tree, middle, radius, np.flatnonzero(crowded & ~long_ones))
-        found.append(np.stack([edge[k], border[near]], axis=1))
+        k, border_index = _all_within(tree, middle, radius, np.flatnonzero(crowded & ~long_ones))
+        pairs.append(np.stack([edge[k], border[border_index]], axis=1))
         size /= 4
         edge, start = np.repeat(edge[long_ones], 4), (start[long_ones, None] + size * np.arange(4)).ravel()
-    edge, vertex = _different(np.concatenate(found), len(V))
-    along = along_segments(V[vertex], a[edge], b[edge])
-    beside = (along > 0) & (along < 1) & (ends[edge] != vertex[:, None]).all(axis=1)
-    return edge[beside], vertex[beside]
+    edge, vertex = _distinct_pairs(np.concatenate(pairs), len(V))
+    along = positions_on_segments(V[vertex], a[edge], b[edge])
+    is_beside = (along > 0) & (along < 1) & (ends[edge] != vertex[:, None]).all(axis=1)
+    return edge[is_beside], vertex[is_beside]
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
     """Find the points of a tree in balls around places (b, 3): return the balls (b,) with more than `crowd`; of the
     others, the balls (k,) and the points (k,). A count would visit all points of a large ball."""
     # the tree's bound is exclusive
-    far, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
-    inside = far <= radius[:, None]
+    distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
+    inside = distance <= radius[:, None]
     crowded: Bools = inside[:, crowd]
     k, column = np.nonzero(inside & ~crowded[:, None])
     return crowded, k, np.asarray(point, dtype=np.int64)[k, column]
 
 
-def _all_within(tree: cKDTree, places: Floats, radius: Floats, some: Ints) -> tuple[Ints, Ints]:
-    lists: list[list[int]] = list(tree.query_ball_point(places[some], radius[some])) if len(some) else []
+def _all_within(tree: cKDTree, places: Floats, radius: Floats, selected: Ints) -> tuple[Ints, Ints]:
+    lists: list[list[int]] = list(tree.query_ball_point(places[selected], radius[selected])) if len(selected) else []
     points = np.concatenate([np.zeros(0, dtype=np.int64), *lists]).astype(np.int64)
-    return np.repeat(some, [len(each) for each in lists]), points
+    return np.repeat(selected, [len(members) for members in lists]), points
 
 
-def _different(pairs: Ints, n: int) -> tuple[Ints, Ints]:
+def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
     """Return both columns of the distinct pairs (k, 2), in order; the second is less than n."""
-    first, second = np.divmod(distinct(pairs[:, 0] * n + pairs[:, 1]), n)
-    return first, second
+    first_column, second_column = np.divmod(distinct(pairs[:, 0] * n + pairs[:, 1]), n)
+    return first_column, second_column
 
 
-def _of_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
+def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
     """Return whether (k,) a boundary edge and a vertex lie on two strands between the same vertices, in which parts
     touch. A strand is a part of the boundary, edges (b, 2), between vertices with other than two boundary edges."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
-    count, strand = connected(len(ends), *pairs.T)
+    count, strand = link_components(len(ends), *pairs.T)
     of_vertex = np.full(len(degree), -1)
     of_vertex[ends] = strand[:, None]
     node = degree[ends] != 2
@@ -189,22 +192,22 @@ def _of_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
     np.maximum.at(stops[:, 1], np.repeat(strand, 2)[node.ravel()], ends[node])
     stops[:, 0] = len(degree)
     np.minimum.at(stops[:, 0], np.repeat(strand, 2)[node.ravel()], ends[node])
-    mine, other = strand[edge], of_vertex[vertex]
-    met = (stops[mine] == stops[other]).all(axis=1) & (stops[mine, 1] >= 0)
-    return np.asarray(met & (mine != other) & (degree[vertex] == 2))
+    edge_strand, vertex_strand = strand[edge], of_vertex[vertex]
+    met = (stops[edge_strand] == stops[vertex_strand]).all(axis=1) & (stops[edge_strand, 1] >= 0)
+    return np.asarray(met & (edge_strand != vertex_strand) & (degree[vertex] == 2))
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
     """Return the faces (m', 3) with vertices (k,) on half-edges (k,), one of a face, as fans around the corner across.
     The first triangle of a fan takes the place of the face; the others follow at the end."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
-    order = np.lexsort((along_segments(V[vertex], V[start], V[end]), half))
+    order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
-    last = np.append(half[1:] != half[:-1], True)
-    onward = np.where(last, end, np.roll(vertex, -1))
+    is_last = np.append(half[1:] != half[:-1], True)
+    onward = np.where(is_last, end, np.roll(vertex, -1))
     faces = F.copy()
-    first = np.append(True, last[:-1])
-    faces.ravel()[next_half_edge(half[first])] = vertex[first]
+    is_first = np.append(True, is_last[:-1])
+    faces.ravel()[next_half_edge(half[is_first])] = vertex[is_first]
     return np.concatenate([faces, np.stack([vertex, onward, across], axis=1)])
 
 
@@ -218,15 +221,15 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
         return F, 0
     fans, alone = corner_fans(F, edges), edges.order[edges.start[:-1][edges.boundary]]
     onward = next_half_edge(alone)
-    at = np.concatenate([F.ravel()[alone], F.ravel()[onward]])
+    corner_vertex = np.concatenate([F.ravel()[alone], F.ravel()[onward]])
     away = np.concatenate([F.ravel()[onward], F.ravel()[alone]])
     fan = np.concatenate([fans.ravel()[alone], fans.ravel()[onward]])
-    new = [_gusset(V, int(v), away[at == v], fan[at == v]) for v in points]
-    found = np.array([face for face in new if face is not None], dtype=np.int64).reshape(-1, 3)
-    _, first = np.unique(np.sort(found, axis=1), axis=0, return_index=True)
-    faces = np.concatenate([F, found[np.sort(first)]])
+    candidates = [_gusset(V, int(v), away[corner_vertex == v], fan[corner_vertex == v]) for v in points]
+    gussets = np.array([face for face in candidates if face is not None], dtype=np.int64).reshape(-1, 3)
+    _, first_faces = np.unique(np.sort(gussets, axis=1), axis=0, return_index=True)
+    faces = np.concatenate([F, gussets[np.sort(first_faces)]])
     crowded = (edge_table(faces).count > 2).sum() > (edges.count > 2).sum()
-    return (F, 0) if crowded else (faces, len(first))
+    return (F, 0) if crowded else (faces, len(first_faces))
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:

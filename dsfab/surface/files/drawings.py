@@ -12,22 +12,22 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import SurfaceError, did_you_mean
-from dsfab.core.messages import counted
+from dsfab.core.messages import count_phrase
 from dsfab.core.units import METRES_PER, metres_per
 from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.polygons import Polygons, triangles
 from dsfab.surface.files.reading import (
-    FLAT,
-    LARGEST,
+    CURVE_TOLERANCE,
+    LARGEST_NUMBER,
     Budget,
     Drawing,
     DrawingBudget,
     MalformedFileError,
     TriangleFile,
-    flattened,
+    curve_points,
     readable,
 )
-from dsfab.surface.files.separate_process import read_rhino_apart
+from dsfab.surface.files.separate_process import read_rhino_in_process
 
 UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}
 """Units by DXF's $INSUNITS."""
@@ -69,13 +69,13 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
             count += len(mesh.V)
             budget.require_vertices(count)
     if not V:
-        what = f"{counted(solids, 'solid')} or surface and no mesh" if solids else "no mesh"
+        what = f"{count_phrase(solids, 'solid')} or surface and no mesh" if solids else "no mesh"
         raise SurfaceError(f"it holds {what}: no 3DFACE, MESH or polyface; export the surface as a mesh, or as STEP")
-    whole = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
-    points, faces = equal_merged(np.concatenate(V), whole.F)
+    cut_mesh = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
+    points, faces = equal_merged(np.concatenate(V), cut_mesh.F)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     unit = _unit(document)
-    dropped = (f"{counted(solids, 'solid')} or surface",) if solids else ()
+    dropped = (f"{count_phrase(solids, 'solid')} or surface",) if solids else ()
     return TriangleFile(points, faces, unit, metres_per(unit or "m"), (), dropped)
 
 
@@ -134,20 +134,20 @@ class _Entities:
             self.budget.require("entities", self.count)
             _require_numbers(entity)
             if entity.dxftype() == "INSERT":
-                yield from self._inserted(entity, depth)
+                yield from self._block_entities(entity, depth)
             else:
                 yield entity
 
-    def _inserted(self, insert: Any, depth: int) -> Iterator[tuple[str, Floats]]:
+    def _block_entities(self, insert: Any, depth: int) -> Iterator[tuple[str, Floats]]:
         self.budget.require("entities", self.count + insert.mcount)
-        for one in insert.multi_insert() if insert.mcount > 1 else (insert,):
-            yield from self.leaves(one.virtual_entities(), depth + 1)
+        for placed in insert.multi_insert() if insert.mcount > 1 else (insert,):
+            yield from self.leaves(placed.virtual_entities(), depth + 1)
 
 
 def _require_numbers(entity: Any) -> None:
     for key, value in entity.dxf.all_existing_dxf_attribs().items():
         numbers = value if hasattr(value, "xyz") else [value] if isinstance(value, float) else []
-        if not all(abs(x) < LARGEST for x in numbers):
+        if not all(abs(x) < LARGEST_NUMBER for x in numbers):
             raise MalformedFileError(f"a {entity.dxftype()} has {key} = {value}")
 
 
@@ -159,18 +159,18 @@ def _curves(entity: Any) -> Iterator[Floats]:
         yield _spline_points(entity)
         return
     try:
-        drawn = paths.make_path(entity)
+        path = paths.make_path(entity)
     except TypeError:
         return
     closed = bool(getattr(entity, "closed", False) or getattr(entity, "is_closed", False))
-    yield from (_path_points(part, closed) for part in drawn.sub_paths())
+    yield from (_path_points(part, closed) for part in path.sub_paths())
 
 
 def _path_points(part: Any, closed: bool) -> Floats:
     size = float(np.linalg.norm(np.ptp(np.array([[*point] for point in part.control_vertices()]), axis=0)))
     if not size:
         return np.empty((0, 3))
-    points = np.array([[*point] for point in part.flattening(FLAT * size, segments=4)])
+    points = np.array([[*point] for point in part.flattening(CURVE_TOLERANCE * size, segments=4)])
     return np.concatenate([points, points[:1]]) if closed and (points[0] != points[-1]).any() else points
 
 
@@ -180,10 +180,10 @@ def _spline_points(spline: Any) -> Floats:
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
-    return flattened(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
+    return curve_points(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
 
 
-CLOSE = 1e-6
+SAME_PLACE = 1e-6
 """Share of the drawing's size within which two ends of curves meet."""
 
 
@@ -200,22 +200,22 @@ class Marks:
         return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
 
     @property
-    def closed(self) -> list[Floats]:
+    def closed_runs(self) -> list[Floats]:
         """Curves that end where they begin."""
         return [run for run in self.curves if _ends_meet(run)]
 
     @property
-    def open(self) -> list[Floats]:
+    def open_runs(self) -> list[Floats]:
         """Curves whose ends are apart."""
         return [run for run in self.curves if not _ends_meet(run)]
 
 
 def _ends_meet(run: Floats) -> bool:
     size = float(np.linalg.norm(np.ptp(run, axis=0)))
-    return len(run) > 3 and float(np.linalg.norm(run[0] - run[-1])) <= CLOSE * size
+    return len(run) > 3 and float(np.linalg.norm(run[0] - run[-1])) <= SAME_PLACE * size
 
 
-_READERS = {".dxf": read_dxf, ".3dm": read_rhino_apart}
+_READERS = {".dxf": read_dxf, ".3dm": read_rhino_in_process}
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
@@ -235,7 +235,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
         about = path.stat()
     except OSError as error:
         raise SurfaceError(f"the drawing {path} cannot be read: {error.strerror}") from None
-    return _read_once(path, layer, unit, about.st_mtime_ns, about.st_size)
+    return _cached_curves(path, layer, unit, about.st_mtime_ns, about.st_size)
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
@@ -245,38 +245,38 @@ def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str
     """
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
-    found = {}
+    marks = {}
     for word in words:
         points = [metres * place for layer, place in drawing.points if layer.lower() == word]
         curves = [metres * run for layer, run in drawing.runs if layer.lower() == word and len(run) > 1]
-        layer = next((one for one in drawing.layers if one.lower() == word), word)
+        layer = next((name for name in drawing.layers if name.lower() == word), word)
         if points or curves:
-            found[word] = Marks(layer, np.concatenate(points) if points else np.empty((0, 3)), tuple(curves))
-    return found
+            marks[word] = Marks(layer, np.concatenate(points) if points else np.empty((0, 3)), tuple(curves))
+    return marks
 
 
 @lru_cache(maxsize=16)
-def _read_once(path: Path, layer: str | None, unit: str | None, _changed: int, size: int) -> tuple[Floats, ...]:
+def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: int, size: int) -> tuple[Floats, ...]:
     """Return the curves of a file in its present state, cached because pickers read them repeatedly."""
     budget = DrawingBudget()
     drawing = _drawing(path, size, budget)
     if layer is not None and layer not in drawing.layers:
-        told = ", ".join(drawing.layers[:12]) + (", ..." if len(drawing.layers) > 12 else "")
+        layer_names = ", ".join(drawing.layers[:12]) + (", ..." if len(drawing.layers) > 12 else "")
         raise SurfaceError(
-            f"{path} has no layer {layer!r}{did_you_mean(layer, drawing.layers)}; its layers are: {told}"
+            f"{path} has no layer {layer!r}{did_you_mean(layer, drawing.layers)}; its layers are: {layer_names}"
         )
     if unit is None and drawing.unit is None:
         raise SurfaceError(f'{path} does not say its unit; give unit = "mm", or one of {", ".join(METRES_PER)}')
     where = f"{path}" + (f", layer {layer!r}," if layer is not None else "")
-    found = [run for name, run in drawing.runs if layer in (None, name) and len(run) > 1]
-    if not found:
+    curves = [run for name, run in drawing.runs if layer in (None, name) and len(run) > 1]
+    if not curves:
         raise SurfaceError(
             f"{where} has no curve; draw a closed one, as polyline, circle, ellipse, spline, lines or arcs"
         )
-    if not all((np.abs(run) < LARGEST).all() for run in found):
+    if not all((np.abs(run) < LARGEST_NUMBER).all() for run in curves):
         raise SurfaceError(f"{where} has a curve with a point that is none, or beyond all drawings; draw it again")
     metres = metres_per(unit or drawing.unit or "m")
-    return tuple(metres * loop for loop in _loops(found, where, budget))
+    return tuple(metres * loop for loop in _loops(curves, where, budget))
 
 
 def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
@@ -291,25 +291,25 @@ def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Fl
     """Join runs whose ends meet, in the order of the file; yield the closed curves without their repeated last point.
     Raises SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
-    close = CLOSE * float(np.linalg.norm(np.ptp(corners, axis=0)))
+    tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # 2 k is where run k begins, 2 k + 1 its end
     free = np.ones(len(runs), dtype=bool)
-    for first in range(len(runs)):
-        if not free[first]:
+    for start in range(len(runs)):
+        if not free[start]:
             continue
-        free[first], chain = False, [runs[first]]
-        while np.linalg.norm(chain[0][0] - chain[-1][-1]) > close or (len(chain) == 1 and len(chain[0]) < 3):
+        free[start], chain = False, [runs[start]]
+        while np.linalg.norm(chain[0][0] - chain[-1][-1]) > tolerance or (len(chain) == 1 and len(chain[0]) < 3):
             budget.require_time()
-            near = (end for end in sorted(ends.query_ball_point(chain[-1][-1], close)) if free[end // 2])
-            if (end := next(near, None)) is None:
-                raise SurfaceError(_open(np.concatenate(chain), where))
+            candidates = (end for end in sorted(ends.query_ball_point(chain[-1][-1], tolerance)) if free[end // 2])
+            if (end := next(candidates, None)) is None:
+                raise SurfaceError(_open_curve_message(np.concatenate(chain), where))
             free[end // 2] = False
             chain.append(runs[end // 2][::-1] if end % 2 else runs[end // 2])
-        whole = np.concatenate([chain[0], *(run[1:] for run in chain[1:])])
-        yield whole[:-1]
+        loop = np.concatenate([chain[0], *(run[1:] for run in chain[1:])])
+        yield loop[:-1]
 
 
-def _open(run: Floats, where: str) -> str:
+def _open_curve_message(run: Floats, where: str) -> str:
     ends = " and ".join(f"({', '.join(f'{x:.6g}' for x in end)})" for end in (run[0], run[-1]))
     gap = float(np.linalg.norm(run[0] - run[-1]))
     return (

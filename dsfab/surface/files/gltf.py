@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsfab.core.arrays import Floats, Ints
-from dsfab.core.messages import counted
+from dsfab.core.messages import count_phrase
 from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, text_file
-from dsfab.surface.orientation import upright
+from dsfab.surface.orientation import upright_vertices
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -90,9 +90,9 @@ def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) ->
 
 def _elements(buffers: Buffers, entry: dict[str, Any], kind: str, count: int, width: int) -> NDArray[Any]:
     data, stride = buffers.view(_count(entry["bufferView"]))
-    start, each = _count(entry.get("byteOffset", 0)), np.dtype(kind).itemsize * width
-    stride = stride or each
-    if stride < each or (count and start + stride * (count - 1) + each > len(data)):
+    start, element_size = _count(entry.get("byteOffset", 0)), np.dtype(kind).itemsize * width
+    stride = stride or element_size
+    if stride < element_size or (count and start + stride * (count - 1) + element_size > len(data)):
         raise MalformedFileError(
             f"{count:,} elements are announced that its bytes do not hold: it is damaged or cut off"
         )
@@ -106,10 +106,10 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
     kind = _TYPES.get(indices["componentType"])
     if kind is None or count > len(values):
         raise MalformedFileError("it replaces more elements than there are")
-    at = _elements(buffers, indices, kind, count, 1).ravel().astype(np.int64)
-    if count and not 0 <= at.min() <= at.max() < len(values):
+    positions = _elements(buffers, indices, kind, count, 1).ravel().astype(np.int64)
+    if count and not 0 <= positions.min() <= positions.max() < len(values):
         raise MalformedFileError("it replaces elements that are not there")
-    values[at] = _elements(buffers, sparse["values"], values.dtype.str, count, values.shape[1])
+    values[positions] = _elements(buffers, sparse["values"], values.dtype.str, count, values.shape[1])
     return values
 
 
@@ -133,37 +133,38 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
         raise MalformedFileError("there is no glTF header")
     if len(data) < 20:
         raise MalformedFileError("it is cut off within its header")
-    version, whole = struct.unpack_from("<II", data, 4)
+    version, announced = struct.unpack_from("<II", data, 4)
     if version != 2:
         raise MalformedFileError(f"its version of glTF is {version}, and dsfab reads 2")
-    if whole > len(data):
-        raise MalformedFileError(f"it announces {whole:,} bytes and has {len(data):,}: it is cut off")
+    if announced > len(data):
+        raise MalformedFileError(f"it announces {announced:,} bytes and has {len(data):,}: it is cut off")
     chunks: dict[int, bytes] = {}
-    at = 12
-    while at + 8 <= whole:
-        size, kind = struct.unpack_from("<II", data, at)
-        if at + 8 + size > whole:
+    position = 12
+    while position + 8 <= announced:
+        size, kind = struct.unpack_from("<II", data, position)
+        if position + 8 + size > announced:
             raise MalformedFileError("one of its parts is longer than the file")
-        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
-        at += 8 + size
+        chunks.setdefault(kind, data[position + 8 : position + 8 + size])
+        position += 8 + size
     if _JSON not in chunks:
         raise MalformedFileError("it has no part that says what it holds")
-    more = len(data) - whole
-    dropped = (f"{counted(more, 'byte')} after its end",) if more else ()
-    return _scene(_parsed(chunks[_JSON]), chunks.get(_BIN), None, budget, dropped)
+    extra_bytes = len(data) - announced
+    dropped = (f"{count_phrase(extra_bytes, 'byte')} after its end",) if extra_bytes else ()
+    return _scene(_json_tree(chunks[_JSON]), chunks.get(_BIN), None, budget, dropped)
 
 
-def read_gltf(data: bytes, budget: Budget, beside: Callable[[str], bytes]) -> TriangleFile:
-    """Return the triangles of the scene in a JSON file; `beside` returns the content of a file next to it. Vertices at
+def read_gltf(data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes]) -> TriangleFile:
+    """Return the triangles of the scene in a JSON file; `read_neighbour` returns the content of a file next to it.
+    Vertices at
     exactly the same place become one; y, up by the specification, becomes z. Raises MalformedFileError for a broken
     file, SurfaceError beyond the budget."""
     if data[:4] == b"glTF":
-        return read_glb(data, budget, beside)
+        return read_glb(data, budget, read_neighbour)
     file = text_file(data)
-    return _scene(_parsed(file.text.encode("utf-8")), None, beside, budget, (), file.doubts)
+    return _scene(_json_tree(file.text.encode("utf-8")), None, read_neighbour, budget, (), file.doubts)
 
 
-def _parsed(data: bytes) -> dict[str, Any]:
+def _json_tree(data: bytes) -> dict[str, Any]:
     try:
         tree = json.loads(data)
     except (ValueError, RecursionError):
@@ -182,24 +183,24 @@ def _parsed(data: bytes) -> dict[str, Any]:
 def _scene(
     tree: dict[str, Any],
     binary: bytes | None,
-    beside: Callable[[str], bytes] | None,
+    read_neighbour: Callable[[str], bytes] | None,
     budget: Budget,
     dropped: tuple[str, ...] = (),
     doubts: tuple[str, ...] = (),
 ) -> TriangleFile:
-    scene = _Scene(tree, Buffers(tree, binary, beside, budget), budget)
+    scene = _Scene(tree, Buffers(tree, binary, read_neighbour, budget), budget)
     try:
         parts = list(scene.parts())
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("a part that its JSON names is missing or of another kind") from None
-    passed = tuple(counted(count, thing) for thing, count in scene.passed.items())
+    passed = tuple(count_phrase(count, thing) for thing, count in scene.passed.items())
     if not parts:
         return TriangleFile(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64), "m", 1.0, doubts, (*dropped, *passed))
     offsets = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1]
     V = np.concatenate([V for V, _ in parts])
     F = np.concatenate([F + offset for (_, F), offset in zip(parts, offsets.tolist(), strict=True)])
     V, F = equal_merged(V, F)
-    return TriangleFile(upright(V, "y"), F, "m", 1.0, doubts, (*dropped, *passed))
+    return TriangleFile(upright_vertices(V, "y"), F, "m", 1.0, doubts, (*dropped, *passed))
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ class _Scene:
 
     def parts(self) -> Iterator[tuple[Floats, Ints]]:
         total = 0
-        for mesh, matrix in self._placed():
+        for mesh, matrix in self._placed_meshes():
             for primitive in self.tree["meshes"][mesh]["primitives"]:
                 mode = primitive.get("mode", _TRIANGLES)
                 if mode not in (_TRIANGLES, _STRIP, _FAN):
@@ -223,7 +224,7 @@ class _Scene:
                 self.budget.require_time()
                 yield V @ matrix[:3, :3].T + matrix[:3, 3] if (matrix != np.eye(4)).any() else V, F
 
-    def _placed(self) -> Iterator[tuple[int, Floats]]:
+    def _placed_meshes(self) -> Iterator[tuple[int, Floats]]:
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         if not scenes:
             raise MalformedFileError("it names no scene, so that nothing says what is shown")
@@ -235,12 +236,12 @@ class _Scene:
                 raise MalformedFileError("its nodes are no tree: one stands below itself, or in two places")
             seen.add(number)
             node = nodes[number]
-            here = above @ _matrix(node)
+            matrix = above @ _matrix(node)
             if "skin" in node:
                 self.passed["skin, at rest here"] += 1
             if "mesh" in node:
-                yield node["mesh"], here
-            waiting.extend((child, here, depth + 1) for child in reversed(node.get("children", [])))
+                yield node["mesh"], matrix
+            waiting.extend((child, matrix, depth + 1) for child in reversed(node.get("children", [])))
 
     def _primitive(self, primitive: dict[str, Any], mode: int) -> tuple[Floats, Ints]:
         if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
@@ -293,9 +294,9 @@ def _matrix(node: dict[str, Any]) -> Floats:
 
 def _numbers(values: Any, count: int) -> Floats:
     try:
-        found = np.array(values, dtype=np.float64)
+        array = np.array(values, dtype=np.float64)
     except (ValueError, TypeError):
-        found = np.empty(0)
-    if found.shape != (count,):
+        array = np.empty(0)
+    if array.shape != (count,):
         raise MalformedFileError("a node of its scene has a place that is none")
-    return found
+    return array

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, distinct, first
+from dsfab.core.arrays import Bools, Floats, Ints, distinct, first_few
 from dsfab.core.errors import SurfaceError
-from dsfab.core.messages import counted
+from dsfab.core.messages import count_phrase
 from dsfab.core.units import metres_per
 from dsfab.surface.files import DEFAULT_TRIANGLES, NOTHING_READ, Budget, FileRecord, TriangleFile
 from dsfab.surface.files.drawings import read_dxf_meshes
@@ -22,7 +22,7 @@ from dsfab.surface.files.separate_process import read_3dm, read_cad
 from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
 
-def joined(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
+def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
     """Join the faces of a mesh at coincident vertices, where the file separates them by its format only.
 
     That is so if no two faces share a vertex, as in STL files, or if every free edge has an exact twin, so that no free
@@ -38,15 +38,15 @@ def joined(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
     if not _some_places_twice(V[used]):
         return file, ()
     soup = len(mesh.sizes) > 1 and len(distinct(corners)) == len(corners)
-    if not soup and not _free(mesh, corners).any():
+    if not soup and not _free_edges(mesh, corners).any():
         return file, ()
     fewer, became = _first_at_each_place(V)
     welded = became[corners]
-    crowded = np.unique(_edges(mesh, welded), return_counts=True)[1].max() > 2
+    crowded = np.unique(_edge_numbers(mesh, welded), return_counts=True)[1].max() > 2
     gone = len(distinct(corners)) - len(distinct(welded))
-    if crowded or not gone or not (soup or not _free(mesh, welded).any()):
+    if crowded or not gone or not (soup or not _free_edges(mesh, welded).any()):
         return file, ()
-    words = f"{counted(gone, 'vertex')} joined with others at exactly the same place"
+    words = f"{count_phrase(gone, 'vertex')} joined with others at exactly the same place"
     return replace(file, mesh=replace(mesh, corners=fewer[welded])), (words,)
 
 
@@ -60,26 +60,26 @@ def _some_places_twice(V: Floats) -> bool:
 
 
 def _first_at_each_place(V: Floats) -> tuple[Ints, Ints]:
-    _, first, became = np.unique(V + 0.0, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
+    _, first_vertices, became = np.unique(V + 0.0, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first_vertices)
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    return first[order], rank[became.ravel()]
+    return first_vertices[order], rank[became.ravel()]
 
 
-def _edges(mesh: Polygons, corners: Ints) -> Ints:
+def _edge_numbers(mesh: Polygons, corners: Ints) -> Ints:
     """Return a number (c,) for the edge from each corner to the next one of its face, the same in both directions."""
-    last = np.cumsum(mesh.sizes) - 1
+    last_corners = np.cumsum(mesh.sizes) - 1
     following = np.roll(corners, -1)
-    some = mesh.sizes > 0
-    following[last[some]] = corners[(last - mesh.sizes + 1)[some]]
+    has_corners = mesh.sizes > 0
+    following[last_corners[has_corners]] = corners[(last_corners - mesh.sizes + 1)[has_corners]]
     low, high = np.minimum(corners, following), np.maximum(corners, following)
     numbers: Ints = low * (len(mesh.V) + 1) + high
     return numbers
 
 
-def _free(mesh: Polygons, corners: Ints) -> Bools:
-    return np.asarray(np.unique(_edges(mesh, corners), return_counts=True)[1] == 1)
+def _free_edges(mesh: Polygons, corners: Ints) -> Bools:
+    return np.asarray(np.unique(_edge_numbers(mesh, corners), return_counts=True)[1] == 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class RawMesh:
     up: str | None = None
 
 
-OF_PROGRAMS = (
+CAD_SUFFIXES = (
     *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"),
     *(".fbx", ".blend", ".ifc", ".rvt", ".gh"),
 )
@@ -127,7 +127,7 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMe
     with readable(path, "make the mesh coarser", "it is damaged, or of a kind that dsfab does not know"):
         budget.require_bytes(path.stat().st_size)
         raw = _read(path, suffix, budget)
-    return _checked(path, raw)
+    return _checked_mesh(path, raw)
 
 
 def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
@@ -137,84 +137,90 @@ def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
     if suffix in _POLYGONS:
         return _from_polygons(_POLYGONS[suffix](data, budget), suffix, budget)
     if suffix == ".3mf":
-        found = read_3mf(path, data, budget)
+        mesh = read_3mf(path, data, budget)
     elif suffix == ".stl":
-        found = read_stl(data, budget)
+        mesh = read_stl(data, budget)
     else:
-        found = _GLTF[suffix](data, budget, lambda name: _beside(path, name, budget))
-    return _from_triangles(found, suffix)
+        mesh = _GLTF[suffix](data, budget, lambda name: _neighbour_file(path, name, budget))
+    return _from_triangles(mesh, suffix)
 
 
-def _from_triangles(found: TriangleFile, suffix: str) -> RawMesh:
-    record = _record(suffix, found, len(found.V), len(found.F))
-    return RawMesh(found.V, found.F, len(found.F), found.unit, found.metres, record)
+def _from_triangles(mesh: TriangleFile, suffix: str) -> RawMesh:
+    record = _record(suffix, mesh, len(mesh.V), len(mesh.F))
+    return RawMesh(mesh.V, mesh.F, len(mesh.F), mesh.unit, mesh.metres, record)
 
 
 def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
     budget.require_triangles(int(np.maximum(file.mesh.sizes - 2, 0).sum()))
     faces = np.flatnonzero(file.mesh.sizes >= 3)
     few = len(file.mesh.sizes) - len(faces)
-    dropped = (f"{counted(few, 'face')} with fewer than three corners",) if few else ()
-    whole, repaired = joined(replace(file, mesh=file.mesh.part(faces)) if few else file)
-    cut = triangles(whole.mesh)
+    dropped = (f"{count_phrase(few, 'face')} with fewer than three corners",) if few else ()
+    joined_file, repaired = with_shared_vertices(replace(file, mesh=file.mesh.part(faces)) if few else file)
+    cut = triangles(joined_file.mesh)
     crossing = len(cut.fanned)
     if crossing:
-        at = ", ".join(str(k) for k in faces[cut.fanned[:3]].tolist())
-        repaired = (*repaired, f"{counted(crossing, 'face')} that cross themselves cut as fans (first, from 0: {at})")
+        face_list = ", ".join(str(k) for k in faces[cut.fanned[:3]].tolist())
+        repaired = (
+            *repaired,
+            f"{count_phrase(crossing, 'face')} that cross themselves cut as fans (first, from 0: {face_list})",
+        )
     record = _record(suffix, file, len(file.mesh.V), len(file.mesh.sizes))
     record = record.also(repaired, dropped)
     metres = metres_per(file.unit) if file.unit else 1.0
-    return RawMesh(whole.mesh.V, cut.F, len(file.mesh.sizes), file.unit, metres, record, file.up)
+    return RawMesh(joined_file.mesh.V, cut.F, len(file.mesh.sizes), file.unit, metres, record, file.up)
 
 
 def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces: int) -> FileRecord:
-    what = f"{suffix[1:].upper()}: {counted(vertices, 'vertex')}, {counted(faces, 'face')}"
+    what = f"{suffix[1:].upper()}: {count_phrase(vertices, 'vertex')}, {count_phrase(faces, 'face')}"
     return FileRecord((what, *file.doubts), (), file.dropped)
 
 
-def _beside(path: Path, name: str, budget: Budget) -> bytes:
-    other = path.parent / name
+def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
+    neighbour = path.parent / name
     if Path(name).is_absolute() or ".." in Path(name).parts:
         raise MalformedFileError(f"its numbers are in {name[:60]!r}, outside its folder: export it as one file")
-    if not other.is_file():
+    if not neighbour.is_file():
         raise SurfaceError(f"its numbers are in {name[:60]!r}, which is not beside it; put it there, or export a .glb")
-    budget.require_bytes(other.stat().st_size)
-    return other.read_bytes()
+    budget.require_bytes(neighbour.stat().st_size)
+    return neighbour.read_bytes()
 
 
-def _checked(path: Path, raw: RawMesh) -> RawMesh:
+def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
     over = "".join(f"; passed over: {what}" for what in raw.record.dropped)  # often the reason
     if not len(raw.F):
-        some = f"{path} holds {len(raw.V)} vertices and no faces"
-        raise SurfaceError(f"{some}{over}; give a mesh with at least one triangle")
+        text = f"{path} holds {len(raw.V)} vertices and no faces"
+        raise SurfaceError(f"{text}{over}; give a mesh with at least one triangle")
     n = len(raw.V)
     bad = np.flatnonzero((raw.F.min(axis=1) < 0) | (raw.F.max(axis=1) >= n))
     if len(bad):
         raise SurfaceError(
-            f"{path}: {counted(len(bad), 'face')} {'name' if len(bad) > 1 else 'names'} vertices outside the file's "
-            f"{n} vertices (first triangles: {first(bad)}){over}; export it again"
+            f"{path}: {count_phrase(len(bad), 'face')} {'name' if len(bad) > 1 else 'names'} vertices outside the "
+            "file's "
+            f"{n} vertices (first triangles: {first_few(bad)}){over}; export it again"
         )
     used, F = np.unique(raw.F, return_inverse=True)
     record = raw.record
     if len(used) < n and not record.repaired:
-        record = record.also((), (f"{counted(n - len(used), 'vertex')} without a face",))
+        record = record.also((), (f"{count_phrase(n - len(used), 'vertex')} without a face",))
     return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64), record=record)
 
 
 def _suffix(path: Path) -> str:
     suffix = path.suffix.lower()
-    known = ", ".join(MESH_SUFFIXES)
+    suffixes = ", ".join(MESH_SUFFIXES)
     if path.is_dir():
-        raise SurfaceError(f"{path} is a folder; give a mesh file ({known})")
+        raise SurfaceError(f"{path} is a folder; give a mesh file ({suffixes})")
     if suffix not in MESH_SUFFIXES:
-        near = difflib.get_close_matches(suffix, MESH_SUFFIXES, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]}? " if near and suffix not in OF_PROGRAMS else ""
-        if suffix in OF_PROGRAMS:
+        matches = difflib.get_close_matches(suffix, MESH_SUFFIXES, n=1, cutoff=0.5)
+        hint = f"did you mean {matches[0]}? " if matches and suffix not in CAD_SUFFIXES else ""
+        if suffix in CAD_SUFFIXES:
             hint = "export the surface as a mesh from the program that made it, best as OBJ; "
-        raise SurfaceError(f"{path} has the suffix {suffix!r}, which dsfab does not read; {hint}use one of {known}")
+        raise SurfaceError(f"{path} has the suffix {suffix!r}, which dsfab does not read; {hint}use one of {suffixes}")
     if not path.exists():
-        near = difflib.get_close_matches(path.name, _siblings(path), n=1)
-        raise SurfaceError(f"{path} does not exist; " + (f"did you mean {near[0]}?" if near else "check the path"))
+        matches = difflib.get_close_matches(path.name, _siblings(path), n=1)
+        raise SurfaceError(
+            f"{path} does not exist; " + (f"did you mean {matches[0]}?" if matches else "check the path")
+        )
     if not path.stat().st_size:
         raise SurfaceError(f"{path} is empty; export it again")
     return suffix

@@ -7,23 +7,23 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dsfab.core.messages import counted
+from dsfab.core.messages import count_phrase
 from dsfab.surface.files.polygons import Polygons
 from dsfab.surface.files.reading import (
     Budget,
     MalformedFileError,
     PolygonFile,
     TextFile,
+    declarations_in_comments,
     float_of,
     may_lack_digits,
-    said_in_comments,
     text_file,
     whole_number,
 )
 
-_LOUD = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
+_IGNORED_SHAPES = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
 """Lines with shapes that dsfab does not read."""
-_QUIET = frozenset(
+_IGNORED_WORDS = frozenset(
     "vt vn vp g o s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
@@ -36,7 +36,7 @@ _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")
 """A backslash at the end of a line with words directly before and behind it."""
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 """A number with a comma, which some programs write in some languages."""
-OFTEN = 1 << 14
+LINES_PER_CHECK = 1 << 14
 """Lines between two checks of the numbers of vertices and faces."""
 
 
@@ -44,55 +44,55 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     """Return vertices and faces; textures, normals and groups are ignored, lines, points and free forms counted. Raises
     MalformedFileError with the number of an unreadable line, SurfaceError beyond the budget."""
     file = text_file(data)
-    said = said_in_comments(file.text, ("#",))
+    comments = declarations_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
-        file = TextFile(_continued(file.text), file.doubts, file.ended)
+        file = TextFile(_join_lines(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
-    others: Counter[str] = Counter()
-    odd, last = "", [""]
-    for number, line in file.numbered(budget):
+    ignored: Counter[str] = Counter()
+    odd, last_words = "", [""]
+    for number, line in file.numbered_lines(budget):
         words = line.split() if "#" not in line else line[: line.index("#")].split()
         if not words:
             continue
-        if number % OFTEN == 0:
+        if number % LINES_PER_CHECK == 0:
             budget.require_vertices(len(V) // 3)
             budget.require_triangles(len(sizes))
-        last, word = words, words[0]
+        last_words, word = words, words[0]
         try:
             if word == "v":
                 _add_vertex(V, words, line)
             elif word == "f":
                 _add_face(corners, sizes, words, len(V) // 3)
-            elif word not in _QUIET:
-                others[word] += 1
-                if not odd and word not in _LOUD:
+            elif word not in _IGNORED_WORDS:
+                ignored[word] += 1
+                if not odd and word not in _IGNORED_SHAPES:
                     odd = f"line {number}: {line.strip()[:40]!r}"
         except (ValueError, IndexError):
             comma = ": numbers have commas where points should be" if _DECIMAL_COMMA.search(line) else ""
             raise MalformedFileError(f"line {number} cannot be read: {line.strip()[:60]!r}{comma}") from None
     budget.require_vertices(len(V) // 3)
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
-    doubts = file.cut_off("a vertex") if last[0] == "v" else ()
-    if last[0] == "f" and not file.ended and _may_be_cut(last[1:], max(sizes), len(V) // 3, file.text):
+    doubts = file.cut_off("a vertex") if last_words[0] == "v" else ()
+    if last_words[0] == "f" and not file.ended and _may_be_cut(last_words[1:], max(sizes), len(V) // 3, file.text):
         doubts = file.cut_off("a face")
-    return PolygonFile(mesh, (*file.doubts, *doubts), _passed_over(others, odd), said.unit, said.up)
+    return PolygonFile(mesh, (*file.doubts, *doubts), _ignored_texts(ignored, odd), comments.unit, comments.up)
 
 
-def _may_be_cut(face: list[str], most: int, count: int, text: str) -> bool:
-    """Return whether the last face of a file may be incomplete: fewer corners than `most`, or a part of the last
+def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
+    """Return whether the last face of a file may be incomplete: fewer corners than `largest`, or a part of the last
     corner.
 
     count : of vertices.    text : that of the file.
     """
-    *others, last = (word.split("/") for word in face or [""])
-    if len(face) < max(most, 3) or len(last) < len(others[0]):
+    *other_corners, last_corner = (word.split("/") for word in face or [""])
+    if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
         return True
-    if len(last) > 1:
-        count = len(re.findall(r"^\s*vt\s" if len(last) == 2 else r"^\s*vn\s", text, re.MULTILINE))
-    return may_lack_digits(last[-1], count)
+    if len(last_corner) > 1:
+        count = len(re.findall(r"^\s*vt\s" if len(last_corner) == 2 else r"^\s*vn\s", text, re.MULTILINE))
+    return may_lack_digits(last_corner[-1], count)
 
 
-def _continued(text: str) -> str:
+def _join_lines(text: str) -> str:
     """Join lines that end with a backslash with the next line; comments, which may end with a path, do not continue.
     Raises MalformedFileError if no space is between them, because programs disagree whether a number continues."""
     text = _COMMENT.sub(r"\1 ", text)
@@ -118,16 +118,16 @@ def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], coun
         corners.append(i - 1 if i > 0 else count + i if -count <= i < 0 else -1)
 
 
-def _passed_over(others: Counter[str], odd: str) -> tuple[str, ...]:
-    found: Counter[str] = Counter()
-    for word, count in others.items():
-        if word in _LOUD:
-            found[_LOUD[word]] += count
+def _ignored_texts(ignored: Counter[str], odd: str) -> tuple[str, ...]:
+    counts: Counter[str] = Counter()
+    for word, count in ignored.items():
+        if word in _IGNORED_SHAPES:
+            counts[_IGNORED_SHAPES[word]] += count
         else:
-            found["other line"] += count
-    texts = [counted(count, thing) for thing, count in found.items() if thing != "other line"]
-    if found["other line"]:
-        texts.append(f"{counted(found['other line'], 'line')} that OBJ does not know (first: {odd})")
+            counts["other line"] += count
+    texts = [count_phrase(count, thing) for thing, count in counts.items() if thing != "other line"]
+    if counts["other line"]:
+        texts.append(f"{count_phrase(counts['other line'], 'line')} that OBJ does not know (first: {odd})")
     return tuple(texts)
 
 
@@ -139,16 +139,16 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
     """Return vertices and faces; colours, normals and textures are ignored. Raises MalformedFileError for a foreign or
     incomplete file, SurfaceError beyond the budget."""
     file = text_file(data)
-    lines = ((number, words) for number, line in file.numbered(budget) if (words := line.split("#")[0].split()))
+    lines = ((number, words) for number, line in file.numbered_lines(budget) if (words := line.split("#")[0].split()))
     n, m = _sizes(lines)
     budget.require_vertices(n)
     budget.require_triangles(m)
     V, corners, sizes = array("d"), array("q"), array("q")
     for kind, count in (("vertices", n), ("faces", m)):
-        for done in range(count):
+        for count_read in range(count):
             number, words = next(lines, (0, []))
             if not words:
-                raise MalformedFileError(f"{count:,} {kind} are announced, and it ends after {done:,}")
+                raise MalformedFileError(f"{count:,} {kind} are announced, and it ends after {count_read:,}")
             try:
                 if kind == "vertices":
                     V.extend([float_of(words[0]), float_of(words[1]), float_of(words[2])])
@@ -159,12 +159,12 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
                         raise ValueError
             except (ValueError, IndexError, OverflowError):
                 raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
-    more = sum(1 for _ in lines)
-    bare = not more and m and len(words) == 1 + sizes[-1]  # without colour
+    extra_lines = sum(1 for _ in lines)
+    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # without colour
     doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
-    dropped = (f"{counted(more, 'line')} after the last face",) if more else ()
-    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, said_in_comments(file.text, ("#",)).unit)
+    dropped = (f"{count_phrase(extra_lines, 'line')} after the last face",) if extra_lines else ()
+    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, declarations_in_comments(file.text, ("#",)).unit)
 
 
 def _sizes(lines: Iterator[tuple[int, list[str]]]) -> tuple[int, int]:

@@ -12,9 +12,9 @@ import numpy as np
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import SurfaceError
 from dsfab.core.units import metres_per
-from dsfab.surface.clean.seams import equal_merged, merged
+from dsfab.surface.clean.seams import equal_merged, merged_vertices
 from dsfab.surface.files.polygons import Polygons, polygons, triangles
-from dsfab.surface.files.reader import orientable
+from dsfab.surface.files.reader import oriented_surface
 from dsfab.surface.mesh import Surface
 
 if TYPE_CHECKING:
@@ -32,15 +32,15 @@ def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     that coincident vertices stay apart. Raises SurfaceError for invalid meshes, and as `read_surface` does.
     """
     mesh = _polygons(V, F)
-    return orientable(mesh.V * metres_per(unit), triangles(mesh).F)
+    return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
 
 
 def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
     """Return the surface with coincident vertices merged, which libraries have where a mesh was cut or has a seam."""
     mesh = _polygons(V, F)
-    fewer, became = merged(mesh.V)
+    fewer, became = merged_vertices(mesh.V)
     mesh = replace(mesh, V=fewer, corners=became[mesh.corners])
-    return orientable(mesh.V * metres_per(unit), triangles(mesh).F)
+    return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
 
 
 def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
@@ -66,8 +66,8 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     """
     if isinstance(mesh, Surface):
         return mesh
-    own = getattr(mesh, "units", None)
-    unit = unit or (own if isinstance(own, str) and own else "m")
+    own_unit = getattr(mesh, "units", None)
+    unit = unit or (own_unit if isinstance(own_unit, str) and own_unit else "m")
     if hasattr(mesh, "to_vertices_and_faces"):  # compas
         V, F = mesh.to_vertices_and_faces()
         return _merged_surface(V, F, unit)
@@ -111,8 +111,8 @@ def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
     """Return a pyvista mesh of V (n, 3), metres, and F (m, 3), unchanged."""
     import pyvista
 
-    made: Any = pyvista.PolyData.from_regular_faces  # typed for Python's own numbers only
-    mesh: pyvista.PolyData = made(np.asarray(V), np.asarray(F))
+    build: Any = pyvista.PolyData.from_regular_faces  # typed for Python's own numbers only
+    mesh: pyvista.PolyData = build(np.asarray(V), np.asarray(F))
     return mesh
 
 

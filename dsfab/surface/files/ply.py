@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from dsfab import __version__
 from dsfab.core.arrays import Floats, Ints
-from dsfab.core.messages import counted
+from dsfab.core.messages import count_phrase
 from dsfab.surface.files.polygons import Polygons
 from dsfab.surface.files.reading import (
     Budget,
     MalformedFileError,
     PolygonFile,
+    declarations_in_comments,
     float_of,
-    said_in_comments,
     text_file,
     whole_number,
 )
@@ -51,7 +51,7 @@ class PlyElement:
     @property
     def has_lists(self) -> bool:
         """True if records may differ in length."""
-        return any(one.length for one in self.properties)
+        return any(entry.length for entry in self.properties)
 
     def cut_off(self) -> MalformedFileError:
         """Return the error for a file with fewer records than announced."""
@@ -66,11 +66,11 @@ Columns = dict[str, Any]
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
     """Return the numbers (c,) of a text up to the first other word, and whether such a word exists."""
-    parts, at, odd = [np.empty(0)], 0, False
-    while at < len(body) and not odd:
-        gap = _SPACE.search(body, at + BLOCK)
+    parts, position, odd = [np.empty(0)], 0, False
+    while position < len(body) and not odd:
+        gap = _SPACE.search(body, position + BLOCK)
         end = gap.start() if gap else len(body)
-        block, at = body[at:end].strip(), end
+        block, position = body[position:end].strip(), end
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", DeprecationWarning)  # of numpy before 2.3 about other words
@@ -91,27 +91,28 @@ def _numbers_before_words(block: bytes) -> Floats:
     return np.array(numbers, dtype=np.float64)
 
 
-def text_element(numbers: Floats, at: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element whose records begin at index `at` of the numbers (c,), and their end. Raises
+def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
+    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and their
+    end. Raises
     MalformedFileError for a file that ends before, or has a word that is no number there."""
     if not element.properties or not element.count:
-        return {p.name: _nothing(p) for p in element.properties}, at
-    if element.count * len(element.properties) > len(numbers) - at:
+        return {p.name: _nothing(p) for p in element.properties}, position
+    if element.count * len(element.properties) > len(numbers) - position:
         raise element.cut_off()  # before memory is taken
-    begins, counts, stop = _even(numbers, at, element) or _text_walk(numbers, at, element, budget)
-    found: Columns = {}
+    begins, counts, stop = _equal_records(numbers, position, element) or _text_walk(numbers, position, element, budget)
+    columns: Columns = {}
     for i, p in enumerate(element.properties):
-        found[p.name] = _as_column(p, numbers[_places(begins[:, i], counts[:, i], 1)], counts[:, i])
-    return found, stop
+        columns[p.name] = _as_column(p, numbers[_places(begins[:, i], counts[:, i], 1)], counts[:, i])
+    return columns, stop
 
 
-def _even(numbers: Floats, at: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
+def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
     """Return the start and the count (count, p) of each property in each record, and the end of the records. The result
     is None if lists differ in length from those of the first record."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
-            size = numbers[at + place] if at + place < len(numbers) else -1
+            size = numbers[position + place] if position + place < len(numbers) else -1
             if not 0 <= size <= len(numbers):
                 return None
             lists.append(place)
@@ -119,17 +120,17 @@ def _even(numbers: Floats, at: int, element: PlyElement) -> tuple[Ints, Ints, in
         start.append(place)
         sizes.append(int(size) if p.length is not None else 1)
         place += sizes[-1]
-    stop = at + place * element.count
+    stop = position + place * element.count
     if stop > len(numbers):
         return None
-    table = numbers[at:stop].reshape(element.count, place)
+    table = numbers[position:stop].reshape(element.count, place)
     if any((table[:, k] != table[0, k]).any() for k in lists):
         return None
-    first = at + place * np.arange(element.count)
-    return first[:, None] + np.array(start), np.tile(np.array(sizes), (element.count, 1)), stop
+    record_starts = position + place * np.arange(element.count)
+    return record_starts[:, None] + np.array(start), np.tile(np.array(sizes), (element.count, 1)), stop
 
 
-def _text_walk(numbers: Floats, at: int, element: PlyElement, budget: Budget) -> tuple[Ints, Ints, int]:
+def _text_walk(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Ints, Ints, int]:
     start, sizes = array("q"), array("q")
     for k in range(element.count):
         if k % CHUNK == 0:
@@ -137,48 +138,49 @@ def _text_walk(numbers: Floats, at: int, element: PlyElement, budget: Budget) ->
         for p in element.properties:
             size = 1
             if p.length is not None:
-                told = numbers[at] if at < len(numbers) else -1.0
-                size = int(told) if 0 <= told <= len(numbers) and told == int(told) else -1
-                at += 1
-            if size < 0 or at + size > len(numbers):
+                length = numbers[position] if position < len(numbers) else -1.0
+                size = int(length) if 0 <= length <= len(numbers) and length == int(length) else -1
+                position += 1
+            if size < 0 or position + size > len(numbers):
                 raise element.cut_off()
-            start.append(at)
+            start.append(position)
             sizes.append(size)
-            at += size
+            position += size
     begins, counts = (np.array(x, dtype=np.int64).reshape(element.count, -1) for x in (start, sizes))
-    return begins, counts, at
+    return begins, counts, position
 
 
-def binary_element(body: bytes, at: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of a binary element from byte `at`, and their end; faster if all lists are of equal length.
+def binary_element(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
+    """Return the properties of a binary element from byte `position`, and their end; faster if all lists are of
+    equal length.
 
     order : '<' little endian, '>' big endian.
     """
     if not element.properties or not element.count:
-        return {p.name: _nothing(p) for p in element.properties}, at
+        return {p.name: _nothing(p) for p in element.properties}, position
     least = sum(np.dtype(p.length or p.type).itemsize for p in element.properties)
-    if element.count * least > len(body) - at:
+    if element.count * least > len(body) - position:
         raise element.cut_off()  # before memory is taken
-    dtype, lists = _first_record(body, at, element, order)
-    stop = at + dtype.itemsize * element.count
+    dtype, lists = _first_record(body, position, element, order)
+    stop = position + dtype.itemsize * element.count
     if stop <= len(body):
-        table = np.frombuffer(body, dtype, element.count, at)
+        table = np.frombuffer(body, dtype, element.count, position)
         if all((table[f"length of {name}"] == size).all() for name, size in lists.items()):
             return {p.name: _column(p, table[p.name]) for p in element.properties}, stop
-    begins, counts, at = _walk(body, at, element, order, budget)
+    begins, counts, position = _binary_walk(body, position, element, order, budget)
     raw = np.frombuffer(body, np.uint8)
 
-    found: Columns = {}
+    columns: Columns = {}
     for i, p in enumerate(element.properties):
         width = np.dtype(p.type).itemsize
         places = _places(begins[:, i], counts[:, i], width)
-        found[p.name] = _as_column(
+        columns[p.name] = _as_column(
             p, raw[places[:, None] + np.arange(width)].view(order + p.type).ravel(), counts[:, i]
         )
-    return found, at
+    return columns, position
 
 
-def _first_record(body: bytes, at: int, element: PlyElement, order: str) -> tuple[np.dtype[Any], dict[str, int]]:
+def _first_record(body: bytes, position: int, element: PlyElement, order: str) -> tuple[np.dtype[Any], dict[str, int]]:
     fields: list[tuple[Any, ...]] = []
     lists: dict[str, int] = {}
     for p in element.properties:
@@ -186,7 +188,7 @@ def _first_record(body: bytes, at: int, element: PlyElement, order: str) -> tupl
             fields.append((p.name, order + p.type))
             continue
         width = np.dtype(p.length).itemsize
-        start = at + np.dtype(fields).itemsize
+        start = position + np.dtype(fields).itemsize
         size = int(np.frombuffer(body, order + p.length, 1, start)[0]) if start + width <= len(body) else -1
         if size < 0 or size > len(body):
             raise element.cut_off()
@@ -195,7 +197,7 @@ def _first_record(body: bytes, at: int, element: PlyElement, order: str) -> tupl
     return np.dtype(fields), lists
 
 
-def _walk(body: bytes, at: int, element: PlyElement, order: str, budget: Budget) -> tuple[Ints, Ints, int]:
+def _binary_walk(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Ints, Ints, int]:
     """Return the start byte and the count (count, p) of each property in each record, and the end."""
     byte = "little" if order == "<" else "big"
     steps = [
@@ -211,15 +213,15 @@ def _walk(body: bytes, at: int, element: PlyElement, order: str, budget: Budget)
         if k % CHUNK == 0:
             budget.require_time()
         for wide, width, signed in steps:
-            size = int.from_bytes(body[at : at + wide], byte, signed=signed) if wide else 1  # type: ignore[arg-type]
-            at += wide
-            if size < 0 or at + size * width > len(body):
+            size = int.from_bytes(body[position : position + wide], byte, signed=signed) if wide else 1  # type: ignore[arg-type]
+            position += wide
+            if size < 0 or position + size * width > len(body):
                 raise element.cut_off()
-            start.append(at)
+            start.append(position)
             sizes.append(size)
-            at += size * width
+            position += size * width
     begins, counts = (np.array(x, dtype=np.int64).reshape(element.count, -1) for x in (start, sizes))
-    return begins, counts, at
+    return begins, counts, position
 
 
 def _places(begin: Ints, count: Ints, step: int) -> Ints:
@@ -272,41 +274,43 @@ def read_ply(data: bytes, budget: Budget) -> PolygonFile:
     if end is None:
         raise MalformedFileError("there is no PLY header, or it does not end")
     header = data[: end.start()].decode("ascii", errors="replace")
-    said = said_in_comments(header, ("comment", "obj_info"))
+    comments = declarations_in_comments(header, ("comment", "obj_info"))
     style, elements = _header(header)
-    found, left = _elements(data[end.end() :], style, elements, budget)
+    columns, leftovers = _element_columns(data[end.end() :], style, elements, budget)
     passed = tuple(
-        f"{counted(e.count, 'record')} of the element {e.name!r}" for e in elements if e.name not in ("vertex", "face")
+        f"{count_phrase(e.count, 'record')} of the element {e.name!r}"
+        for e in elements
+        if e.name not in ("vertex", "face")
     )
     if style == "ascii" and not data.endswith((b"\n", b"\r")) and elements:
         doubts = (*doubts, f"the last line has no end: the file may be cut off within the last {elements[-1].name}")
-    return PolygonFile(_polygons(found), doubts, (*passed, *left), said.unit)
+    return PolygonFile(_polygons(columns), doubts, (*passed, *leftovers), comments.unit)
 
 
-def _elements(
+def _element_columns(
     body: bytes, style: str, elements: list[PlyElement], budget: Budget
 ) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
     for element in elements:
         _require_within(budget, element)
-    found: dict[str, dict[str, Any]] = {}
+    columns: dict[str, dict[str, Any]] = {}
     numbers, odd = text_numbers(body) if style == "ascii" else (np.empty(0), False)
-    at = 0
+    position = 0
     for element in elements:
         budget.require_time()
         if style == "ascii":
             try:
-                found[element.name], at = text_element(numbers, at, element, budget)
+                columns[element.name], position = text_element(numbers, position, element, budget)
             except MalformedFileError:
                 if odd:
                     raise MalformedFileError(f"the element {element.name!r} holds a word that is no number") from None
                 raise
         else:
-            found[element.name], at = binary_element(body, at, element, _ORDERS[style], budget)
-    more = len(numbers) - at if style == "ascii" else len(body) - at
+            columns[element.name], position = binary_element(body, position, element, _ORDERS[style], budget)
+    extra = len(numbers) - position if style == "ascii" else len(body) - position
     thing = "number" if style == "ascii" else "byte"
-    left = [counted(more, thing)] if more else []
-    left += ["words that are no numbers"] if odd else []
-    return found, (f"{' and '.join(left)} after the last element",) if left else ()
+    leftovers = [count_phrase(extra, thing)] if extra else []
+    leftovers += ["words that are no numbers"] if odd else []
+    return columns, (f"{' and '.join(leftovers)} after the last element",) if leftovers else ()
 
 
 def _require_within(budget: Budget, element: PlyElement) -> None:
@@ -319,8 +323,8 @@ def _require_within(budget: Budget, element: PlyElement) -> None:
         budget.require_vertices(count, what)
 
 
-def _polygons(found: dict[str, dict[str, Any]]) -> Polygons:
-    vertex, face = found.get("vertex"), found.get("face", {})
+def _polygons(columns: dict[str, dict[str, Any]]) -> Polygons:
+    vertex, face = columns.get("vertex"), columns.get("face", {})
     if vertex is None:
         raise MalformedFileError("it has no element 'vertex'")
     missing = [axis for axis in "xyz" if not isinstance(vertex.get(axis), np.ndarray)]
@@ -382,8 +386,8 @@ def _header(text: str) -> tuple[str, list[PlyElement]]:
         raise MalformedFileError(f"the format {style!r} is not ascii, binary_little_endian or binary_big_endian")
     _require_unique([element.name for element in elements], "element")
     for element in elements:
-        _require_unique([one.name for one in element.properties], f"property of {element.name!r}")
-        if any(one.length in ("f4", "f8") for one in element.properties):
+        _require_unique([entry.name for entry in element.properties], f"property of {element.name!r}")
+        if any(entry.length in ("f4", "f8") for entry in element.properties):
             raise MalformedFileError(f"a list of {element.name!r} has a length that is no whole number")
     return style, elements
 

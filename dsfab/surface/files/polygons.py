@@ -17,7 +17,7 @@ ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
 the share `BETTER` of the bend with the shorter diagonal."""
 
 
-def quads_cut(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
+def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     """Return the two triangles (2 q, 3) of each of the faces `quads` (q,), which have four corners.
 
     V : (n, 3).    corners : (c,) of all faces in a row; quads with corners outside 0..n-1 are cut in any way.
@@ -34,18 +34,20 @@ def quads_cut(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     fits = np.einsum("qti,qi->qt", normals, area) > 0
     fits02, fits13 = fits[:, :2].all(axis=1), fits[:, 2:].all(axis=1)
     shorter = np.linalg.norm(d13, axis=1) < (1 - 1e-9) * np.linalg.norm(d02, axis=1)
-    other = np.where(fits02 == fits13, shorter, fits13)
-    at = unit_vectors(normals)
-    parallel = np.where(other, *(np.einsum("qi,qi->q", at[:, k], at[:, k + 1]) for k in (2, 0)))
+    use_second = np.where(fits02 == fits13, shorter, fits13)
+    unit_normals = unit_vectors(normals)
+    parallel = np.where(
+        use_second, *(np.einsum("qi,qi->q", unit_normals[:, k], unit_normals[:, k + 1]) for k in (2, 0))
+    )
     rows = np.flatnonzero(fits02 & fits13 & (parallel < WARPED))
     if len(rows):
         bent = np.zeros(len(sizes), dtype=bool)
         bent[quads] = parallel < FLAT
-        beside = _normals_beside(V, corners, sizes, bent, start[quads[rows]])
-        bend = [_bend(at[rows][:, which], beside) for which in _AT_SIDES]
-        chosen, instead = np.where(other[rows], bend[::-1], bend)
-        other[rows] ^= instead < np.minimum(ON, BETTER * chosen)
-    cut = np.where(other[:, None], [[1, 2, 3, 1, 3, 0]], [[0, 1, 2, 0, 2, 3]])
+        neighbour_normals = _neighbour_normals(V, corners, sizes, bent, start[quads[rows]])
+        bend = [_bend(unit_normals[rows][:, which], neighbour_normals) for which in _AT_SIDES]
+        chosen, instead = np.where(use_second[rows], bend[::-1], bend)
+        use_second[rows] ^= instead < np.minimum(ON, BETTER * chosen)
+    cut = np.where(use_second[:, None], [[1, 2, 3, 1, 3, 0]], [[0, 1, 2, 0, 2, 3]])
     return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)
 
 
@@ -59,13 +61,13 @@ def _inside(corners: Ints, n: int) -> Ints:
     return np.where((corners < 0) | (n <= corners), 0, corners)
 
 
-def _bend(at: Floats, beside: Floats) -> Floats:
+def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
     """Return the largest distance (r,) of unit normals (r, 4, 3) from the neighbours' normals: chords of angles."""
-    there = (beside != 0).any(axis=2)
-    return np.asarray((np.linalg.norm(at - beside, axis=2) * there).max(axis=1))
+    has_neighbour = (neighbour_normals != 0).any(axis=2)
+    return np.asarray((np.linalg.norm(normals - neighbour_normals, axis=2) * has_neighbour).max(axis=1))
 
 
-def _normals_beside(V: Floats, corners: Ints, sizes: Ints, bent: Bools, first: Ints) -> Floats:
+def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
     """Return the unit normals (r, 4, 3) of the flat faces beyond the sides of quads, 0 for none or more than one.
 
     bent : (f,) faces that are not flat.    starts : (r,) the places of the first corners among `corners`.
@@ -78,15 +80,15 @@ def _normals_beside(V: Floats, corners: Ints, sizes: Ints, bent: Bools, first: I
     turned = np.cross(V[a] - origin, V[b] - origin)
     N = unit_vectors(np.stack([np.bincount(owner, x, len(sizes)) for x in turned.T], axis=1))
     _, edge, count = np.unique(np.minimum(a, b) * len(V) + np.maximum(a, b), return_inverse=True, return_counts=True)
-    side = first[:, None] + np.arange(4)
+    side = starts[:, None] + np.arange(4)
     beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the sum of both minus the first
     beyond = np.where(count[edge[side]] == 2, beyond, side)
-    known = (beyond != side) & ~bent[owner[beyond]]
-    same = np.where(a[beyond] == a[side], -1.0, 1.0) * known
-    return np.asarray(same[..., None] * N[owner[beyond]])
+    is_flat = (beyond != side) & ~bent[owner[beyond]]
+    sign = np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat
+    return np.asarray(sign[..., None] * N[owner[beyond]])
 
 
-FEW = 12
+MOST_CORNERS_FOR_EARS = 12
 """Largest number of corners for cutting ears, which takes k^3 steps."""
 MANY = 2000
 """Number of corners above which triangles are Delaunay's: a comb of 100,000 takes 0.2 s, with earcut 4 s."""
@@ -98,27 +100,27 @@ TOGETHER = 1 << 12
 """Polygons of one size that are cut together; their numbers fit into the processor's cache."""
 
 
-def small_polygons_cut(P: Floats) -> Ints:
+def small_polygon_triangles(P: Floats) -> Ints:
     """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3) with 5 <= k <= `FEW` corners. If no
     corner is an ear (a polygon that crosses itself), the shortest cut is taken."""
-    parts = [_ears(P[first : first + TOGETHER]) for first in range(0, len(P), TOGETHER)]
+    parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
 
 
-def _ears(P: Floats) -> Ints:
+def _ear_triangles(P: Floats) -> Ints:
     q, k, _ = P.shape
     P = P - P[:, :1]
     normal = np.cross(P, np.roll(P, -1, axis=1)).sum(axis=1)
-    left, rows, cuts = np.tile(np.arange(k), (q, 1)), np.arange(q), []
-    while left.shape[1] > 3:
-        before, after = np.roll(left, 1, axis=1), np.roll(left, -1, axis=1)
-        is_ear = _are_ears(P[rows[:, None], left], normal)
+    remaining, rows, cuts = np.tile(np.arange(k), (q, 1)), np.arange(q), []
+    while remaining.shape[1] > 3:
+        before, after = np.roll(remaining, 1, axis=1), np.roll(remaining, -1, axis=1)
+        is_ear = _are_ears(P[rows[:, None], remaining], normal)
         length = np.linalg.norm(P[rows[:, None], before] - P[rows[:, None], after], axis=2)
         length = np.where(is_ear | ~is_ear.any(axis=1, keepdims=True), length, np.inf)
-        best = length.argmin(axis=1)
-        cuts.append(np.stack([before[rows, best], left[rows, best], after[rows, best]], axis=1))
-        left = left[np.arange(left.shape[1]) != best[:, None]].reshape(q, -1)
-    return np.stack([*cuts, left], axis=1)
+        shortest = length.argmin(axis=1)
+        cuts.append(np.stack([before[rows, shortest], remaining[rows, shortest], after[rows, shortest]], axis=1))
+        remaining = remaining[np.arange(remaining.shape[1]) != shortest[:, None]].reshape(q, -1)
+    return np.stack([*cuts, remaining], axis=1)
 
 
 def _are_ears(P: Floats, normal: Floats) -> Bools:
@@ -126,16 +128,16 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
     k = P.shape[1]
     a, b, c = np.roll(P, 1, axis=1), P, np.roll(P, -1, axis=1)
     convex = np.einsum("qki,qi->qk", np.cross(b - a, c - b), normal) > 0
-    others = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3): corners outside the ear
-    within = np.ones(others.shape[:3], dtype=bool)
+    other_corners = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3): corners outside the ear
+    within = np.ones(other_corners.shape[:3], dtype=bool)
     for start, end in ((a, b), (b, c), (c, a)):
-        side = np.cross((end - start)[:, :, None], others - start[:, :, None])
+        side = np.cross((end - start)[:, :, None], other_corners - start[:, :, None])
         within &= np.einsum("qkoi,qi->qko", side, normal) >= 0
     ears: Bools = convex & ~within.any(axis=2)
     return ears
 
 
-def large_polygon_cut(P: Floats) -> Ints | None:
+def large_polygon_triangles(P: Floats) -> Ints | None:
     """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal. None if it crosses
     itself there, or has no area. Every corner is a corner of a triangle, also in the middle of a straight side, because
     neighbours may end there."""
@@ -172,8 +174,8 @@ def _ring_cut(flat: Floats) -> Ints:
 
 
 def _earcut(flat: Floats) -> Ints:
-    found = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(flat)], dtype=np.uint32))
-    F: Ints = np.asarray(found, dtype=np.int64).reshape(-1, 3)
+    corners = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(flat)], dtype=np.uint32))
+    F: Ints = np.asarray(corners, dtype=np.int64).reshape(-1, 3)
     turned = _twice_areas(flat, F) < 0  # versions of earcut differ in the direction
     return np.where(turned[:, None], F[:, ::-1], F)
 
@@ -200,20 +202,20 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
     return twice
 
 
-def _turns(flat: Floats) -> tuple[Floats, Bools]:
+def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
     """Return for each corner of an outline (k, 2) its distance to the right of its neighbours' line, and whether the
     outline goes on there rather than back."""
-    to, on = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
-    cut = np.linalg.norm(to + on, axis=1)
-    twice = to[:, 0] * on[:, 1] - to[:, 1] * on[:, 0]
+    incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
+    cut = np.linalg.norm(incoming + outgoing, axis=1)
+    twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
     height: Floats = np.divide(twice, cut, out=np.zeros_like(cut), where=cut > 0)
-    return height, np.asarray(np.einsum("ki,ki->k", to, on) > 0)
+    return height, np.asarray(np.einsum("ki,ki->k", incoming, outgoing) > 0)
 
 
 def _without_straight(flat: Floats, noise: float) -> tuple[Ints, list[Ints]]:
     """Return the corners where the outline turns, and the straight runs between two of them, with both ends."""
     k = len(flat)
-    height, onward = _turns(flat)
+    height, onward = _corner_turns(flat)
     turning = np.flatnonzero((np.abs(height) > noise) | ~onward)
     if len(turning) < 3:
         return np.arange(k), []
@@ -226,18 +228,18 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
     if not runs:
         return F
     table = {edge: apex for a, b, c in F.tolist() for edge, apex in (((a, b), c), ((b, c), a), ((c, a), b))}
-    more, gone = [], set()
+    added, gone = [], set()
     for run in runs:
-        first, last = int(run[0]), int(run[-1])
-        apex = table.get((first, last))
+        run_start, run_end = int(run[0]), int(run[-1])
+        apex = table.get((run_start, run_end))
         if apex is None:  # the outline crosses itself
             continue
-        gone.add(frozenset((first, last, apex)))
+        gone.add(frozenset((run_start, run_end, apex)))
         corners = run.tolist()
-        more += [(a, b, apex) for a, b in pairwise(corners)]
-        table[apex, first], table[last, apex] = corners[1], corners[-2]
-    whole = [(a, b, c) for a, b, c in (*map(tuple, F.tolist()), *more) if frozenset((a, b, c)) not in gone]
-    return np.array(whole, dtype=np.int64).reshape(-1, 3)
+        added += [(a, b, apex) for a, b in pairwise(corners)]
+        table[apex, run_start], table[run_end, apex] = corners[1], corners[-2]
+    result = [(a, b, c) for a, b, c in (*map(tuple, F.tolist()), *added) if frozenset((a, b, c)) not in gone]
+    return np.array(result, dtype=np.int64).reshape(-1, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +282,8 @@ class CutPolygons:
 
 
 def triangles(mesh: Polygons) -> CutPolygons:
-    """Cut polygons into triangles: quads by `quads_cut`, larger ones by `small_polygons_cut` or `large_polygon_cut`.
+    """Cut polygons into triangles: quads by `quad_triangles`, larger ones by `small_polygon_triangles` or
+    `large_polygon_triangles`.
 
     Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or one that is not finite, is
     cut
@@ -288,33 +291,33 @@ def triangles(mesh: Polygons) -> CutPolygons:
     """
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
-    cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quads_cut(mesh.V, mesh.corners, mesh.sizes, of4)]
+    cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quad_triangles(mesh.V, mesh.corners, mesh.sizes, of4)]
     owners = [of3, np.repeat(of4, 2)]
     fanned: list[int] = []
     for k in np.unique(mesh.sizes[mesh.sizes > 4]).tolist():
-        of = np.flatnonzero(mesh.sizes == k)
-        corners = mesh.corners[start[of][:, None] + np.arange(k)]
-        F, crossed = _polygons_cut(mesh.V, corners)
-        cuts.append(np.take_along_axis(corners, F.reshape(len(of), -1), axis=1).reshape(-1, 3))
-        owners.append(np.repeat(of, k - 2))
-        fanned.extend(of[crossed].tolist())
+        faces = np.flatnonzero(mesh.sizes == k)
+        corners = mesh.corners[start[faces][:, None] + np.arange(k)]
+        F, crossed = _polygon_triangles(mesh.V, corners)
+        cuts.append(np.take_along_axis(corners, F.reshape(len(faces), -1), axis=1).reshape(-1, 3))
+        owners.append(np.repeat(faces, k - 2))
+        fanned.extend(faces[crossed].tolist())
     F, owner = np.concatenate(cuts), np.concatenate(owners)
     order = np.argsort(owner, kind="stable")
     return CutPolygons(F[order], owner[order], np.array(sorted(fanned), dtype=np.int64))
 
 
-def _polygons_cut(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
+def _polygon_triangles(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
     """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k), and which (q,) cross themselves."""
     q, k = corners.shape
-    there = (corners >= 0) & (corners < len(V))
-    P = V[np.where(there, corners, 0)] if len(V) else np.zeros((q, k, 3))
-    sound = there.all(axis=1) & np.isfinite(P).all(axis=(1, 2))
+    is_valid = (corners >= 0) & (corners < len(V))
+    P = V[np.where(is_valid, corners, 0)] if len(V) else np.zeros((q, k, 3))
+    sound = is_valid.all(axis=1) & np.isfinite(P).all(axis=(1, 2))
     F, crossed = np.tile(fan(k), (q, 1, 1)), np.zeros(q, dtype=bool)
-    if k <= FEW:
-        F[sound] = small_polygons_cut(P[sound])
+    if k <= MOST_CORNERS_FOR_EARS:
+        F[sound] = small_polygon_triangles(P[sound])
         return F, crossed
     for i in np.flatnonzero(sound).tolist():
-        cut = large_polygon_cut(P[i])
+        cut = large_polygon_triangles(P[i])
         crossed[i] = cut is None
         F[i] = F[i] if cut is None else cut
     return F, crossed

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, closed_length, face_angles, first, lengths
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, first_few, lengths, polygon_perimeter
 from dsfab.core.errors import SurfaceError
-from dsfab.core.messages import counted
+from dsfab.core.messages import count_phrase
 from dsfab.core.units import metres_per
-from dsfab.surface.clean.repair import mended, repaired_scan
+from dsfab.surface.clean.repair import mended_mesh, repaired_scan
 from dsfab.surface.clean.seams import in_reach
 from dsfab.surface.files import DEFAULT_TRIANGLES, FileRecord
 from dsfab.surface.files.mesh_files import RawMesh, raw_mesh
 from dsfab.surface.mesh import ZERO_AREA, Surface, signed_volume, signed_volumes
-from dsfab.surface.orientation import Up, flips_along_tree, upright
+from dsfab.surface.orientation import Up, flips_along_tree, upright_vertices
 from dsfab.surface.topology import (
     EdgeTable,
     boundary_loops,
@@ -77,16 +77,16 @@ def surface_in_file(
 ) -> SurfaceInFile:
     """Return the surface in a file with the record of reading and repairing it; see `read_surface`."""
     raw = raw_mesh(path, max_triangles)
-    return surface_of_file(path, mended_raw(raw, repair, unit) if mend or repair else raw, unit, up)
+    return surface_of_file(path, mended_raw_mesh(raw, repair, unit) if mend or repair else raw, unit, up)
 
 
-def mended_raw(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
+def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
     """Return a raw mesh with small faults mended, or repaired as a scan, with the repairs in its record.
 
     unit : of its numbers; by default that of the file.
     """
     metres = metres_per(unit) if unit else raw.metres
-    better = (repaired_scan if scan else mended)(raw.V, raw.F, metres)
+    better = (repaired_scan if scan else mended_mesh)(raw.V, raw.F, metres)
     if not better.repairs:
         return raw
     return replace(raw, V=better.V, F=better.F, record=raw.record.also(better.repairs))
@@ -96,38 +96,38 @@ def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up:
     """Return the surface of a raw mesh; see `read_surface`."""
     if not len(raw.F):
         raise SurfaceError(f"{path}: nothing is left once faults are mended: {'; '.join(raw.record.repaired)}")
-    V = upright(raw.V * (metres_per(unit) if unit else raw.metres), up)
+    V = upright_vertices(raw.V * (metres_per(unit) if unit else raw.metres), up)
     try:
-        surface = orientable(V, raw.F)
+        surface = oriented_surface(V, raw.F)
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
-    return SurfaceInFile(surface, raw.record.also(turned_over(raw.F, surface.F)))
+    return SurfaceInFile(surface, raw.record.also(flip_remark(raw.F, surface.F)))
 
 
-def turned_over(before: Ints, after: Ints) -> tuple[str, ...]:
+def flip_remark(before: Ints, after: Ints) -> tuple[str, ...]:
     """Return a text about the number of flipped faces (m, 3), or nothing."""
     count = int((before != after).any(axis=1).sum())
     if not count:
         return ()
     why = "neighbours face the same side" if count < len(before) else "they face outward"
-    return (f"{counted(count, 'face')} of {len(before):,} turned over, so that {why}",)
+    return (f"{count_phrase(count, 'face')} of {len(before):,} turned over, so that {why}",)
 
 
-def orientable(V: Floats, F: Ints) -> Surface:
+def oriented_surface(V: Floats, F: Ints) -> Surface:
     """Return the surface of V (n, 3), metres, and F (m, 3), with its faces oriented; see `read_surface`."""
     surface = Surface(V, F)
     _check_manifold(F, surface.edges)
-    turned = _oriented(V, F, surface.edges)
+    turned = _oriented_faces(V, F, surface.edges)
     return surface if turned is F else Surface(V, turned)
 
 
-def normalized(surface: Surface) -> Surface:
+def normalized_surface(surface: Surface) -> Surface:
     """Return the surface as a file would return it: faces oriented, no vertex (n, 3) without a face (m, 3). Raises
     SurfaceError as `read_surface` does."""
     used, F = np.unique(surface.F, return_inverse=True)
     if len(used) < surface.n:
-        return orientable(surface.V[used], F.reshape(-1, 3))
-    turned = orientable(surface.V, surface.F)
+        return oriented_surface(surface.V[used], F.reshape(-1, 3))
+    turned = oriented_surface(surface.V, surface.F)
     return surface if np.array_equal(turned.F, surface.F) else turned
 
 
@@ -135,7 +135,7 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
     twice = duplicate_faces(F)
     if len(twice):
         raise SurfaceError(
-            f"{len(twice)} of {len(F)} faces repeat an earlier face (first: {first(twice)}); remove them, "
+            f"{len(twice)} of {len(F)} faces repeat an earlier face (first: {first_few(twice)}); remove them, "
             "or let surface.mend = true do it"
         )
     crowded = np.flatnonzero(edges.count > 2)
@@ -146,15 +146,15 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
         )
 
 
-def _oriented(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
+def _oriented_faces(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
     flips = flips_to_orient(F, edges)
     if flips is None:
         flips = flips_along_tree(F, edges)
-    flips = flips ^ _inside_out(V, _flipped(F, flips), edges)
-    return _flipped(F, flips) if flips.any() else F
+    flips = flips ^ _inside_out(V, _flipped_faces(F, flips), edges)
+    return _flipped_faces(F, flips) if flips.any() else F
 
 
-def _flipped(F: Ints, flips: Bools) -> Ints:
+def _flipped_faces(F: Ints, flips: Bools) -> Ints:
     return np.where(flips[:, None], F[:, ::-1], F)
 
 
@@ -229,7 +229,7 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
     edges = edge_table(F)
     low, high = V[finite].min(axis=0), V[finite].max(axis=0)
     faults = manifold_faults(F, edges, len(V))
-    whole = not edges.boundary.any() and not len(misoriented_edges(F, edges)) and not (edges.count > 2).any()
+    encloses = not edges.boundary.any() and not len(misoriented_edges(F, edges)) and not (edges.count > 2).any()
     count, _ = pieces(F, edges)
     lengths = _boundary_lengths(V, F, edges)
     euler = euler_characteristic(F, edges)
@@ -245,7 +245,7 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
         box=_triple(high - low),
         low=_triple(low),
         area=float(areas.sum()),
-        volume=signed_volume(V, F) if whole else None,
+        volume=signed_volume(V, F) if encloses else None,
         closed=not edges.boundary.any(),
         pieces=count,
         boundary_lengths=lengths,
@@ -280,9 +280,9 @@ def _triple(x: Floats) -> tuple[float, float, float]:
 def _boundary_lengths(V: Floats, F: Ints, edges: EdgeTable) -> tuple[float, ...]:
     """Return the lengths of the boundary loops, longest first, metres, with the mesh oriented if possible."""
     flips = flips_to_orient(F, edges)
-    turned = F if flips is None else _flipped(F, flips)
+    turned = F if flips is None else _flipped_faces(F, flips)
     loops = boundary_loops(turned, edge_table(turned))
-    return tuple(sorted((closed_length(V[loop]) for loop in loops), reverse=True))
+    return tuple(sorted((polygon_perimeter(V[loop]) for loop in loops), reverse=True))
 
 
 def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, float]:

@@ -64,9 +64,9 @@ class Budget:
         if time.monotonic() - self.started > self.seconds:
             raise SurfaceError(f"reading took more than {self.seconds:.0f} s; {_LIFT}")
 
-    def _require(self, count: int, most: int, what: str) -> None:
-        if count > most:
-            raise SurfaceError(f"the file has {count:,} {what}, and {most:,} is the limit; {_LIFT}")
+    def _require(self, count: int, limit: int, what: str) -> None:
+        if count > limit:
+            raise SurfaceError(f"the file has {count:,} {what}, and {limit:,} is the limit; {_LIFT}")
 
 
 _LIFT = "make the mesh coarser, or allow more with --max-triangles N (surface.max_triangles in a preset)"
@@ -181,21 +181,21 @@ class TextFile:
     doubts: tuple[str, ...]
     ended: bool
 
-    def numbered(self, budget: Budget) -> Iterator[tuple[int, str]]:
+    def numbered_lines(self, budget: Budget) -> Iterator[tuple[int, str]]:
         """Yield the line numbers from 1, and the lines. Raises SurfaceError if reading takes too long."""
-        number, at, text = 0, 0, self.text
-        while at <= len(text):  # in blocks, because a list of all lines takes several times the file
-            end = text.find("\n", at + BLOCK)
+        number, position, text = 0, 0, self.text
+        while position <= len(text):  # in blocks, because a list of all lines takes several times the file
+            end = text.find("\n", position + BLOCK)
             end = len(text) if end < 0 else end
             budget.require_time()
-            for line in text[at:end].split("\n"):
+            for line in text[position:end].split("\n"):
                 number += 1
                 yield number, line
-            at = end + 1
+            position = end + 1
 
-    def cut_off(self, last: str) -> tuple[str, ...]:
-        """Return a doubt about a last line without an end, which should be part of `last`; nothing if it has an end."""
-        return () if self.ended else (f"the last line has no end: the file may be cut off within {last}",)
+    def cut_off(self, part: str) -> tuple[str, ...]:
+        """Return a doubt about a last line without an end, which should be part of `part`; nothing if it has an end."""
+        return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 
 def may_lack_digits(word: str, count: int) -> bool:
@@ -228,7 +228,7 @@ def text_file(data: bytes) -> TextFile:
 
 
 @dataclass(frozen=True)
-class Said:
+class CommentDeclarations:
     """Declarations in comments at the beginning of a file; None for missing ones.
 
     unit : a key of METRES_PER.    up : "y" or "z", the default up axis of the program that wrote the file.
@@ -238,11 +238,11 @@ class Said:
     up: str | None = None
 
 
-def said_in_comments(text: str, marks: tuple[str, ...]) -> Said:
+def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclarations:
     """Return the unit and the up axis from comments, which begin with `marks`, in the first 4096 letters of a file."""
-    said = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
-    unit, program = _UNIT.search(said), _PROGRAMS.search(said)
-    return Said(
+    comments = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
+    unit, program = _UNIT.search(comments), _PROGRAMS.search(comments)
+    return CommentDeclarations(
         None if unit is None else UNIT_WORDS[unit[1].lower()],
         None if program is None else "y" if program[1] else "z",
     )
@@ -262,10 +262,10 @@ def whole_number(word: str) -> int:
     return int(word)
 
 
-FLAT = 2e-4
+CURVE_TOLERANCE = 2e-4
 """Largest distance of a polygon's sides from its curve, as a share of the curve's size."""
 
-LARGEST = 1e12
+LARGEST_NUMBER = 1e12
 """Larger numbers are no lengths or angles, and foreign libraries may loop endlessly on them."""
 
 
@@ -313,14 +313,14 @@ _APART = "put the outlines into a drawing of their own"
 """Remedy for any of the limits."""
 
 
-def flattened(spans: Floats, at: Callable[[Floats], Floats]) -> Floats:
+def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
     """Return points (k, 3) of `curve` at the ends of spans (s,) and, within 1024 a span, enough between to be within
     `FLAT`."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)
-        points = at(t)
-        off = np.linalg.norm(points[1::2] - (points[:-1:2] + points[2::2]) / 2, axis=1).max()
-        if off <= FLAT * np.linalg.norm(np.ptp(points, axis=0)) or count >= 1024:
+        points = curve(t)
+        deviation = np.linalg.norm(points[1::2] - (points[:-1:2] + points[2::2]) / 2, axis=1).max()
+        if deviation <= CURVE_TOLERANCE * np.linalg.norm(np.ptp(points, axis=0)) or count >= 1024:
             return np.asarray(points[::2])
         count *= 2

@@ -9,10 +9,10 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import SurfaceError
-from dsfab.core.messages import counted
+from dsfab.core.messages import count_phrase
 from dsfab.core.units import metres_per
 from dsfab.surface.files.polygons import Polygons, triangles
-from dsfab.surface.files.reading import Drawing, DrawingBudget, MalformedFileError, TriangleFile, flattened
+from dsfab.surface.files.reading import Drawing, DrawingBudget, MalformedFileError, TriangleFile, curve_points
 
 UNITS = {
     "Millimeters": "mm", "Centimeters": "cm", "Decimeters": "dm", "Meters": "m", "Kilometers": "km",
@@ -32,13 +32,13 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
     model = _model(path)
     runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
-    for layer, thing, place in _Model.things_of(model, budget):
+    for layer, thing, place in _DrawnObjects.of_model(model, budget):
         if isinstance(thing, rhino3dm.Curve):
-            runs.append((layer, _moved(_points(thing), place)))
+            runs.append((layer, _transformed(_points(thing), place)))
             count += len(runs[-1][1])
             budget.require("points", count)
         elif isinstance(thing, rhino3dm.Point):
-            dots.append((layer, _moved(np.array([[getattr(thing.Location, axis) for axis in "XYZ"]]), place)))
+            dots.append((layer, _transformed(np.array([[getattr(thing.Location, axis) for axis in "XYZ"]]), place)))
     layers = tuple(sorted(layer.Name for layer in model.Layers))
     return Drawing(tuple(runs), layers, UNITS.get(model.Settings.ModelUnitSystem.name), tuple(dots))
 
@@ -47,22 +47,22 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
     """Return the meshes of a 3DM file and the saved meshes of its surfaces, with blocks expanded and nothing joined.
     Raises SurfaceError for a file whose surfaces were saved without meshes, and as `read_rhino` does."""
     model = _model(path)
-    V, F, count, bare, others = list[Floats](), list[Ints](), 0, 0, 0
-    for _, thing, place in _Model.things_of(model, budget):
+    V, F, count, bare, other_objects = list[Floats](), list[Ints](), 0, 0, 0
+    for _, thing, place in _DrawnObjects.of_model(model, budget):
         meshes = _meshes(thing)
         bare += meshes is None
-        others += meshes == [] and type(thing).__name__ not in MARKS
+        other_objects += meshes == [] and type(thing).__name__ not in MARKS
         for mesh in meshes or ():
             points, corners = _mesh_arrays(mesh)
-            V.append(_moved(points, place))
+            V.append(_transformed(points, place))
             F.append(corners + count)
             count += len(points)
     if not V:
-        what = f"{counted(bare, 'surface')} without a mesh" if bare else "no mesh"
+        what = f"{count_phrase(bare, 'surface')} without a mesh" if bare else "no mesh"
         raise SurfaceError(f"it holds {what}; in Rhino make one (Mesh), or export the surface as STEP")
     unit = UNITS.get(model.Settings.ModelUnitSystem.name)
-    dropped = [counted(bare, "surface") + " saved without its mesh"] if bare else []
-    dropped += [counted(others, "object") + " that are neither mesh nor surface"] if others else []
+    dropped = [count_phrase(bare, "surface") + " saved without its mesh"] if bare else []
+    dropped += [count_phrase(other_objects, "object") + " that are neither mesh nor surface"] if other_objects else []
     return TriangleFile(np.concatenate(V), np.concatenate(F), unit, metres_per(unit or "m"), (), tuple(dropped))
 
 
@@ -73,8 +73,8 @@ def _meshes(thing: Any) -> list[Any] | None:
     if isinstance(thing, rhino3dm.Mesh):
         return [thing]
     if isinstance(thing, rhino3dm.Brep):
-        found = [face.GetMesh(rhino3dm.MeshType.Any) for face in thing.Faces]
-        return found if all(found) else None
+        meshes = [face.GetMesh(rhino3dm.MeshType.Any) for face in thing.Faces]
+        return meshes if all(meshes) else None
     if isinstance(thing, rhino3dm.Extrusion):
         mesh = thing.GetMesh(rhino3dm.MeshType.Any)
         return [mesh] if mesh else None
@@ -98,7 +98,7 @@ def _model(path: Path) -> Any:
     return model
 
 
-class _Model:
+class _DrawnObjects:
     """Iterator over the drawn objects that counts them. The content of a block is among all objects, and is drawn where
     the block is inserted, moved by its matrix."""
 
@@ -107,13 +107,13 @@ class _Model:
         self.layers = {layer.Index: layer.Name for layer in model.Layers}
 
     @classmethod
-    def things_of(cls, model: Any, budget: DrawingBudget) -> Iterator[tuple[str, Any, Floats]]:
+    def of_model(cls, model: Any, budget: DrawingBudget) -> Iterator[tuple[str, Any, Floats]]:
         """Yield layer, geometry and matrix (4, 4) of all drawn objects; raises SurfaceError beyond the budget."""
         budget.require("entities", len(model.Objects))
-        drawn = (thing for thing in model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
-        return cls(model, budget).things(drawn, np.eye(4), 0)
+        objects = (thing for thing in model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
+        return cls(model, budget).objects(objects, np.eye(4), 0)
 
-    def things(self, things: Iterable[Any], place: Floats, depth: int) -> Iterator[tuple[str, Any, Floats]]:
+    def objects(self, things: Iterable[Any], place: Floats, depth: int) -> Iterator[tuple[str, Any, Floats]]:
         import rhino3dm
 
         if depth > self.budget.depth:
@@ -122,23 +122,23 @@ class _Model:
             self.count += 1
             self.budget.require("entities", self.count)
             if isinstance(thing.Geometry, rhino3dm.InstanceReference):
-                inside = self._block(thing.Geometry.ParentIdefId)
-                yield from self.things(inside, place @ _matrix(thing.Geometry.Xform), depth + 1)
+                inside = self._block_objects(thing.Geometry.ParentIdefId)
+                yield from self.objects(inside, place @ _matrix(thing.Geometry.Xform), depth + 1)
             else:
                 yield self.layers.get(thing.Attributes.LayerIndex, ""), thing.Geometry, place
 
-    def _block(self, number: Any) -> list[Any]:
+    def _block_objects(self, number: Any) -> list[Any]:
         """Return the content of a block; raises MalformedFileError if it is not in the file, like that of a linked
         block."""
         block = self.model.InstanceDefinitions.FindId(number)
-        inside = [self.model.Objects.FindId(one) for one in block.GetObjectIds()] if block else []
+        inside = [self.model.Objects.FindId(object_id) for object_id in block.GetObjectIds()] if block else []
         if not inside or None in inside:
             name = f"the block {block.Name!r}" if block else "a block"
             raise MalformedFileError(f"{name} is inserted and not in the file; explode it, or embed it in Rhino")
         return inside
 
 
-def _moved(points: Floats, place: Floats) -> Floats:
+def _transformed(points: Floats, place: Floats) -> Floats:
     return np.asarray(points @ place[:3, :3].T + place[:3, 3])
 
 
@@ -158,7 +158,7 @@ def _points(curve: Any) -> Floats:
     if curve.IsPolyline() and line is not None:
         return np.array([[p.X, p.Y, p.Z] for p in line])
     spans = np.linspace(curve.Domain.T0, curve.Domain.T1, 4 * max(curve.SpanCount, 1) + 1)
-    return flattened(spans, lambda t: np.array([[p.X, p.Y, p.Z] for p in map(curve.PointAt, t)]))
+    return curve_points(spans, lambda t: np.array([[p.X, p.Y, p.Z] for p in map(curve.PointAt, t)]))
 
 
 def read_occt(path: Path) -> TriangleFile:

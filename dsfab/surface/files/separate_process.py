@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.core.errors import SurfaceError
-from dsfab.surface.clean.seams import equal_merged, merged
+from dsfab.surface.clean.seams import equal_merged, merged_vertices
 from dsfab.surface.files.reading import Budget, Drawing, DrawingBudget, MalformedFileError, TriangleFile
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes, require_rhino
 
@@ -26,71 +26,72 @@ MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}
 SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}
 """Seconds of the processor for a small file, and again for each 10 MB."""
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
-WHOSE = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}
+LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}
 
 
-def read_rhino_apart(path: Path, budget: DrawingBudget) -> Drawing:
+def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
     """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes or exceeds its
     limits."""
     require_rhino()
     try:
-        said = json.loads(_said("drawing", path, budget.seconds))
+        answer = json.loads(_program_output("drawing", path, budget.seconds))
     except subprocess.TimeoutExpired:
         budget.require_time()  # raises the error for too long
         raise
-    _raise(said)
+    _raise_refusal(answer)
     runs, points = (
-        tuple((layer, np.array(rows, dtype=float).reshape(-1, 3)) for layer, rows in said[key])
+        tuple((layer, np.array(rows, dtype=float).reshape(-1, 3)) for layer, rows in answer[key])
         for key in ("runs", "points")
     )
-    return Drawing(runs, tuple(said["layers"]), said["unit"], points)
+    return Drawing(runs, tuple(answer["layers"]), answer["unit"], points)
 
 
 def read_3dm(path: Path, budget: Budget) -> TriangleFile:
-    """Return the meshes of a 3DM file with coincident vertices merged. Raises as `read_rhino_apart` does."""
+    """Return the meshes of a 3DM file with coincident vertices merged. Raises as `read_rhino_in_process` does."""
     require_rhino()
-    found = _triangles("meshes", path, budget)
-    V, F = equal_merged(found.V, found.F)
-    return TriangleFile(V, F, found.unit, found.metres, found.doubts, found.dropped)
+    mesh = _triangles("meshes", path, budget)
+    V, F = equal_merged(mesh.V, mesh.F)
+    return TriangleFile(V, F, mesh.unit, mesh.metres, mesh.doubts, mesh.dropped)
 
 
 def read_cad(path: Path, budget: Budget) -> TriangleFile:
-    """Return the faces of a STEP or BREP file as triangles, joined along common edges. Raises as `read_rhino_apart`
+    """Return the faces of a STEP or BREP file as triangles, joined along common edges. Raises as
+    `read_rhino_in_process`
     does."""
-    found = _triangles("cad", path, budget)
-    V, became = merged(found.V, 1e-7)  # as near are the points of two faces on their common edge
-    F = became[found.F]
-    whole = (np.roll(F, 1, axis=1) != F).all(axis=1)
-    return TriangleFile(V, F[whole], found.unit, found.metres, found.doubts, found.dropped)
+    mesh = _triangles("cad", path, budget)
+    V, became = merged_vertices(mesh.V, 1e-7)  # as near are the points of two faces on their common edge
+    F = became[mesh.F]
+    is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
+    return TriangleFile(V, F[is_triangle], mesh.unit, mesh.metres, mesh.doubts, mesh.dropped)
 
 
 def _triangles(kind: str, path: Path, budget: Budget) -> TriangleFile:
     try:
-        answer = _said(kind, path, budget.seconds + SECONDS[kind])
+        answer = _program_output(kind, path, budget.seconds + SECONDS[kind])
     except subprocess.TimeoutExpired:
         raise SurfaceError(f"reading took more than {budget.seconds:.0f} s; export it as a mesh") from None
     with np.load(io.BytesIO(answer)) as arrays:
-        said, V, F = json.loads(str(arrays["said"])), arrays["V"], arrays["F"]
-    _raise(said)
+        facts, V, F = json.loads(str(arrays["said"])), arrays["V"], arrays["F"]
+    _raise_refusal(facts)
     budget.require_triangles(len(F))
-    return TriangleFile(V, F, said["unit"], said["metres"], (), tuple(said["dropped"]))
+    return TriangleFile(V, F, facts["unit"], facts["metres"], (), tuple(facts["dropped"]))
 
 
-def _said(kind: str, path: Path, most: float) -> bytes:
+def _program_output(kind: str, path: Path, timeout: float) -> bytes:
     seconds = int(SECONDS[kind] * (1 + path.stat().st_size / 10_000_000))
     command = [sys.executable, "-P", "-c", PROGRAM, kind, str(path.resolve()), str(seconds)]
-    found = os.environ | {"PYTHONPATH": os.pathsep.join(one for one in sys.path if one)}
-    done = subprocess.run(command, capture_output=True, env=found, timeout=most, check=False)
-    if done.returncode:
-        raise MalformedFileError(f"it is damaged: {WHOSE[kind]} breaks on it")
-    return done.stdout
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(folder for folder in sys.path if folder)}
+    process = subprocess.run(command, capture_output=True, env=environment, timeout=timeout, check=False)
+    if process.returncode:
+        raise MalformedFileError(f"it is damaged: {LIBRARIES[kind]} breaks on it")
+    return process.stdout
 
 
-def _raise(said: dict[str, Any]) -> None:
-    if "refused" in said:
-        raise SurfaceError(said["refused"])
-    if "malformed" in said:
-        raise MalformedFileError(said["malformed"])
+def _raise_refusal(answer: dict[str, Any]) -> None:
+    if "refused" in answer:
+        raise SurfaceError(answer["refused"])
+    if "malformed" in answer:
+        raise MalformedFileError(answer["malformed"])
 
 
 def main() -> None:
@@ -101,8 +102,8 @@ def main() -> None:
     if kind == "drawing":
         sys.stdout.write(json.dumps(_drawing(Path(path))))
         return
-    said, V, F = _meshes(kind, Path(path))
-    np.savez(sys.stdout.buffer, said=json.dumps(said), V=V, F=F)
+    facts, V, F = _meshes(kind, Path(path))
+    np.savez(sys.stdout.buffer, said=json.dumps(facts), V=V, F=F)
 
 
 def _drawing(path: Path) -> dict[str, Any]:
@@ -112,18 +113,18 @@ def _drawing(path: Path) -> dict[str, Any]:
         return {"refused": str(error)}
     except MalformedFileError as error:
         return {"malformed": str(error)}
-    runs, points = ([(layer, rows.tolist()) for layer, rows in some] for some in (drawing.runs, drawing.points))
+    runs, points = ([(layer, rows.tolist()) for layer, rows in curves] for curves in (drawing.runs, drawing.points))
     return {"runs": runs, "points": points, "layers": drawing.layers, "unit": drawing.unit}
 
 
 def _meshes(kind: str, path: Path) -> tuple[dict[str, Any], Any, Any]:
     try:
-        found = read_rhino_meshes(path, DrawingBudget()) if kind == "meshes" else read_occt(path)
+        mesh = read_rhino_meshes(path, DrawingBudget()) if kind == "meshes" else read_occt(path)
     except SurfaceError as error:
         return {"refused": str(error)}, np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
     except MalformedFileError as error:
         return {"malformed": str(error)}, np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    return {"unit": found.unit, "metres": found.metres, "dropped": found.dropped}, found.V, found.F
+    return {"unit": mesh.unit, "metres": mesh.metres, "dropped": mesh.dropped}, mesh.V, mesh.F
 
 
 def _limit(seconds: int, memory: int) -> None:
@@ -133,7 +134,7 @@ def _limit(seconds: int, memory: int) -> None:
     import resource
 
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    held = Path("/proc/self/statm")
-    if held.exists():
-        most = int(held.read_text().split()[0]) * resource.getpagesize() + memory
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    statm = Path("/proc/self/statm")
+    if statm.exists():
+        address_limit = int(statm.read_text().split()[0]) * resource.getpagesize() + memory
+        resource.setrlimit(resource.RLIMIT_AS, (address_limit, address_limit))

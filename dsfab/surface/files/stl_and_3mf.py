@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
-from dsfab.core.messages import counted
+from dsfab.core.messages import count_phrase
 from dsfab.core.units import metres_per
 from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, text_file
@@ -36,43 +36,43 @@ def read_stl(data: bytes, budget: Budget) -> TriangleFile:
     Many binary files begin with "solid" like text files, so the length decides. Raises MalformedFileError for a file
     that is incomplete or neither, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
-    whole = HEAD + EACH * count
+    announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
-    if count < 0 or (len(data) != whole and looks_like_text):
-        return _text(data, budget)
+    if count < 0 or (len(data) != announced and looks_like_text):
+        return _read_text(data, budget)
     budget.require_triangles(count)
-    if len(data) < whole:
+    if len(data) < announced:
         raise MalformedFileError(f"{count:,} triangles are announced, and it ends after {(len(data) - HEAD) // EACH:,}")
     soup = np.frombuffer(data, _RECORD, count, HEAD)["corners"].astype(np.float64)
-    more = len(data) - whole
-    dropped = (f"{counted(more, 'byte')} after the last triangle",) if more else ()
+    extra_bytes = len(data) - announced
+    dropped = (f"{count_phrase(extra_bytes, 'byte')} after the last triangle",) if extra_bytes else ()
     return TriangleFile(*equal_merged(soup.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)), dropped=dropped)
 
 
-def _text(data: bytes, budget: Budget) -> TriangleFile:
+def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     file = text_file(data)
-    text, at, numbers, ended = file.text.rstrip(), 0, array("d"), False
+    text, position, numbers, ended = file.text.rstrip(), 0, array("d"), False
     head = _BETWEEN.match(text)
     if head is None or not text.lstrip()[:5].lower() == "solid":
         raise MalformedFileError("it is neither text that begins with 'solid' nor as long as its binary header says")
-    at = head.end()
-    while at < len(text):
-        if found := _FACET.match(text, at):
+    position = head.end()
+    while position < len(text):
+        if match := _FACET.match(text, position):
             ended = False
             try:
-                numbers.extend(map(_number, found.groups()))
+                numbers.extend(map(_number, match.groups()))
             except ValueError:
                 raise MalformedFileError(
-                    f"line {_line(text, at)} and those after it hold a number that is none"
+                    f"line {_line_number(text, position)} and those after it hold a number that is none"
                 ) from None
             if len(numbers) % (9 * CHUNK) == 0:
                 budget.require_time()
                 budget.require_triangles(len(numbers) // 9)
-        elif found := _BETWEEN.match(text, at):
-            ended = found.group().strip().lower().startswith("end")
+        elif match := _BETWEEN.match(text, position):
+            ended = match.group().strip().lower().startswith("end")
         else:
-            raise MalformedFileError(f"line {_line(text, at)} and those after it are no triangle")
-        at = found.end()
+            raise MalformedFileError(f"line {_line_number(text, position)} and those after it are no triangle")
+        position = match.end()
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
@@ -85,9 +85,13 @@ def _number(word: str) -> float:
     return float(word)
 
 
-def _line(text: str, at: int) -> int:
-    """Return the number, from 1, of the line of the first letter behind position `at`."""
-    return text.count("\n", 0, at) + text[at:].count("\n", 0, len(text) - at - len(text[at:].lstrip())) + 1
+def _line_number(text: str, position: int) -> int:
+    """Return the number, from 1, of the line of the first letter behind position `position`."""
+    return (
+        text.count("\n", 0, position)
+        + text[position:].count("\n", 0, len(text) - position - len(text[position:].lstrip()))
+        + 1
+    )
 
 
 _UNITS = {"MicroMeter": "um", "MilliMeter": "mm", "CentiMeter": "cm", "Meter": "m", "Inch": "in", "Foot": "ft"}
@@ -119,8 +123,8 @@ def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
     offsets = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
     V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
     F = np.concatenate([np.empty((0, 3), dtype=np.int64), *(F + n for (_, F), n in zip(parts, offsets, strict=True))])
-    left = len(plate.own) - len(plate.used)
-    dropped = (f"{counted(left, 'object')} that the build plate does not hold",) if left > 0 else ()
+    unplaced = len(plate.own) - len(plate.used)
+    dropped = (f"{count_phrase(unplaced, 'object')} that the build plate does not hold",) if unplaced > 0 else ()
     return TriangleFile(V, F, unit, metres, dropped=dropped)
 
 
@@ -147,31 +151,31 @@ class _Plate:
 
     def _scan(self, name: str, text: bytes) -> None:
         inside, start = (name, b""), -1
-        for found in _PARTS.finditer(text):
-            ends, kind, rest = found.groups()
+        for tag in _PARTS.finditer(text):
+            ends, kind, rest = tag.groups()
             if kind == b"object" and (ends or rest.endswith(b"/")):
                 if start >= 0:
-                    self.own[inside] = sum(1 for _ in _TRIANGLE.finditer(text, start, found.start()))
+                    self.own[inside] = sum(1 for _ in _TRIANGLE.finditer(text, start, tag.start()))
                 start = -1
                 continue
             values = dict(_ATTRIBUTE.findall(rest))
             path = values[b"path"].decode("utf-8", "replace").lstrip("/") if b"path" in values else name
             if kind == b"object":
-                inside, start = (name, values.get(b"id", b"")), found.end()
+                inside, start = (name, values.get(b"id", b"")), tag.end()
                 self.own[inside] = 0
             elif not ends:
                 whose = self.items if kind == b"item" else self.made_of.setdefault(inside, [])
                 whose.append((path, values.get(b"objectid", b"")))
 
     def triangles(self) -> int:
-        return sum(self._of(item, 0) for item in self.items)
+        return sum(self._triangles_of(item, 0) for item in self.items)
 
-    def _of(self, key: Key, depth: int) -> int:
+    def _triangles_of(self, key: Key, depth: int) -> int:
         if depth > 100:
             raise MalformedFileError("an object of it is made of itself, or of objects in over 100 levels")
         self.used.add(key)
         if key not in self._known:
-            parts = sum(self._of(part, depth + 1) for part in self.made_of.get(key, ()))
+            parts = sum(self._triangles_of(part, depth + 1) for part in self.made_of.get(key, ()))
             self._known[key] = self.own.get(key, 0) + parts
         return self._known[key]
 

@@ -65,15 +65,15 @@ def load_cases(
     return {name: replace(case, loaded=loaded) for name, case in cases.items()}
 
 
-def together(cases: Mapping[str, LoadCase], factors: Mapping[str, float] | None = None) -> LoadCase:
+def combined_case(cases: Mapping[str, LoadCase], factors: Mapping[str, float] | None = None) -> LoadCase:
     """Return the sum of cases that act at the same time, with their factors; by default all cases once."""
-    first = next(iter(cases.values()))
+    first_case = next(iter(cases.values()))
     taken = dict.fromkeys(cases, 1.0) if factors is None else factors
     force = np.sum([factor * cases[name].force for name, factor in taken.items()], axis=0)
     parts = {name: case.parts for name, case in cases.items() if case.parts is not None}
     if len(parts) < len(cases):
-        return first.loading(force)
-    return replace(first, force=force, parts=LoadParts.total(parts, taken))
+        return first_case.with_forces(force)
+    return replace(first_case, force=force, parts=LoadParts.total(parts, taken))
 
 
 CombinationRule = Literal["EN 1990 6.10", "EN 1990 6.10a/b"]
@@ -113,7 +113,12 @@ ActionKind = Literal[
     "temperature",
 ]
 
-OF_LOADS: dict[str, ActionKind] = {"self_weight": "permanent", "cladding": "permanent", "snow": "snow", "wind": "wind"}
+ACTION_OF_LOAD: dict[str, ActionKind] = {
+    "self_weight": "permanent",
+    "cladding": "permanent",
+    "snow": "snow",
+    "wind": "wind",
+}
 """Kinds of actions for kinds of loads; for other loads the preset has to state it."""
 
 ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")
@@ -159,14 +164,14 @@ def action_mistakes(
         return
     for case in cases:
         kinds = {load.kind for load in loads if load.case == case}
-        known = {OF_LOADS.get(kind) for kind in kinds}
-        if case not in actions and (None in known or len(known) > 1):
-            why = "do not tell what they are" if None in known else "are of several kinds"
+        action_kinds = {ACTION_OF_LOAD.get(kind) for kind in kinds}
+        if case not in actions and (None in action_kinds or len(action_kinds) > 1):
+            why = "do not tell what they are" if None in action_kinds else "are of several kinds"
             yield (
                 f"surface.combinations = {rule!r}: the loads of case {case} ({', '.join(sorted(kinds))}) {why}; give "
                 f'each its own case, or write [surface.actions] {case} = "..." ({", ".join(["permanent", *PSI])})'
             )
-    if all(case in actions or OF_LOADS.get(_kind(loads, case)) for case in cases):
+    if all(case in actions or ACTION_OF_LOAD.get(_kind(loads, case)) for case in cases):
         count = len(en1990_combinations(loads, actions, rule, DesignFactors()))
         limit = 200
         if count > limit:
@@ -183,43 +188,43 @@ def en1990_combinations(
     selection of variable cases takes part, with at most one case of mutually exclusive kinds, and each case leads in
     turn. Favourable weight is combined with wind only, because other loads press down too."""
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
-    found: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
+    combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):
-        acting = [one for one in chosen if one is not None]
+        acting = [item for item in chosen if item is not None]
         for k in range(max(len(acting), 1)):
             order = acting[k : k + 1] + acting[:k] + acting[k + 1 :]
-            for one in _of_order(permanent, order, rule, factors):
-                found.setdefault((one.limit_state, tuple(sorted(one.factors.items()))), one)
-    return sorted(found.values(), key=lambda one: one.limit_state != "ULS")
+            for item in _ordered_combinations(permanent, order, rule, factors):
+                combinations.setdefault((item.limit_state, tuple(sorted(item.factors.items()))), item)
+    return sorted(combinations.values(), key=lambda item: item.limit_state != "ULS")
 
 
-def _of_order(
+def _ordered_combinations(
     permanent: Sequence[str], order: Sequence[_Variable], rule: CombinationRule, factors: DesignFactors
 ) -> Iterator[Combination]:
     """Yield the combinations in which the first of the variable actions leads."""
     gamma = factors.variable
-    lead = [gamma * (1.0 if not k else one.psi[0]) for k, one in enumerate(order)]
-    behind = [gamma * one.psi[0] for one in order]
+    lead = [gamma * (1.0 if not k else action.psi[0]) for k, action in enumerate(order)]
+    behind = [gamma * action.psi[0] for action in order]
     if rule == "EN 1990 6.10":
         uls = {"ULS": (factors.permanent, lead)}
     else:
         uls = {"ULS-a": (factors.permanent, behind), "ULS-b": (factors.reduction * factors.permanent, lead)}
-    if any(one.kind == "wind" for one in order):
+    if any(action.kind == "wind" for action in order):
         uls["ULS-light"] = (factors.favourable, lead)
     sls = {
-        "SLS": [1.0 if not k else one.psi[0] for k, one in enumerate(order)],
-        "SLS-frequent": [one.psi[1 if not k else 2] for k, one in enumerate(order)],
-        "SLS-quasi": [one.psi[2] for one in order],
+        "SLS": [1.0 if not k else action.psi[0] for k, action in enumerate(order)],
+        "SLS-frequent": [action.psi[1 if not k else 2] for k, action in enumerate(order)],
+        "SLS-quasi": [action.psi[2] for action in order],
     }
     for name, (weight, variable) in (uls | {name: (1.0, shares) for name, shares in sls.items()}).items():
         if variable and not variable[0]:  # the leading action has no effect; another order covers the rest
             continue
-        acting = {one.case: factor for one, factor in zip(order, variable, strict=True) if factor}
+        acting = {action.case: factor for action, factor in zip(order, variable, strict=True) if factor}
         taken = dict.fromkeys(permanent, weight) | acting
         taken = {case: round(factor, 6) for case, factor in taken.items() if factor}
         if taken:
-            said = "-".join(acting) or "permanent"
-            yield Combination(f"{name}-{said}", taken, "ULS" if name.startswith("ULS") else "SLS")
+            cases_text = "-".join(acting) or "permanent"
+            yield Combination(f"{name}-{cases_text}", taken, "ULS" if name.startswith("ULS") else "SLS")
 
 
 def _permanent_and_groups(
@@ -229,7 +234,7 @@ def _permanent_and_groups(
     permanent: list[str] = []
     groups: dict[str, list[_Variable | None]] = {}
     for case in case_names(loads):
-        kind = actions.get(case) or OF_LOADS[_kind(loads, case)]
+        kind = actions.get(case) or ACTION_OF_LOAD[_kind(loads, case)]
         if kind == "permanent":
             permanent.append(case)
             continue

@@ -52,9 +52,9 @@ class Snow:
             raise SurfaceError("a load of kind 'snow' falls past every picked face; pick faces that it can lie on")
         return np.asarray(self.pressure * np.maximum(plan, 0.0)[:, None] * d)
 
-    def on(self, surface: Surface, weight: float) -> Floats:
+    def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons."""
-        return to_corners(surface, self.traction(surface) * surface.areas[:, None])
+        return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
 @dataclass(frozen=True)
@@ -99,9 +99,9 @@ class Wind:
             )
         return np.asarray(-self.pressure * c[:, None] * n)
 
-    def on(self, surface: Surface, weight: float) -> Floats:
+    def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons."""
-        return to_corners(surface, self.traction(surface) * surface.areas[:, None])
+        return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
 def outward_normals(surface: Surface) -> Floats:
@@ -109,9 +109,9 @@ def outward_normals(surface: Surface) -> Floats:
     return -surface.normals if surface.is_closed and surface.volume < 0 else surface.normals
 
 
-def picked_faces(surface: Surface, at: Picker, kind: str) -> Bools:
+def picked_faces(surface: Surface, picker: Picker, kind: str) -> Bools:
     """Return the faces (m,) whose corners are all picked; raises SurfaceError if none are."""
-    faces = surface.faces_of(at.vertices(surface))
+    faces = surface.faces_of(picker.vertices(surface))
     if not faces.any():
         raise SurfaceError(
             f"a load of kind '{kind}' is on no face: no triangle has all three corners picked; pick a wider region"
@@ -119,11 +119,11 @@ def picked_faces(surface: Surface, at: Picker, kind: str) -> Bools:
     return faces
 
 
-def to_corners(surface: Surface, on_face: Floats) -> Floats:
+def forces_at_corners(surface: Surface, on_face: Floats) -> Floats:
     """Return a third of each face's force (m, 3) at each of its corners, summed (n, 3)."""
     corners = np.repeat(on_face / 3, 3, axis=0)
-    at = surface.F.ravel()
-    return np.stack([np.bincount(at, corners[:, i], minlength=surface.n) for i in range(3)], axis=1)
+    corner = surface.F.ravel()
+    return np.stack([np.bincount(corner, corners[:, i], minlength=surface.n) for i in range(3)], axis=1)
 
 
 def _require_pressure(kind: str, pressure: float) -> None:
@@ -131,7 +131,7 @@ def _require_pressure(kind: str, pressure: float) -> None:
         raise SurfaceError(f"a load of kind '{kind}' needs a positive pressure in pascals, not {pressure:g}")
 
 
-AREAS = ("weight", "bare", "covered")
+SPREAD_PARTS = ("weight", "bare", "covered")
 """Parts of loads that are spread over faces."""
 
 
@@ -154,14 +154,17 @@ class LoadParts:
     def __post_init__(self) -> None:
         lock(self, "point", np.float64, (None, 3))
         lock(self, "weight", np.float64, (None, 3))
-        for name in AREAS[1:]:
+        for name in SPREAD_PARTS[1:]:
             lock(self, name, np.float64, (len(self.weight), 3))
 
     @classmethod
     def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
         """Return the sum of the parts, each times its factor."""
         weight = {name: factors.get(name, 0.0) for name in parts}
-        sums = (np.sum([f * getattr(parts[k], on) for k, f in weight.items()], axis=0) for on in ("point", *AREAS))
+        sums = (
+            np.sum([f * getattr(parts[k], part) for k, f in weight.items()], axis=0)
+            for part in ("point", *SPREAD_PARTS)
+        )
         return cls(*sums)
 
     @property
@@ -172,12 +175,16 @@ class LoadParts:
     def forces(self, surface: Surface) -> Floats:
         """Return the forces (n, 3), newtons: a third of each face's force at each of its corners."""
         traction = self.traction
-        return self.point + to_corners(surface, traction * surface.areas[:, None]) if traction.any() else self.point
+        return (
+            self.point + forces_at_corners(surface, traction * surface.areas[:, None]) if traction.any() else self.point
+        )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
         """Return the parts with loads on material multiplied by shares of it, a number or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
-        return replace(self, **{on: getattr(self, on) * share for on, share in zip(AREAS, shares, strict=False)})
+        return replace(
+            self, **{part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
+        )
 
 
 @dataclass(frozen=True)
@@ -192,7 +199,7 @@ class Force:
     case: CaseName = "load"
     name: Name = ""
 
-    def on(self, surface: Surface, weight: float) -> Floats:
+    def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons; they sum to `force`."""
         if not any(self.force):
             raise SurfaceError("a load of kind 'force' is zero; give force = [fx, fy, fz] in newtons")
@@ -223,14 +230,14 @@ class Pressure:
         """Return the traction (m, 3) on each face, Pa."""
         return (-self.pressure * surface.faces_of(self.at.vertices(surface)))[:, None] * surface.normals
 
-    def on(self, surface: Surface, weight: float) -> Floats:
+    def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons; they sum to -pressure times the vector area of the faces."""
         if self.pressure == 0:
             raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
         faces = picked_faces(surface, self.at, "pressure")
         require_two_sides(surface, faces, "a load of kind 'pressure'")
         on_face = (-self.pressure * faces * surface.areas)[:, None] * surface.normals
-        return to_corners(surface, on_face)
+        return forces_at_corners(surface, on_face)
 
 
 @dataclass(frozen=True)
@@ -243,7 +250,7 @@ class SelfWeight:
     case: CaseName = "load"
     name: Name = ""
 
-    def on(self, surface: Surface, weight: float) -> Floats:
+    def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons, of a sheet of `weight` newtons per square metre; they sum to weight times
         area."""
         if not weight > 0:
@@ -283,9 +290,9 @@ class Cladding:
         along = self.pressure * unit_vector(self.direction, "a load of kind 'cladding'")
         return picked_faces(surface, self.at, "cladding")[:, None] * along
 
-    def on(self, surface: Surface, weight: float) -> Floats:
+    def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons; they sum to pressure times the area of the faces."""
-        return to_corners(surface, self.traction(surface) * surface.areas[:, None])
+        return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
 @dataclass(frozen=True)
@@ -320,7 +327,7 @@ class Line:
             )
         return np.asarray(line[:, None] * np.array(self.per_metre))
 
-    def on(self, surface: Surface, weight: float) -> Floats:
+    def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons."""
         ends = surface.edges.ends
         length = np.linalg.norm(surface.V[ends[:, 1]] - surface.V[ends[:, 0]], axis=1)
@@ -337,15 +344,15 @@ def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> 
 
     weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that does.
     """
-    spread: dict[str, Floats] = {on: np.zeros((surface.m, 3)) for on in AREAS}
+    spread: dict[str, Floats] = {part: np.zeros((surface.m, 3)) for part in SPREAD_PARTS}
     point = np.zeros((surface.n, 3))
     for load in loads:
         if isinstance(load, Force | Line):
-            point += load.on(surface, weight)
+            point += load.forces(surface, weight)
         else:
             covered = isinstance(load, Cladding) or (not isinstance(load, SelfWeight) and load.covered)
-            on = "weight" if isinstance(load, SelfWeight) else "covered" if covered else "bare"
-            spread[on] = spread[on] + load.traction(surface, weight)
+            part = "weight" if isinstance(load, SelfWeight) else "covered" if covered else "bare"
+            spread[part] = spread[part] + load.traction(surface, weight)
     return LoadParts(point, **spread)
 
 
@@ -396,8 +403,8 @@ class LoadCase:
             raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")
         if not loads:
             raise SurfaceError("the surface has no load; add a [[surface.load]]: a force, a pressure or self_weight")
-        fixed = np.logical_or.reduce([support.fixed(surface) for support in supports])
-        force = np.sum([load.on(surface, weight) for load in loads], axis=0)
+        fixed = np.logical_or.reduce([support.fixed_directions(surface) for support in supports])
+        force = np.sum([load.forces(surface, weight) for load in loads], axis=0)
         if not np.isfinite(force).all():
             raise SurfaceError("a load is not a finite number; give newtons or pascals as plain numbers")
         if not force[~fixed].any():
@@ -412,14 +419,14 @@ class LoadCase:
             elif isinstance(load, Line):
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
-        clamped = np.logical_or.reduce([support.clamped(surface) for support in supports])
+        clamped = np.logical_or.reduce([support.clamped_edges(surface) for support in supports])
         # a free edge between supported ends is supported too, for elements with nodes in the middle
         between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
         between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
         return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))
 
     @property
-    def held(self) -> Bools:
+    def supported(self) -> Bools:
         """Vertices (n,) with any support, springs included."""
         return np.asarray((self.fixed | (self.spring > 0)).any(axis=1))
 
@@ -428,7 +435,7 @@ class LoadCase:
         """Forces (n, 3) of forces and lines, which act on the vertices themselves, newtons."""
         return self.force if self.parts is None else self.parts.point
 
-    def loading(self, force: Floats, loaded: Bools | None = None) -> Self:
+    def with_forces(self, force: Floats, loaded: Bools | None = None) -> Self:
         """Return the same supports under other forces (n, 3), newtons, on the vertices."""
         return replace(self, force=force, loaded=self.loaded if loaded is None else loaded, parts=None)
 
@@ -436,7 +443,7 @@ class LoadCase:
         """Return the same supports under other parts of loads."""
         return replace(self, force=parts.forces(surface), parts=parts)
 
-    def under(self, surface: Surface, loads: Sequence[Load], weight: float) -> Self:
+    def with_loads(self, surface: Surface, loads: Sequence[Load], weight: float) -> Self:
         """Return the same supports under other loads; `weight` of the sheet, newtons per square metre."""
         return self.with_parts(surface, load_parts(surface, loads, weight))
 

@@ -10,12 +10,12 @@ import numpy as np
 from annotated_types import Gt, MinLen
 from pydantic import ConfigDict, Field
 
-from dsfab.core.arrays import Bools, Floats, closed_length, lengths
+from dsfab.core.arrays import Bools, Floats, lengths, polygon_perimeter
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.files.drawings import closed_curves
 from dsfab.surface.loads.pickers import (
+    PICKER_TOLERANCE,
     STRICT,
-    TOUCH,
     All,
     Ball,
     Boundary,
@@ -29,10 +29,10 @@ from dsfab.surface.loads.pickers import (
     Vertices,
     VerticesLeft,
     picker_words,
-    pierced,
+    pierced_faces,
     within_reach,
 )
-from dsfab.surface.mesh import Surface, nearest
+from dsfab.surface.mesh import Surface, nearest_places
 from dsfab.surface.topology import spanned_edges
 
 
@@ -46,20 +46,20 @@ def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
     sides = np.arange(2 * len(start)).reshape(2, -1).T
     points = np.zeros((len(P), 3))
     points[:, :2] = P
-    away = nearest(points, space, sides).distance
-    return np.asarray(np.where(_within(start, end, P), away, -away))
+    away = nearest_places(points, space, sides).distance
+    return np.asarray(np.where(_inside(start, end, P), away, -away))
 
 
-def _within(start: Floats, end: Floats, P: Floats) -> Bools:
+def _inside(start: Floats, end: Floats, P: Floats) -> Bools:
     """Return whether (p,) a ray from points P (p, 2) along x crosses an odd number of sides, from start to end (s,
     2)."""
-    odd, some = np.zeros(len(P), dtype=bool), max(4_000_000 // len(start), 1)  # in blocks, to save memory
+    odd, block = np.zeros(len(P), dtype=bool), max(4_000_000 // len(start), 1)  # in blocks, to save memory
     rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
-    for k in range(0, len(P), some):
-        x, y = P[k : k + some].T[:, :, None]
+    for k in range(0, len(P), block):
+        x, y = P[k : k + block].T[:, :, None]
         spans = (start[:, 1] <= y) != (end[:, 1] <= y)
-        there = start[:, 0] + (y - start[:, 1]) / rise * (end[:, 0] - start[:, 0])
-        odd[k : k + some] = (spans & (there > x)).sum(axis=1) % 2 == 1
+        crossing_x = start[:, 0] + (y - start[:, 1]) / rise * (end[:, 0] - start[:, 0])
+        odd[k : k + block] = (spans & (crossing_x > x)).sum(axis=1) % 2 == 1
     return odd
 
 
@@ -74,7 +74,7 @@ def enclosed_area(P: Floats) -> float:
     return float(abs(x @ v - u @ y) / 2)
 
 
-def bends(P: Floats) -> Bools:
+def bend_corners(P: Floats) -> Bools:
     """Return the corners (k,) of a polygon (k, 2) at which it turns by 15 degrees or more; smaller turns belong to
     curves."""
     came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P
@@ -90,15 +90,15 @@ def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
     for i in range(k - 2):
         j = np.arange(i + 2, k - (i == 0))
         a, b, c, d = P[i], Q[i], P[j], Q[j]
-        one, two = _turns(a, b, c), _turns(a, b, d)
-        three, four = _turns(c, d, a), _turns(c, d, b)
-        across = (one * two <= 0) & (three * four <= 0)
-        on_line = (one == 0) & (two == 0)
+        turn_c, turn_d = _turns(a, b, c), _turns(a, b, d)
+        turn_a, turn_b = _turns(c, d, a), _turns(c, d, b)
+        across = (turn_c * turn_d <= 0) & (turn_a * turn_b <= 0)
+        on_line = (turn_c == 0) & (turn_d == 0)
         ahead, span = (c - a) @ (b - a), (d - a) @ (b - a)
         across &= ~on_line | ((np.maximum(ahead, span) >= 0) & (np.minimum(ahead, span) <= (b - a) @ (b - a)))
         if across.any():
             n = int(across.argmax())
-            share = three[n] / (three[n] - four[n]) if three[n] != four[n] else 0.0
+            share = turn_a[n] / (turn_a[n] - turn_b[n]) if turn_a[n] != turn_b[n] else 0.0
             return i, int(j[n]), a + share * (b - a)
     return None
 
@@ -149,9 +149,11 @@ class PlanPolygon:
 
         room = surface.size
         floor, roof = max(low, z.min() - room), min(high, z.max() + room)
-        levels = [one for one in (self.low, self.high) if one is not None]
-        uprights = [((*p, floor), (*p, roof)) for p in P[bends(P)]]
-        around = [((*p, one), (*q, one)) for one in levels for p, q in zip(P, np.roll(P, -1, axis=0), strict=True)]
+        levels = [level for level in (self.low, self.high) if level is not None]
+        uprights = [((*p, floor), (*p, roof)) for p in P[bend_corners(P)]]
+        around = [
+            ((*p, level), (*q, level)) for level in levels for p, q in zip(P, np.roll(P, -1, axis=0), strict=True)
+        ]
         return Extent(depth, np.array([*uprights, *around]).reshape(-1, 2, 3), _width(P))
 
     def vertices(self, surface: Surface) -> Bools:
@@ -199,12 +201,12 @@ class ClosedCurves:
         planes: list[_Plane] = []
         for number, loop in enumerate(self.loops()):
             loop = without_repeats(loop)
-            own = _Plane.of(loop, picker_words(self), number)
-            held = next((k for k, plane in enumerate(planes) if plane.holds(loop)), None)
-            if held is None:
-                planes.append(own)
+            new_plane = _Plane.from_curve(loop, picker_words(self), number)
+            plane_index = next((k for k, plane in enumerate(planes) if plane.holds(loop)), None)
+            if plane_index is None:
+                planes.append(new_plane)
             else:
-                planes[held] = planes[held].with_loop(loop)
+                planes[plane_index] = planes[plane_index].with_loop(loop)
         return Extent.union([plane.extent(surface, self.depth) for plane in planes])
 
     def vertices(self, surface: Surface) -> Bools:
@@ -231,8 +233,8 @@ class Brush:
         ways = np.stack([dots[:-1], dots[1:]], axis=1)[(step > 0) & (step <= 2 * radius)]
 
         def depth(P: Floats) -> Floats:
-            off = nearest(P, points, dots[:, None]).distance
-            return radius - (np.minimum(off, nearest(P, points, ways).distance) if len(ways) else off)
+            distance = nearest_places(P, points, dots[:, None]).distance
+            return radius - (np.minimum(distance, nearest_places(P, points, ways).distance) if len(ways) else distance)
 
         return Extent(depth, np.empty((0, 2, 3)), radius)
 
@@ -265,7 +267,7 @@ class _Plane:
     loops: tuple[Floats, ...]
 
     @classmethod
-    def of(cls, loop: Floats, whose: str, number: int) -> "_Plane":
+    def from_curve(cls, loop: Floats, whose: str, number: int) -> "_Plane":
         if len(loop) < 3:
             raise SurfaceError(f"{whose}: curve {number} has {len(loop)} different points; give three or more")
         origin = loop.mean(axis=0)
@@ -274,15 +276,15 @@ class _Plane:
             axes = np.eye(3)
         flat = cls(origin, axes, (loop,))
         try:
-            check_polygon(flat.seen(loop), f"curve {number}, seen along its normal,")
+            check_polygon(flat.projected(loop), f"curve {number}, seen along its normal,")
         except OutlineError as error:
             raise SurfaceError(f"{whose}: {error}") from None
         return flat
 
-    def seen(self, P: Floats) -> Floats:
+    def projected(self, P: Floats) -> Floats:
         return np.asarray((P - self.origin) @ self.axes[:2].T)
 
-    def off(self, P: Floats) -> Floats:
+    def distances(self, P: Floats) -> Floats:
         return np.asarray((P - self.origin) @ self.axes[2])
 
     @cached_property
@@ -291,7 +293,7 @@ class _Plane:
 
     def holds(self, loop: Floats) -> bool:
         size = float(np.linalg.norm(np.ptp(np.concatenate([*self.loops, loop]), axis=0)))
-        return bool(np.abs(self.off(loop)).max() < ONE_PLANE * size)
+        return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def with_loop(self, loop: Floats) -> "_Plane":
         return _Plane(self.origin, self.axes, (*self.loops, loop))
@@ -299,63 +301,63 @@ class _Plane:
     def extent(self, surface: Surface, depth: float | None) -> Extent:
         """Return the prism through the curves, with a depth to both sides, or as deep as the nearest part of the
         surface."""
-        loops, normal = [self.seen(loop) for loop in self.loops], self.axes[2]
+        loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
             low, high = self._nearest_part(surface)
 
-        def within(P: Floats) -> Floats:
-            off = self.off(P)
-            return np.minimum(depth_in(loops, self.seen(P)), np.minimum(off - low, high - off))
+        def prism_depth(P: Floats) -> Floats:
+            distance = self.distances(P)
+            return np.minimum(depth_in(loops, self.projected(P)), np.minimum(distance - low, high - distance))
 
-        far = np.abs(self.off(surface.V)).max() + surface.size
-        ends = np.array([max(low, -far), min(high, far)])[:, None] * normal
-        corners = np.concatenate([loop[bends(flat)] for loop, flat in zip(self.loops, loops, strict=True)])
-        foot = corners - self.off(corners)[:, None] * normal
-        return Extent(within, foot[:, None] + ends, min(_width(flat) for flat in loops))
+        reach = np.abs(self.distances(surface.V)).max() + surface.size
+        ends = np.array([max(low, -reach), min(high, reach)])[:, None] * normal
+        corners = np.concatenate([loop[bend_corners(flat)] for loop, flat in zip(self.loops, loops, strict=True)])
+        foot = corners - self.distances(corners)[:, None] * normal
+        return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
         """Return how far the prism reaches to both sides, from lines of sight through the curves. Each line first meets
         the nearest part of the surface; the prism ends halfway between this part and the next."""
-        far, normal = np.abs(self.off(surface.V)).max() + surface.size, self.axes[2]
-        first, behind = list[float](), list[float]()
-        for p in self._sights():
-            foot = p - self.off(p[None]) * normal
-            _, t = pierced(surface, foot - far * normal, foot + far * normal)
+        reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
+        nearest_hits, behind = list[float](), list[float]()
+        for p in self._sight_points():
+            foot = p - self.distances(p[None]) * normal
+            _, t = pierced_faces(surface, foot - reach * normal, foot + reach * normal)
             if not len(t):
                 continue
-            hits = (2 * t - 1) * far
+            hits = (2 * t - 1) * reach
             k = int(np.abs(hits).argmin())
-            first.append(float(hits[k]))
+            nearest_hits.append(float(hits[k]))
             behind += [float(hit) for hit in hits if abs(hit - hits[k]) > ONE_PLANE * surface.size]
-        if not first:
+        if not nearest_hits:
             return -np.inf, np.inf
-        least, most = min(first), max(first)
-        below, above = ([hit for hit in behind if hit < least], [hit for hit in behind if hit > most])
-        low = (max(below) + least) / 2 if below else -np.inf
-        return low, (min(above) + most) / 2 if above else np.inf
+        lowest, highest = min(nearest_hits), max(nearest_hits)
+        below, above = ([hit for hit in behind if hit < lowest], [hit for hit in behind if hit > highest])
+        low = (max(below) + lowest) / 2 if below else -np.inf
+        return low, (min(above) + highest) / 2 if above else np.inf
 
-    def _sights(self) -> Floats:
+    def _sight_points(self) -> Floats:
         """Return points (k, 3) on the curves and halfway to their middles, about 96 in all."""
-        found = list[Floats]()
+        points = list[Floats]()
         for loop in self.loops:
-            some = loop[:: max(2 * len(self.loops) * len(loop) // 48, 1)]
-            found += [some, (some + loop.mean(axis=0)) / 2]
-        return np.concatenate(found)
+            sample = loop[:: max(2 * len(self.loops) * len(loop) // 48, 1)]
+            points += [sample, (sample + loop.mean(axis=0)) / 2]
+        return np.concatenate(points)
 
 
 def _width(P: Floats) -> float:
     """Return half the width of a slender polygon (k, 2): the radius of a circle."""
-    return 2 * enclosed_area(P) / closed_length(P)
+    return 2 * enclosed_area(P) / polygon_perimeter(P)
 
 
-def self_contained(at: Any) -> Any:
+def self_contained(picker: Any) -> Any:
     """Return a picker with the curves of its file in it; others unchanged. Raises SurfaceError as `closed_curves`
     does."""
-    if not isinstance(at, ClosedCurves) or at.file is None:
-        return at
-    curves = tuple(tuple((float(x), float(y), float(z)) for x, y, z in loop) for loop in at.loops())
-    return ClosedCurves(curves=curves, depth=at.depth)
+    if not isinstance(picker, ClosedCurves) or picker.file is None:
+        return picker
+    curves = tuple(tuple((float(x), float(y), float(z)) for x, y, z in loop) for loop in picker.loops())
+    return ClosedCurves(curves=curves, depth=picker.depth)
 
 
 Picker = Annotated[
@@ -364,42 +366,44 @@ Picker = Annotated[
 ]
 
 
-def has_outline(at: Picker) -> bool:
+def has_outline(picker: Picker) -> bool:
     """Return whether a picker stands for a part of space, so that its region ends along a line."""
-    return isinstance(at, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(at, "boundary", False)
+    return isinstance(picker, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(
+        picker, "boundary", False
+    )
 
 
-def extent_of(at: Picker, surface: Surface) -> Extent | None:
+def extent_of(picker: Picker, surface: Surface) -> Extent | None:
     """Return the part of space that a picker stands for; None for pickers of vertices or faces. Raises SurfaceError as
     `ClosedCurves.extent` does."""
-    if isinstance(at, PlanPolygon | ClosedCurves | Brush):
-        return at.extent(surface)
-    if isinstance(at, Ball):
-        return Extent.ball(*at.metres(surface))
-    if isinstance(at, Box) and not at.boundary:
-        return Extent.box(*at.corners(surface))
-    if isinstance(at, Side):
-        axis = np.eye(3)["xyz".index(at.axis)] * (1 if at.end == "min" else -1)
-        return Extent.below(axis, float((surface.V @ axis).min()) + at.reach(surface), at.reach(surface))
+    if isinstance(picker, PlanPolygon | ClosedCurves | Brush):
+        return picker.extent(surface)
+    if isinstance(picker, Ball):
+        return Extent.ball(*picker.metres(surface))
+    if isinstance(picker, Box) and not picker.boundary:
+        return Extent.box(*picker.corners(surface))
+    if isinstance(picker, Side):
+        axis = np.eye(3)["xyz".index(picker.axis)] * (1 if picker.end == "min" else -1)
+        return Extent.below(axis, float((surface.V @ axis).min()) + picker.reach(surface), picker.reach(surface))
     return None
 
 
-def edges_of(at: Picker, surface: Surface) -> Bools:
+def edges_of(picker: Picker, surface: Surface) -> Bools:
     """Return the edges (e,) of a picker, for its picked vertices; raises SurfaceError as the picker does.
 
     A picker of the boundary has free edges alone. A part of space, or a direction of normals, has the edges with both
     ends in it. An outline, which may be hollow, also needs their middle in it. Named vertices have the edges that they
     span (`spanned_edges`).
     """
-    picked, edges = at.vertices(surface), surface.edges
-    if isinstance(at, VerticesLeft):
-        return at.edges(surface)
-    if isinstance(at, Vertices | Nearest):
+    picked, edges = picker.vertices(surface), surface.edges
+    if isinstance(picker, VerticesLeft):
+        return picker.edges(surface)
+    if isinstance(picker, Vertices | Nearest):
         return spanned_edges(surface.F, edges, picked)
-    both: Bools = np.asarray(picked[edges.ends].all(axis=1))
-    if isinstance(at, Boundary) or getattr(at, "boundary", False):
-        return both & edges.boundary
-    if isinstance(at, PlanPolygon | ClosedCurves | Brush):
-        middle = surface.V[edges.ends[both]].mean(axis=1)
-        both[both] = at.extent(surface).depth(middle) >= -TOUCH * surface.size
-    return both
+    is_picked: Bools = np.asarray(picked[edges.ends].all(axis=1))
+    if isinstance(picker, Boundary) or getattr(picker, "boundary", False):
+        return is_picked & edges.boundary
+    if isinstance(picker, PlanPolygon | ClosedCurves | Brush):
+        middle = surface.V[edges.ends[is_picked]].mean(axis=1)
+        is_picked[is_picked] = picker.extent(surface).depth(middle) >= -PICKER_TOLERANCE * surface.size
+    return is_picked

@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import AllowInfNan, ConfigDict, StringConstraints
 
-from dsfab.core.arrays import Bools, Floats, Ints, cross, first, lock
+from dsfab.core.arrays import Bools, Floats, Ints, cross, first_few, lock
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import require_two_sides
@@ -34,12 +34,16 @@ class Extent:
         lock(self, "creases", np.float64, (None, 2, 3))
 
     @classmethod
-    def union(cls, some: "list[Extent]") -> "Extent":
+    def union(cls, extents: "list[Extent]") -> "Extent":
         """Return the union of extents."""
-        if len(some) == 1:
-            return some[0]
-        creases = np.concatenate([one.creases for one in some])
-        return cls(lambda P: np.max([one.depth(P) for one in some], axis=0), creases, min(one.width for one in some))
+        if len(extents) == 1:
+            return extents[0]
+        creases = np.concatenate([extent.creases for extent in extents])
+        return cls(
+            lambda P: np.max([extent.depth(P) for extent in extents], axis=0),
+            creases,
+            min(extent.width for extent in extents),
+        )
 
     @classmethod
     def ball(cls, center: Floats, radius: float) -> "Extent":
@@ -54,8 +58,8 @@ class Extent:
         middle, half = (low + high) / 2, (high - low) / 2
 
         def depth(P: Floats) -> Floats:
-            off = np.abs(P - middle) - half
-            return np.asarray(-np.linalg.norm(np.maximum(off, 0), axis=1) - np.minimum(off.max(axis=1), 0))
+            outside = np.abs(P - middle) - half
+            return np.asarray(-np.linalg.norm(np.maximum(outside, 0), axis=1) - np.minimum(outside.max(axis=1), 0))
 
         return cls(depth, corners[np.array(edges)], float(np.sort(half)[1]))
 
@@ -65,7 +69,7 @@ class Extent:
         return cls(lambda P: height - P @ direction, np.empty((0, 2, 3)), width)
 
 
-def pierced(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
+def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
     """Return the faces (k,) that the segment from a to b (3,), metres, meets, and their shares (k,), 0 to 1, in order.
     Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
     P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
@@ -75,9 +79,16 @@ def pierced(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
     inside = -1e-9  # rounding of barycentric coordinates
     least = 1e-12 * np.linalg.norm(b - a) * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
     safe = np.where(np.abs(volume) > least, volume, np.inf)
-    one, side = np.einsum("mi,mi->m", to, normal) / safe, cross(to, u)
-    two, t = np.einsum("mi,mi->m", ray, side) / safe, np.einsum("mi,mi->m", v, side) / safe
-    met = np.isfinite(safe) & (one >= inside) & (two >= inside) & (one + two <= 1 - inside) & (t >= 0) & (t <= 1)
+    u_share, side = np.einsum("mi,mi->m", to, normal) / safe, cross(to, u)
+    v_share, t = np.einsum("mi,mi->m", ray, side) / safe, np.einsum("mi,mi->m", v, side) / safe
+    met = (
+        np.isfinite(safe)
+        & (u_share >= inside)
+        & (v_share >= inside)
+        & (u_share + v_share <= 1 - inside)
+        & (t >= 0)
+        & (t <= 1)
+    )
     faces = np.flatnonzero(met)
     order = np.argsort(t[faces], kind="stable")
     return faces[order], t[faces[order]]
@@ -87,7 +98,7 @@ Real = Annotated[float, AllowInfNan(False)]
 Vector = tuple[Real, Real, Real]
 CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
-TOUCH = 1e-6
+PICKER_TOLERANCE = 1e-6
 """Tolerance of a picker, as a share of the surface's size, because coordinates are rounded."""
 
 
@@ -129,7 +140,7 @@ class Box:
 
     def corners(self, surface: Surface) -> Floats:
         """Return the corners (2, 3), metres."""
-        return _placed([self.min, self.max], surface, self.relative)
+        return _in_metres([self.min, self.max], surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
         """Return the picked vertices (n,); raises SurfaceError if none are, or if min is beyond max."""
@@ -159,7 +170,7 @@ class Ball:
     def metres(self, surface: Surface) -> tuple[Floats, float]:
         """Return the centre (3,) and the radius, metres."""
         scale = surface.size if self.relative else 1.0
-        return _placed([self.center], surface, self.relative)[0], self.radius * scale
+        return _in_metres([self.center], surface, self.relative)[0], self.radius * scale
 
     def vertices(self, surface: Surface) -> Bools:
         """Return the picked vertices (n,); raises SurfaceError if none are."""
@@ -206,14 +217,14 @@ class Nearest:
 
     def places(self, surface: Surface) -> Floats:
         """Return the points (k, 3), metres."""
-        return _placed(self.points, surface, self.relative)
+        return _in_metres(self.points, surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
         """Return the picked vertices (n,), the first of equally near ones; raises SurfaceError without points."""
         picked = np.zeros(surface.n, dtype=bool)
         for point in self.places(surface):
             picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
-        return _some(self, surface, picked, "")
+        return _require_picked(self, surface, picked, "")
 
 
 @dataclass(frozen=True)
@@ -255,8 +266,8 @@ class Facing:
         d, N = unit_vector(self.direction, picker_words(self)), surface.vertex_normals
         degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
         degrees[~N.any(axis=1)] = np.inf
-        picked = degrees <= self.angle + np.degrees(TOUCH)
-        return _some(self, surface, picked, f"; the nearest normal is {degrees.min():.3g} degrees away")
+        picked = degrees <= self.angle + np.degrees(PICKER_TOLERANCE)
+        return _require_picked(self, surface, picked, f"; the nearest normal is {degrees.min():.3g} degrees away")
 
 
 @dataclass(frozen=True)
@@ -273,12 +284,13 @@ class Vertices:
         bad = indices[(indices < 0) | (indices >= surface.n)]
         if len(bad):
             raise SurfaceError(
-                f"pick = 'vertices' names {len(bad)} vertices (first: {first(bad)}) outside 0..{surface.n - 1}, the "
+                f"pick = 'vertices' names {len(bad)} vertices (first: {first_few(bad)}) outside "
+                f"0..{surface.n - 1}, the "
                 "vertices of the surface"
             )
         picked = np.zeros(surface.n, dtype=bool)
         picked[indices] = True
-        return _some(self, surface, picked, "")
+        return _require_picked(self, surface, picked, "")
 
 
 @dataclass(frozen=True)
@@ -305,7 +317,7 @@ def unit_vector(direction: Vector, whose: str) -> Floats:
     return d / length
 
 
-def _placed(points: Sequence[Vector], surface: Surface, relative: bool) -> Floats:
+def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Floats:
     """Return points (k, 3) in metres, from metres or from shares of the surface's box."""
     P = np.array(points, dtype=np.float64).reshape(-1, 3)
     low, high = surface.V.min(axis=0), surface.V.max(axis=0)
@@ -315,11 +327,11 @@ def _placed(points: Sequence[Vector], surface: Surface, relative: bool) -> Float
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
     """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError if none
     are."""
-    picked = away <= reach + TOUCH * surface.size
-    return _some(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
+    picked = away <= reach + PICKER_TOLERANCE * surface.size
+    return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 
 
-def _some(picker: _HasPick, surface: Surface, picked: Bools, why: str) -> Bools:
+def _require_picked(picker: _HasPick, surface: Surface, picked: Bools, why: str) -> Bools:
     if picked.any():
         return picked
     low, high = (", ".join(f"{x:.4g}" for x in f(surface.V, axis=0)) for f in (np.min, np.max))
@@ -328,10 +340,10 @@ def _some(picker: _HasPick, surface: Surface, picked: Bools, why: str) -> Bools:
 
 def picker_words(picker: _HasPick) -> str:
     """Return the picker as in its table, without defaults and with long values shortened."""
-    given = ((f.name, getattr(picker, f.name)) for f in fields(picker))  # type: ignore[arg-type]
+    items = ((f.name, getattr(picker, f.name)) for f in fields(picker))  # type: ignore[arg-type]
     values = ", ".join(
         f"{name} = {_short(value)}"
-        for name, value in given
+        for name, value in items
         if name != "pick" and value is not None and value is not False
     )
     return f"pick = {picker.pick!r}" + (f" with {values}" if values else "")

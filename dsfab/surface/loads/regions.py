@@ -14,7 +14,7 @@ from annotated_types import Gt
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import SurfaceError
-from dsfab.surface.loads.outline_cuts import Outlined, with_outline
+from dsfab.surface.loads.outline_cuts import OutlinedSurface, with_outline
 from dsfab.surface.loads.outlines import Picker, extent_of, has_outline
 from dsfab.surface.loads.pickers import STRICT, Extent, Real
 from dsfab.surface.mesh import Surface
@@ -59,9 +59,9 @@ class PatternRegion:
         extent = extent_of(self.at, surface)
         return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
 
-    def cut_as(self, other: "PatternRegion") -> bool:
+    def cut_as(self, region: "PatternRegion") -> bool:
         """Return whether both regions cut a surface in the same way."""
-        return (self.at, self.do == "void") == (other.at, other.do == "void")
+        return (self.at, self.do == "void") == (region.at, region.do == "void")
 
 
 def region_key(regions: Sequence[PatternRegion], k: int) -> str:
@@ -87,44 +87,44 @@ def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> Regioned
     `whole`, with their old numbers. Raises SurfaceError, which names the region, for a region that is nowhere on the
     surface, and for voids that take all of it."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
-    made = Outlined(surface, nothing, nothing)
+    outlined = OutlinedSurface(surface, nothing, nothing)
     for k in _voids_first(regions):
         if extent := extents[k]:
-            with _named(regions, k):
-                made = with_outline(made.surface, extent, made.fixed)
-            made = replace(made, fixed=made.fixed | made.on)
+            with _with_region_key(regions, k):
+                outlined = with_outline(outlined.surface, extent, outlined.fixed)
+            outlined = replace(outlined, fixed=outlined.fixed | outlined.on)
     ragged = [k for k, region in enumerate(regions) if region.do == "void" and extents[k] is None]
-    picked = np.zeros((len(regions), made.surface.n), dtype=bool)
+    picked = np.zeros((len(regions), outlined.surface.n), dtype=bool)
     for k in ragged:
-        with _named(regions, k):
-            picked[k] = regions[k].at.vertices(made.surface)
+        with _with_region_key(regions, k):
+            picked[k] = regions[k].at.vertices(outlined.surface)
     taken_away: Bools = np.logical_or.reduce(picked)
-    made = made.halved(taken_away[made.surface.edges.ends].sum(axis=1) == 1)
-    return _without_voids(made.surface, regions, extents, picked)
+    outlined = outlined.with_halved_edges(taken_away[outlined.surface.edges.ends].sum(axis=1) == 1)
+    return _without_voids(outlined.surface, regions, extents, picked)
 
 
 def _without_voids(
-    whole: Surface, regions: Sequence[PatternRegion], extents: Sequence[Extent | None], picked: Bools
+    surface: Surface, regions: Sequence[PatternRegion], extents: Sequence[Extent | None], picked: Bools
 ) -> RegionedSurface:
     """Remove the voids of a surface that is cut along outlines; picked (k, n) are vertices in voids without outline."""
-    taken, gone = np.zeros(len(regions)), np.zeros(whole.m, dtype=bool)
-    marks = np.zeros((len(regions), whole.n), dtype=bool)
+    taken, gone = np.zeros(len(regions)), np.zeros(surface.m, dtype=bool)
+    marks = np.zeros((len(regions), surface.n), dtype=bool)
     marks[:, : picked.shape[1]] = picked
     for k in _voids_first(regions):
         extent = extents[k]
-        here = marks[k][whole.F].any(axis=1) if extent is None else extent.depth(whole.centroids) > 0
-        here &= ~gone
-        with _named(regions, k):
-            if not here.any() and (extent is not None or regions[k].do == "void"):
-                raise SurfaceError(f"it is nowhere on the surface{_how_far(whole, extent)}; move it onto the surface")
+        in_region = marks[k][surface.F].any(axis=1) if extent is None else extent.depth(surface.centroids) > 0
+        in_region &= ~gone
+        with _with_region_key(regions, k):
+            if not in_region.any() and (extent is not None or regions[k].do == "void"):
+                raise SurfaceError(f"it is nowhere on the surface{_how_far(surface, extent)}; move it onto the surface")
             if regions[k].do == "void":
-                taken[k], gone = float(whole.areas[here].sum()), gone | here
+                taken[k], gone = float(surface.areas[in_region].sum()), gone | in_region
             if gone.all():
                 raise SurfaceError("it takes all that is left of the surface; draw a smaller one")
     if not gone.any():
-        return RegionedSurface(whole, taken, whole, np.arange(whole.n))
-    used, F = _compact(whole.F[~gone])
-    return RegionedSurface(Surface(whole.V[used], F), taken, whole, used)
+        return RegionedSurface(surface, taken, surface, np.arange(surface.n))
+    used, F = _compact(surface.F[~gone])
+    return RegionedSurface(Surface(surface.V[used], F), taken, surface, used)
 
 
 def _voids_first(regions: Sequence[PatternRegion]) -> list[int]:
@@ -133,7 +133,7 @@ def _voids_first(regions: Sequence[PatternRegion]) -> list[int]:
 
 
 @contextmanager
-def _named(regions: Sequence[PatternRegion], k: int) -> Iterator[None]:
+def _with_region_key(regions: Sequence[PatternRegion], k: int) -> Iterator[None]:
     try:
         yield
     except SurfaceError as error:
@@ -141,11 +141,11 @@ def _named(regions: Sequence[PatternRegion], k: int) -> Iterator[None]:
 
 
 def _extents(surface: Surface, regions: Sequence[PatternRegion]) -> list[Extent | None]:
-    found = list[Extent | None]()
+    extents = list[Extent | None]()
     for k, region in enumerate(regions):
-        with _named(regions, k):
-            found.append(extent_of(region.at, surface))
-    return found
+        with _with_region_key(regions, k):
+            extents.append(extent_of(region.at, surface))
+    return extents
 
 
 def _how_far(surface: Surface, extent: Extent | None) -> str:

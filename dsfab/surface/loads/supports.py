@@ -15,24 +15,24 @@ from dsfab.surface.loads.outlines import Picker, edges_of
 from dsfab.surface.loads.pickers import STRICT, Vector
 from dsfab.surface.mesh import Surface
 
-LONGEST = 40
+LONGEST_NAME = 40
 """Characters of a name, which must fit into a column of a table."""
 
 SIGNS = " _-.,/+"
 """Characters that a name may have besides letters and digits of any language."""
 
 
-def _plain(name: str) -> str:
-    allowed = len(name) <= LONGEST and name == name.strip() and all(c.isalnum() or c in SIGNS for c in name)
+def _checked_name(name: str) -> str:
+    allowed = len(name) <= LONGEST_NAME and name == name.strip() and all(c.isalnum() or c in SIGNS for c in name)
     if not allowed:
         raise ValueError(
-            f"{name[: LONGEST + 10]!r} must be up to {LONGEST} letters, digits, inner spaces and "
+            f"{name[: LONGEST_NAME + 10]!r} must be up to {LONGEST_NAME} letters, digits, inner spaces and "
             f"{' '.join(SIGNS.strip())}"
         )
     return name
 
 
-Name = Annotated[str, AfterValidator(_plain)]
+Name = Annotated[str, AfterValidator(_checked_name)]
 """User's name of a support or a load; empty for none. It changes no result."""
 
 
@@ -96,10 +96,11 @@ class Support:
             object.__setattr__(self, "hold", "" if any(stiff) else "xyz")
         if not all(0 <= k < np.inf for k in stiff):
             raise SupportError(f"spring = {list(stiff)} must be newtons per metre, 0 or more in each direction")
-        both = [axis for axis, k in zip("xyz", stiff, strict=True) if k and axis in (self.hold or "")]
-        if both:
+        shared_axes = [axis for axis, k in zip("xyz", stiff, strict=True) if k and axis in (self.hold or "")]
+        if shared_axes:
             raise SupportError(
-                f"hold = {self.hold!r} and spring = {list(stiff)} both act along {', '.join(both)}; take one of the two"
+                f"hold = {self.hold!r} and spring = {list(stiff)} both act along {', '.join(shared_axes)}; take "
+                "one of the two"
             )
         if not (self.hold or any(stiff) or self.clamp):
             raise SupportError(
@@ -107,7 +108,7 @@ class Support:
                 "metre, or clamp = true"
             )
 
-    def fixed(self, surface: Surface) -> Bools:
+    def fixed_directions(self, surface: Surface) -> Bools:
         """Return the rigidly fixed directions (n, 3) of the vertices."""
         return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
@@ -125,7 +126,7 @@ class Support:
             raise SurfaceError("a spring is on vertices without faces; pick vertices of the surface")
         return np.asarray((share / share.sum())[:, None] * np.array(self.spring))
 
-    def clamped(self, surface: Surface) -> Bools:
+    def clamped_edges(self, surface: Surface) -> Bools:
         """Return the clamped edges (e,); raises SurfaceError if `clamp` has none."""
         if not self.clamp:
             return np.zeros(len(surface.edges.ends), dtype=bool)
@@ -133,7 +134,7 @@ class Support:
         ear = edges.boundary[edges.of].sum(axis=1) > 1
         across = np.zeros(len(edges.ends), dtype=bool)
         across[edges.of[ear]] = True
-        found = np.asarray(edges_of(self.at, surface) & ~(across & ~edges.boundary))
-        if not found.any():
+        is_clamped = np.asarray(edges_of(self.at, surface) & ~(across & ~edges.boundary))
+        if not is_clamped.any():
             raise SurfaceError("clamp = true is on no edge: none has both ends picked; pick two neighbours at least")
-        return found
+        return is_clamped

@@ -4,7 +4,7 @@ Edges are divided, collapsed and flipped, and vertices moved [Botsch and Kobbelt
 edges that do not touch, ordered by length or gain and then by index, so that the same surface gives the same mesh.
 """
 
-from dsfab.surface.remesh.remeshing import remeshed
+from dsfab.surface.remesh.remeshing import remeshed_surface
 from dsfab.surface.remesh.sizes import SizeField, change_sizes
 
-__all__ = ["SizeField", "change_sizes", "remeshed"]
+__all__ = ["SizeField", "change_sizes", "remeshed_surface"]

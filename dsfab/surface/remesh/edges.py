@@ -8,13 +8,13 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, lengths, row_max, row_min
 from dsfab.surface.edge_changes import (
-    contracted,
-    halved,
+    contracted_faces,
+    halved_edges,
     has_new_diagonal,
     has_three_corners,
+    leading_candidates,
     meets_link_condition,
     quads,
-    winners,
     with_other_diagonals,
 )
 from dsfab.surface.mesh import Surface
@@ -53,7 +53,7 @@ class Net:
     size: Floats
 
     @classmethod
-    def of(cls, surface: Surface, curves: FeatureCurves, size: float) -> Self:
+    def from_surface(cls, surface: Surface, curves: FeatureCurves, size: float) -> Self:
         """Return the surface itself as a net, to be remeshed to edges of one size."""
         kind = np.full(surface.n, FREE)
         kind[curves.vertex] = ON_CURVE
@@ -105,20 +105,20 @@ class Net:
         marks[self.link_edges] = True
         return marks
 
-    def without_lost(self) -> "Net":
+    def without_unused(self) -> "Net":
         """Return the net without unused vertices."""
         used = np.zeros(self.n, dtype=bool)
         used[self.F] = True
         if used.all():
             return self
-        new = np.cumsum(used) - 1
-        faces = NetFaces(new[self.F])
+        index = np.cumsum(used) - 1
+        faces = NetFaces(index[self.F])
         return replace(
-            self, V=self.V[used], faces=faces, kind=self.kind[used], node=new[self.node], size=self.size[used]
+            self, V=self.V[used], faces=faces, kind=self.kind[used], node=index[self.node], size=self.size[used]
         )
 
 
-def independent(touched: Ints, cost: Floats, n: int, beside: Ints | None = None) -> Bools:
+def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
     """Return the candidates (c,) of less cost than all others near them, so that no two touch the same vertex.
 
     touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels, because costs that rise along a
@@ -130,7 +130,7 @@ def independent(touched: Ints, cost: Floats, n: int, beside: Ints | None = None)
     spread = np.ptp(cost)
     level = np.floor(8 * ((cost - cost.min()) / spread)) if spread else np.zeros(len(cost))
     order = np.lexsort((np.arange(len(cost)) * 2654435761 % 2**32, level))
-    return winners(order, touched, n, beside)
+    return leading_candidates(order, touched, n, edges)
 
 
 LONGEST = 4 / 3
@@ -143,12 +143,12 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
     edge : metres, to which the tolerance is relative.
     """
     length = edge_lengths(net.V, net.edges.ends)
-    deviation, most = curves.deviation(net.at[net.links], net.at[net.links + 1])
+    deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
     long = length > LONGEST * net.edge_sizes
     long[net.link_edges[missing]] = True
     long = _leading(net, long, length)
-    return _halved(net, curves, long, np.where(missing, most, np.nan)) if long.any() else net
+    return _halve_edges(net, curves, long, np.where(missing, positions, np.nan)) if long.any() else net
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
@@ -157,28 +157,30 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
     both long edges leaves parts as bad."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
-    of = np.where(long, length, -1.0)[edge]
+    marked_length = np.where(long, length, -1.0)[edge]
     flat = lengths(area_vectors(net.V, net.F[faces])) < 0.35 * row_max(length[edge]) ** 2
-    behind = long[edge] & (of < (np.where(flat, 1.0, 0.7) * row_max(of))[:, None])
+    behind = long[edge] & (marked_length < (np.where(flat, 1.0, 0.7) * row_max(marked_length))[:, None])
     leading = long.copy()
     leading[edge[behind]] = False
     return leading
 
 
-def _halved(net: Net, curves: FeatureCurves, halves: Bools, most: Floats) -> Net:
+def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
     """Halve marked edges (e,); those along curves at positions (l,) of the axis, or in the middle where these are
     nan."""
-    V, F, _ = halved(net.V, net.F, net.edges, halves)
-    new = len(V) - net.n
+    V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
+    added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
-    kind = np.concatenate([net.kind, np.full(new, FREE)])
+    kind = np.concatenate([net.kind, np.full(added, FREE)])
     link = net.link_edges
-    on = halves[link]
-    before = net.links[on]
-    at = np.where(np.isnan(most[on]), (net.at[before] + net.at[before + 1]) / 2, most[on])
-    vertex = (np.cumsum(halves) - 1 + net.n)[link[on]]
+    is_split = halves[link]
+    before = net.links[is_split]
+    positions = np.where(
+        np.isnan(split_positions[is_split]), (net.at[before] + net.at[before + 1]) / 2, split_positions[is_split]
+    )
+    vertex = (np.cumsum(halves) - 1 + net.n)[link[is_split]]
     kind[vertex] = ON_CURVE
-    V[vertex] = curves.place(at)
+    V[vertex] = curves.place(positions)
     return replace(
         net,
         V=V,
@@ -186,7 +188,7 @@ def _halved(net: Net, curves: FeatureCurves, halves: Bools, most: Floats) -> Net
         kind=kind,
         size=size,
         node=np.insert(net.node, before + 1, vertex),
-        at=np.insert(net.at, before + 1, at),
+        at=np.insert(net.at, before + 1, positions),
         curve=np.insert(net.curve, before + 1, net.curve[before]),
     )
 
@@ -212,12 +214,12 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
-        collapses = collapses.only(independent(pairs, cost, net.n, beside=net.edges.ends))
+        collapses = collapses.only(independent(pairs, cost, net.n, edges=net.edges.ends))
         collapses = collapses.only(_keeps_faces(net, collapses))
         if not len(collapses.kept):
             break
-        net = _merged(net, collapses)
-    return net.without_lost()
+        net = _merge_vertices(net, collapses)
+    return net.without_unused()
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
@@ -232,55 +234,55 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
     ends = edges.ends[chosen]
     a, b = ends.T
     swap = (net.kind[a] < net.kind[b]) | ((net.kind[a] == net.kind[b]) & backwards)
-    kept, gone = np.where(swap, b, a), np.where(swap, a, b)
-    fine = (net.kind[gone] == FREE) | _keeps_curves(net, curves, kept, gone, edge)
-    both = (net.kind[kept] == FREE)[:, None]
-    goal = np.where(both, (net.V[kept] + net.V[gone]) / 2, net.V[kept])
-    return _Collapses(kept, gone, goal).only(fine), cost[chosen[fine]]
+    target, gone = np.where(swap, b, a), np.where(swap, a, b)
+    fine = (net.kind[gone] == FREE) | _keeps_curves(net, curves, target, gone, edge)
+    both_free = (net.kind[target] == FREE)[:, None]
+    goal = np.where(both_free, (net.V[target] + net.V[gone]) / 2, net.V[target])
+    return _Collapses(target, gone, goal).only(fine), cost[chosen[fine]]
 
 
-def _keeps_curves(net: Net, curves: FeatureCurves, kept: Ints, gone: Ints, edge: float) -> Bools:
+def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
     """Return which vertices (c,) on a curve may go to a neighbour on it. The longer edge must stay near the curve, must
     not be too long and must not exist."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
-    on = net.kind[gone] == ON_CURVE
+    on_curve = net.kind[gone] == ON_CURVE
     fine = np.zeros(len(gone), dtype=bool)
-    k, kept = k[on], kept[on]
+    k, target = k[on_curve], target[on_curve]
     before, after = net.node[k - 1], net.node[k + 1]
     deviation, _ = curves.deviation(net.at[k - 1], net.at[k + 1])
     ends = np.stack([before, after], axis=1)
     short = edge_lengths(net.V, ends) < LONGEST * net.size[ends].mean(axis=1)
-    there = np.isin(np.sort(ends, axis=1) @ (net.n, 1), np.sort(net.link_ends, axis=1) @ (net.n, 1))
-    fine[on] = (deviation <= TOLERANCE * edge) & short & ~there & ((kept == before) | (kept == after))
+    exists = np.isin(np.sort(ends, axis=1) @ (net.n, 1), np.sort(net.link_ends, axis=1) @ (net.n, 1))
+    fine[on_curve] = (deviation <= TOLERANCE * edge) & short & ~exists & ((target == before) | (target == after))
     return fine
 
 
 def _keeps_faces(net: Net, collapses: _Collapses) -> Bools:
     """Return the collapses (c,) that turn no face by over 45 degrees, and create no long edges or new needles."""
-    onto, of = np.arange(net.n), np.full(net.n, -1)
+    onto, collapse_of = np.arange(net.n), np.full(net.n, -1)
     onto[collapses.gone] = collapses.kept
-    of[collapses.kept] = of[collapses.gone] = np.arange(len(collapses.kept))
+    collapse_of[collapses.kept] = collapse_of[collapses.gone] = np.arange(len(collapses.kept))
     V = net.V.copy()
     V[collapses.kept] = collapses.goal
-    face = np.flatnonzero(faces_at(net.F, of >= 0))
-    before, after, which = net.F[face], onto[net.F[face]], row_max(of[net.F[face]])
+    face = np.flatnonzero(faces_at(net.F, collapse_of >= 0))
+    before, after, which = net.F[face], onto[net.F[face]], row_max(collapse_of[net.F[face]])
     count = len(collapses.kept)
-    least = _least(_roundness(net.V, before), which, count)
+    least = _group_minima(_roundness(net.V, before), which, count)
     stays = has_three_corners(after)
     before, after, which = before[stays], after[stays], which[stays]
-    old, new = area_vectors(net.V, before), area_vectors(V, after)
-    turned = np.einsum("mi,mi->m", old, new) < 0.7 * lengths(old) * lengths(new)
+    old_areas, new_areas = area_vectors(net.V, before), area_vectors(V, after)
+    turned = np.einsum("mi,mi->m", old_areas, new_areas) < 0.7 * lengths(old_areas) * lengths(new_areas)
     too_long = _longest(V, after) > np.maximum(LONGEST * net.size[after].mean(axis=1), _longest(net.V, before))
-    fine = _least(_roundness(V, after), which, count) >= np.minimum(0.2, least)
+    fine = _group_minima(_roundness(V, after), which, count) >= np.minimum(0.2, least)
     fine[which[turned | too_long]] = False
     return np.asarray(fine)
 
 
-def _least(values: Floats, of: Ints, count: int) -> Floats:
+def _group_minima(values: Floats, group: Ints, count: int) -> Floats:
     least = np.full(count, np.inf)
-    np.minimum.at(least, of, values)
+    np.minimum.at(least, group, values)
     return least
 
 
@@ -294,21 +296,21 @@ def _longest(V: Floats, F: Ints) -> Floats:
     return row_max(np.stack([lengths(b - a), lengths(c - b), lengths(a - c)], axis=1))
 
 
-def _merged(net: Net, collapses: _Collapses) -> Net:
+def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     V, onto, size = net.V.copy(), np.arange(net.n), net.size.copy()
     V[collapses.kept] = collapses.goal
     onto[collapses.gone] = collapses.kept
     free = net.kind[collapses.kept] == FREE
-    kept, gone = collapses.kept[free], collapses.gone[free]
-    size[kept] = (size[kept] + size[gone]) / 2
+    target, gone = collapses.kept[free], collapses.gone[free]
+    size[target] = (size[target] + size[gone]) / 2
     stays = ~np.isin(net.node, collapses.gone)
-    F = contracted(net.F, onto)
+    F = contracted_faces(net.F, onto)
     return replace(
         net, V=V, faces=NetFaces(F), size=size, node=net.node[stays], at=net.at[stays], curve=net.curve[stays]
     )
 
 
-SOUND = np.radians(25)
+LEAST_ANGLE = np.radians(25)
 """Radians; an edge is not flipped if the least angle afterwards is below this and below the least before."""
 
 
@@ -321,14 +323,14 @@ def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
         gain = _valence_gain(net, quads(net.F, pairs)) if by_valence else _delaunay_gain(angles, pairs)
         pairs, gain = pairs[gain > 0], gain[gain > 0]
         quad = quads(net.F, pairs)
-        good = np.flatnonzero(has_new_diagonal(quad, edges, net.n))
-        good = good[_sound(net.V, quad[good])]
-        good = good[independent(quad[good], -gain[good], net.n)]
-        if not len(good):
+        chosen = np.flatnonzero(has_new_diagonal(quad, edges, net.n))
+        chosen = chosen[_sound(net.V, quad[chosen])]
+        chosen = chosen[independent(quad[chosen], -gain[chosen], net.n)]
+        if not len(chosen):
             break
-        net = replace(net, faces=NetFaces(with_other_diagonals(net.F, pairs[good], quad[good])))
+        net = replace(net, faces=NetFaces(with_other_diagonals(net.F, pairs[chosen], quad[chosen])))
         if not by_valence:
-            turned = pairs[good].ravel() // 3
+            turned = pairs[chosen].ravel() // 3
             angles[turned] = _face_angles(net.V, net.F[turned])
     return net
 
@@ -337,14 +339,14 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
     """Return the decrease (q,) of the squared differences from the best number of edges, over movable vertices."""
     edges = net.edges
     valence = np.bincount(edges.ends.ravel(), minlength=net.n)
-    best = np.where(net.kind == FREE, 6, valence)
-    best[(net.kind > FREE) & (net.kind < FIXED)] = 6
-    best[on_boundary(edges, net.n) & (net.kind < FIXED)] = 4
-    off, free = valence - best, net.kind < FIXED
-    less = np.where(free, 2 * off - 1, 0)  # off^2 - (off - 1)^2
-    more = np.where(free, -2 * off - 1, 0)
+    ideal = np.where(net.kind == FREE, 6, valence)
+    ideal[(net.kind > FREE) & (net.kind < FIXED)] = 6
+    ideal[on_boundary(edges, net.n) & (net.kind < FIXED)] = 4
+    excess, free = valence - ideal, net.kind < FIXED
+    decrease = np.where(free, 2 * excess - 1, 0)  # off^2 - (off - 1)^2
+    increase = np.where(free, -2 * excess - 1, 0)
     a, b, c, d = quad.T
-    return np.asarray(less[a] + less[b] + more[c] + more[d], dtype=np.float64)
+    return np.asarray(decrease[a] + decrease[b] + increase[c] + increase[d], dtype=np.float64)
 
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
@@ -352,38 +354,41 @@ def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
 
     angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges.
     """
-    one, two = angles.ravel()[next_half_edge(pairs.T, 2)]
-    return np.asarray(one + two - np.pi - 1e-6)
+    first_angle, second_angle = angles.ravel()[next_half_edge(pairs.T, 2)]
+    return np.asarray(first_angle + second_angle - np.pi - 1e-6)
 
 
 def _face_angles(V: Floats, F: Ints) -> Floats:
-    return np.stack([angle_at(V, F[:, c], F[:, (c + 1) % 3], F[:, (c + 2) % 3]) for c in range(3)], axis=1)
+    return np.stack([angles_at(V, F[:, c], F[:, (c + 1) % 3], F[:, (c + 2) % 3]) for c in range(3)], axis=1)
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
     """Return the edges (q,) whose new faces lie like the old ones within 37 degrees, and are no worse where they are
     bad."""
     a, b, c, d = quad.T
-    old, new = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
-    before = area_vectors(V, np.stack(old[0], axis=1)) + area_vectors(V, np.stack(old[1], axis=1))
+    old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
+    before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
     fine = np.ones(len(quad), dtype=bool)
-    for face in new:
+    for face in new_faces:
         after = area_vectors(V, np.stack(face, axis=1))
         fine &= np.einsum("qi,qi->q", before, after) > 0.8 * lengths(before) * lengths(after)
-    least = [np.minimum(*(row_min(_face_angles(V, np.stack(face, axis=1))) for face in faces)) for faces in (old, new)]
-    return np.asarray(fine & (least[1] > np.minimum(SOUND, least[0])))
+    least = [
+        np.minimum(*(row_min(_face_angles(V, np.stack(face, axis=1))) for face in faces))
+        for faces in (old_faces, new_faces)
+    ]
+    return np.asarray(fine & (least[1] > np.minimum(LEAST_ANGLE, least[0])))
 
 
-def angle_at(V: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
+def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Floats:
     """Return the angles (q,) at vertices between two others, radians."""
-    u, v = V[one] - V[at], V[two] - V[at]
+    u, v = V[first_end] - V[apex], V[second_end] - V[apex]
     x, y, z = u.T
     r, s, t = v.T
     twice = np.sqrt((y * t - z * s) ** 2 + (z * r - x * t) ** 2 + (x * s - y * r) ** 2)
     return np.asarray(np.arctan2(twice, x * r + y * s + z * t))
 
 
-def with_ears_turned(surface: Surface) -> Surface:
+def with_ears_flipped(surface: Surface) -> Surface:
     """Return the surface whose ears share their tip with the face behind, by flipping the edge between.
 
     An ear is a flat triangle with two border edges and over 150 degrees at its tip, all three corners on a curved
@@ -397,9 +402,9 @@ def with_ears_turned(surface: Surface) -> Surface:
     a, b, c, d = quad.T
     alike = surface.F.ravel()[pairs[:, 1]] == b  # true for faces of the same orientation
     ear = bare[pairs[:, 0] // 3] & ~bare[pairs[:, 1] // 3] & alike & has_new_diagonal(quad, edges, n)
-    ear &= angle_at(surface.V, c, a, b) > np.radians(150.0)
-    for one, two in ((a, b), (b, a)):  # neither new face turns over
-        ear &= angle_at(surface.V, one, two, c) + angle_at(surface.V, one, two, d) < np.pi
+    ear &= angles_at(surface.V, c, a, b) > np.radians(150.0)
+    for start, end in ((a, b), (b, a)):  # neither new face turns over
+        ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
     behind = pairs[chosen, 1] // 3
     chosen = chosen[np.unique(behind, return_index=True)[1]]  # the first of two ears at a face

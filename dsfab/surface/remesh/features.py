@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, from_segments, lengths
+from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, lengths
 from dsfab.surface.edge_changes import CREASE, border_edges, sharp_edges
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import connected
+from dsfab.surface.topology import link_components
 
 TOLERANCE = 1 / 50
 """Largest distance of new boundaries and creases from those of the input, as a share of the edge."""
@@ -24,7 +24,7 @@ FINE = 1 / 80
 """Share of the box's diagonal that limits the width of noise: a file with longer edges is designed, not scanned."""
 
 
-class Passes(NamedTuple):
+class SmoothVertices(NamedTuple):
     """Vertices (k,) in which just two edges meet, these edges (k, 2), their turn (k,), radians, and the shorter length
     (k,), metres."""
 
@@ -34,18 +34,18 @@ class Passes(NamedTuple):
     arm: Floats
 
 
-def smooth_passes(V: Floats, ends: Ints) -> Passes:
+def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
     """Return the vertices of V (n, 3) in which two of the edges (e, 2) meet."""
     order = np.argsort(ends.ravel(), kind="stable")
     vertex = ends.ravel()[order]
     start = np.flatnonzero(np.diff(vertex, prepend=-1))
     two = start[np.diff(np.append(start, len(vertex))) == 2]
-    at = np.stack([order[two], order[two + 1]], axis=1)
-    other = ends.ravel()[at ^ 1]
+    places = np.stack([order[two], order[two + 1]], axis=1)
+    far_ends = ends.ravel()[places ^ 1]
     inner = vertex[two]
-    p, q = V[inner] - V[other[:, 0]], V[other[:, 1]] - V[inner]
+    p, q = V[inner] - V[far_ends[:, 0]], V[far_ends[:, 1]] - V[inner]
     turn = np.arctan2(lengths(np.cross(p, q)), np.einsum("ki,ki->k", p, q))
-    return Passes(inner, at // 2, turn, np.minimum(lengths(p), lengths(q)))
+    return SmoothVertices(inner, places // 2, turn, np.minimum(lengths(p), lengths(q)))
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
@@ -56,17 +56,17 @@ def design_features(surface: Surface, edge: float) -> Bools:
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
     scale = max(edge, min(2 * surface.mean_edge, FINE * surface.size))
-    short = crease[_stretches(surface, crease) < 2 * scale]
+    short = crease[_crease_lengths(surface, crease) < 2 * scale]
     marks[short[_mean_bends(surface, short, scale) < np.radians(DULL)]] = False
     return marks
 
 
-def _stretches(surface: Surface, crease: Ints) -> Floats:
+def _crease_lengths(surface: Surface, crease: Ints) -> Floats:
     """Return the length (c,) of the smooth curve of creases (c,) that contains each, metres."""
     ends = surface.edges.ends[crease]
-    passes = smooth_passes(surface.V, ends)
+    passes = vertices_of_two_edges(surface.V, ends)
     smooth = passes.edges[passes.turn < np.radians(CORNER)]
-    count, part = connected(len(crease), smooth[:, 0], smooth[:, 1])
+    count, part = link_components(len(crease), smooth[:, 0], smooth[:, 1])
     return np.asarray(np.bincount(part, surface.edge_lengths[crease], minlength=count)[part])
 
 
@@ -81,13 +81,16 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     toward /= lengths(toward)[:, :, None]
     across = toward[:, 0] - toward[:, 1]
     tree = cKDTree(surface.centroids)
-    _, near = tree.query(middle, k=min(128, surface.m), distance_upper_bound=radius)
-    near = np.concatenate([near.reshape(len(crease), -1), faces], axis=1)
-    there = near < surface.m
-    near = np.where(there, near, 0)
-    side = np.einsum("cki,ci->ck", surface.centroids[near] - middle[:, None], across)
-    weight = np.where(there, surface.areas[near], 0)
-    u, v = (np.einsum("ck,cki->ci", weight * on, surface.normals[near]) for on in (side > 0, side <= 0))
+    _, near_faces = tree.query(middle, k=min(128, surface.m), distance_upper_bound=radius)
+    near_faces = np.concatenate([near_faces.reshape(len(crease), -1), faces], axis=1)
+    exists = near_faces < surface.m
+    near_faces = np.where(exists, near_faces, 0)
+    side = np.einsum("cki,ci->ck", surface.centroids[near_faces] - middle[:, None], across)
+    weight = np.where(exists, surface.areas[near_faces], 0)
+    u, v = (
+        np.einsum("ck,cki->ci", weight * is_on_side, surface.normals[near_faces])
+        for is_on_side in (side > 0, side <= 0)
+    )
     bend = np.arctan2(lengths(np.cross(u, v)), np.einsum("ci,ci->c", u, v))
     slight = np.minimum(lengths(u), lengths(v)) < TOLERANCE * radius * surface.edge_lengths[crease]
     return np.where(slight, 0, bend)  # a single sliver at the boundary has no direction
@@ -108,31 +111,31 @@ class FeatureCurves:
     vertex: Ints
     fixed: Ints
 
-    def place(self, at: Floats) -> Floats:
+    def place(self, positions: Floats) -> Floats:
         """Return the points (k, 3) at positions (k,) on the axis, metres."""
-        k = np.clip(np.searchsorted(self.at, at, side="right"), 1, len(self.at) - 1)
-        t = np.clip((at - self.at[k - 1]) / (self.at[k] - self.at[k - 1]), 0, 1)[:, None]
+        k = np.clip(np.searchsorted(self.at, positions, side="right"), 1, len(self.at) - 1)
+        t = np.clip((positions - self.at[k - 1]) / (self.at[k] - self.at[k - 1]), 0, 1)[:, None]
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
-    def between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
+    def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
         """Return the points (j,) of the curves inside intervals (k,) of the axis, with their intervals (j,) first."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
-        first = np.cumsum(count) - count
-        return which, np.arange(len(which)) - first[which] + low[which]
+        starts = np.cumsum(count) - count
+        return which, np.arange(len(which)) - starts[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
         """Return the distance (k,) of the curves from their chords from start to end (k,), metres, and its position
         (k,)."""
-        which, point = self.between(start, end)
-        far = from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
+        which, point = self.points_between(start, end)
+        distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
-        np.maximum.at(largest, which, far)
-        most = (start + end) / 2
-        reached = far == largest[which]
-        most[which[reached]] = self.at[point[reached]]
-        return largest, most
+        np.maximum.at(largest, which, distance)
+        position = (start + end) / 2
+        reached = distance == largest[which]
+        position[which[reached]] = self.at[point[reached]]
+        return largest, position
 
 
 def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
@@ -158,7 +161,7 @@ def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
     """Return the vertices (n,) of the feature edges (e, 2) that no curve passes smoothly."""
     degree = np.bincount(ends.ravel(), minlength=len(V))
     corners: Bools = (degree > 0) & (degree != 2)
-    passes = smooth_passes(V, ends)
+    passes = vertices_of_two_edges(V, ends)
     missed = np.minimum(passes.arm, edge / 2) * np.sin(passes.turn / 2)
     corners[passes.vertex] = (passes.turn > np.radians(CORNER)) | (missed > 1.5 * TOLERANCE * edge)
     return corners
@@ -176,11 +179,11 @@ def _chains(ends: Ints, corners: Bools) -> list[Ints]:
     for starts in (sorted(stops), sorted(around)):
         for start in starts:
             while around[start]:
-                chain, at = [start], around[start].pop()
-                around[at].remove(start)
-                while at != start and at not in stops:
-                    chain.append(at)
-                    at, before = around[at].pop(), at
-                    around[at].remove(before)
-                chains.append(np.array([*chain, at]))
+                chain, vertex = [start], around[start].pop()
+                around[vertex].remove(start)
+                while vertex != start and vertex not in stops:
+                    chain.append(vertex)
+                    vertex, before = around[vertex].pop(), vertex
+                    around[vertex].remove(before)
+                chains.append(np.array([*chain, vertex]))
     return chains

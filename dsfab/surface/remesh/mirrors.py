@@ -10,18 +10,18 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, lengths
-from dsfab.surface.mesh import Surface, nearest
+from dsfab.surface.mesh import Surface, nearest_places
 from dsfab.surface.remesh.features import TOLERANCE, design_features
 from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
-from dsfab.surface.topology import connected, euler_characteristic, half_edges, misoriented_edges, pieces
+from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
 LARGEST_GROUP = 240
 """Largest accepted number of elements of a group: twice those of the icosahedron."""
-SNAP = 1e-6
+MATRIX_TOLERANCE = 1e-6
 """Largest difference between equal entries of matrices."""
-CLEAR = 1e-2
+INERTIA_TOLERANCE = 1e-2
 """Largest difference between equal moments of inertia, as a share of the largest."""
-FAR = 1e-3
+FAR_TOLERANCE = 1e-3
 """Share of the surface's size within which points count as equally far."""
 
 
@@ -41,7 +41,7 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):
         i, j = (inertia[(k + step) % 3] for step in (1, 2))
-        if abs(i - j) < CLEAR * max(inertia):
+        if abs(i - j) < INERTIA_TOLERANCE * max(inertia):
             return np.asarray(axes[k])
     return None
 
@@ -53,39 +53,39 @@ def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     """
     distance = lengths(x)
     least = np.partition(distance, -count)[-count]
-    far = np.flatnonzero(distance > least - FAR * size)
-    return np.asarray(x[far] / distance[far, None])
+    farthest = np.flatnonzero(distance > least - FAR_TOLERANCE * size)
+    return np.asarray(x[farthest] / distance[farthest, None])
 
 
-def planes_through(axis: Floats, far: Floats) -> Iterator[Floats]:
+def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
     """Yield normals of mirrors through an axis that may exchange the directions far (k, 3), of the first 24."""
-    for direction in far[:24]:
-        for through in (far[0] + direction, np.cross(axis, far[0] + direction)):
-            if (length := np.linalg.norm(through)) > CLEAR:
+    for direction in directions[:24]:
+        for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
+            if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
                 yield np.cross(axis, through / length)
 
 
 def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) -> Floats:
     """Return all products (g, 3, 3) of rotations and mirrors, the identity first; raises OverflowError for too many."""
-    found = np.empty((largest + 1 + len(generators), 3, 3))
-    found[0], count, walked = np.eye(3), 1, 0
+    elements = np.empty((largest + 1 + len(generators), 3, 3))
+    elements[0], count, walked = np.eye(3), 1, 0
     while walked < count:
         for g in generators:
-            new = g @ found[walked]
-            if not (np.abs(found[:count] - new).max(axis=(1, 2)) < SNAP).any():
-                found[count] = new
+            product = g @ elements[walked]
+            if not (np.abs(elements[:count] - product).max(axis=(1, 2)) < MATRIX_TOLERANCE).any():
+                elements[count] = product
                 count += 1
         walked += 1
         if count > largest:
             raise OverflowError
-    return found[:count].copy()
+    return elements[:count].copy()
 
 
-ALIKE = 1 / 20
+IMAGE_TOLERANCE = 1 / 20
 """Largest distance of a surface from its mirror image, as a share of the edge, because files are rounded."""
-ROUND = (0.7, 1.9)
+ROUND_ANGLES = (0.7, 1.9)
 """Radians; a surface with mirrors at these angles too is as round as a dome, and two of its mirrors suffice."""
-MOST = 16
+MOST_SIDES = 16
 """Largest number of sides by mirrors through an axis, which meet at 22.5 degrees; of more, two mirrors are used."""
 
 
@@ -102,27 +102,27 @@ class Mirrors:
     group: Floats
 
     @classmethod
-    def of(cls, on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
+    def from_surface(cls, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
         """Return the mirrors of a surface; None if it has none, or if it is not oriented.
 
         edge   : metres, of the new mesh; a share of it is the tolerance.
         smooth : whether the surface is the smooth one through its vertices.
         """
-        if len(misoriented_edges(on.surface.F, on.surface.edges)):
+        if len(misoriented_edges(nearest_on.surface.F, nearest_on.surface.edges)):
             return None
-        found = _Look(on.surface, on, edge, smooth)
+        look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
-        for normal in _candidates(found):
+        for normal in _candidate_mirrors(look):
             with suppress(OverflowError):  # planes that fit nearly, but not together
-                group, normals = _generated([*normals, normal], 2 * MOST), [*normals, normal]
+                group, normals = _mirror_group([*normals, normal], 2 * MOST_SIDES), [*normals, normal]
         if not normals:
             return None
         mirrors = group[(np.abs(np.trace(group, axis1=1, axis2=2) - 1) < TOLERANCE) & (np.linalg.det(group) < 0)]
-        return cls(found.centre, np.linalg.eigh(mirrors)[1][:, :, 0], group)
+        return cls(look.centre, np.linalg.eigh(mirrors)[1][:, :, 0], group)
 
 
 @dataclass(frozen=True, eq=False)
-class _Look:
+class _MirrorTest:
     surface: Surface
     find: NearestOnSurface
     edge: float
@@ -133,10 +133,10 @@ class _Look:
         """Middle (3,) of the box, or the centroid where these differ by more than rounding; metres."""
         middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
         area = centroid(self.surface)
-        return np.where(np.abs(middle - area) < ALIKE * self.edge, middle, area)
+        return np.where(np.abs(middle - area) < IMAGE_TOLERANCE * self.edge, middle, area)
 
     @cached_property
-    def on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
+    def places_on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
         """Function of points (k, 3): the nearest places (k, 3) of the surface, and its normals (k, 3)."""
         surface, find = self.surface, self.find
         patches = SmoothPatches(surface) if self.smooth else None
@@ -156,39 +156,41 @@ class _Look:
         """Points (k, 3) on its boundaries and creases, no farther apart than an edge; metres."""
         a, b = self.surface.V[self._lines].transpose(1, 0, 2)
         count = np.ceil(lengths(b - a) / self.edge).astype(np.int64)
-        of = np.repeat(np.arange(len(a)), count)
-        t = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[of]
-        return np.concatenate([a, a[of] + t[:, None] * (b - a)[of]])
+        line = np.repeat(np.arange(len(a)), count)
+        t = (np.arange(len(line)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[line]
+        return np.concatenate([a, a[line] + t[:, None] * (b - a)[line]])
 
     def holds(self, normal: Floats) -> bool:
         """Return whether the surface, its boundaries and its creases are their own mirror images, with the same
         sides."""
-        s, R, limit = self.surface, mirror(normal), ALIKE * self.edge
+        s, R, limit = self.surface, mirror(normal), IMAGE_TOLERANCE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False
         step = max(s.n // 100, 1)  # a sample of the vertices comes first
         for points in (s.V[::step], s.V):
             image = self._image(points, R)
-            if lengths(self.on(image)[0] - image).max() > limit:
+            if lengths(self.places_on(image)[0] - image).max() > limit:
                 return False
         image = self._image(s.centroids, R)
-        facets, beside = self.on(image)
-        alike = np.einsum("mi,mi->m", s.normals @ R, beside) > 0
-        if s.areas[~alike].sum() > ALIKE * s.area or (not self.smooth and lengths(facets - image).max() > limit):
+        facets, normals = self.places_on(image)
+        alike = np.einsum("mi,mi->m", s.normals @ R, normals) > 0
+        if s.areas[~alike].sum() > IMAGE_TOLERANCE * s.area or (
+            not self.smooth and lengths(facets - image).max() > limit
+        ):
             return False
         image = self._image(self._features, R)
-        return not len(image) or float(nearest(image, s.V, self._lines).distance.max()) < TOLERANCE * self.edge
+        return not len(image) or float(nearest_places(image, s.V, self._lines).distance.max()) < TOLERANCE * self.edge
 
     def _image(self, points: Floats, R: Floats) -> Floats:
         return np.ascontiguousarray((points - self.centre) @ R + self.centre)
 
 
-def _candidates(look: _Look) -> Iterator[Floats]:
+def _candidate_mirrors(look: _MirrorTest) -> Iterator[Floats]:
     """Yield unit normals of mirrors that hold, in the order in which groups should be built."""
     surface, tried = look.surface, list[Floats]()
 
-    def new(normal: Floats) -> bool:
-        if any(abs(normal @ other) > 1 - TOLERANCE**2 for other in tried):
+    def is_new_mirror(normal: Floats) -> bool:
+        if any(abs(normal @ previous) > 1 - TOLERANCE**2 for previous in tried):
             return False
         tried.append(normal)
         return look.holds(normal)
@@ -198,42 +200,44 @@ def _candidates(look: _Look) -> Iterator[Floats]:
     for axes in (np.eye(3), inertia):
         axis = round_axis(surface, axes)
         if axis is None:
-            yield from filter(new, axes)
+            yield from filter(is_new_mirror, axes)
             continue
-        yield from filter(new, _around(look, axis))
-        yield from filter(new, axis[None])
+        yield from filter(is_new_mirror, _mirrors_around(look, axis))
+        yield from filter(is_new_mirror, axis[None])
 
 
-def _around(look: _Look, axis: Floats) -> list[Floats]:
+def _mirrors_around(look: _MirrorTest, axis: Floats) -> list[Floats]:
     """Return normals of mirrors through an axis about which the surface is nearly equal; two if it is round."""
     x = look.surface.V - look.centre
     x = x - np.outer(x @ axis, axis)
-    far = far_directions(x, look.surface.size)
-    normals = [*far[:1], *np.cross(axis, far[:1]), *planes_through(axis, far)]
-    normals += [np.cross(axis, one) / np.linalg.norm(np.cross(axis, one)) for one in np.eye(3) if abs(one @ axis) < 0.9]
+    directions = far_directions(x, look.surface.size)
+    normals = [*directions[:1], *np.cross(axis, directions[:1]), *planes_through(axis, directions)]
+    normals += [
+        np.cross(axis, unit) / np.linalg.norm(np.cross(axis, unit)) for unit in np.eye(3) if abs(unit @ axis) < 0.9
+    ]
     while normals and not look.holds(normals[0]):
         normals = normals[1:]
     if not normals:
         return []
-    first = normals[0]
-    square = np.cross(axis, first)
-    if all(look.holds(np.cos(angle) * first + np.sin(angle) * square) for angle in ROUND):
-        return [first, square]
-    found = [first]
+    first_normal = normals[0]
+    square = np.cross(axis, first_normal)
+    if all(look.holds(np.cos(angle) * first_normal + np.sin(angle) * square) for angle in ROUND_ANGLES):
+        return [first_normal, square]
+    chosen = [first_normal]
     for normal in filter(look.holds, normals[1:]):
         try:
-            _generated([*found, normal], MOST)
+            _mirror_group([*chosen, normal], MOST_SIDES)
         except OverflowError:
-            return [first, square]
-        found.append(normal)
-    return found
+            return [first_normal, square]
+        chosen.append(normal)
+    return chosen
 
 
-def _generated(normals: list[Floats], largest: int) -> Floats:
+def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-NEAR = 1e-3
+PLANE_TOLERANCE = 1e-3
 """Share of the edge within which vertices are on a plane, and images of vertices are one."""
 
 
@@ -250,7 +254,7 @@ class Chamber:
     edge: float
 
     @classmethod
-    def of(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
+    def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
         """Return the side of a point that rotates with the surface and lies in none of the planes."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         side = np.where(mirrors.normals @ mix < 0, -1.0, 1.0)
@@ -261,23 +265,23 @@ class Chamber:
         """The part of the surface on the side; None if the surface has faces within the planes."""
         V, F = self.whole.V, self.whole.F
         for normal in self.toward:
-            cut = _kept(V - self.mirrors.centre, F, normal, NEAR * self.edge)
+            cut = _positive_side(V - self.mirrors.centre, F, normal, PLANE_TOLERANCE * self.edge)
             if cut is None:
                 return None
             V, F = cut[0] + self.mirrors.centre, cut[1]
         return Surface(V, F) if len(F) else None
 
-    def within(self, V: Floats) -> Bools:
+    def planes_of(self, V: Floats) -> Bools:
         """Return the planes (k, p) that contain the points V (p, 3), within rounding."""
         return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < 1e-9 * self.whole.size)
 
-    def flat(self, V: Floats, planes: Bools) -> Floats:
+    def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
         """Move points V (p, 3) into their planes (k, p)."""
-        found = V.copy()
+        moved = V.copy()
         for _ in range(2 * len(self.toward)):  # in turns, because several planes may meet
-            for normal, on in zip(self.toward, planes, strict=True):
-                found[on] -= np.outer((found[on] - self.mirrors.centre) @ normal, normal)
-        return found
+            for normal, in_plane in zip(self.toward, planes, strict=True):
+                moved[in_plane] -= np.outer((moved[in_plane] - self.mirrors.centre) @ normal, normal)
+        return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
         """Return the whole surface from the side's new vertices V (p, 3) and faces F, and the original in V of each
@@ -286,51 +290,53 @@ class Chamber:
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]
         every = np.concatenate(images)
-        pairs = cKDTree(every).query_pairs(NEAR * self.edge, output_type="ndarray").astype(np.int64)
-        count, label = connected(len(every), pairs[:, 0], pairs[:, 1])
-        first = np.full(count, len(every))
-        np.minimum.at(first, label, np.arange(len(every)))
-        order = np.argsort(first)
+        pairs = cKDTree(every).query_pairs(PLANE_TOLERANCE * self.edge, output_type="ndarray").astype(np.int64)
+        count, label = link_components(len(every), pairs[:, 0], pairs[:, 1])
+        first_image = np.full(count, len(every))
+        np.minimum.at(first_image, label, np.arange(len(every)))
+        order = np.argsort(first_image)
         number = np.empty(count, dtype=np.int64)
         number[order] = np.arange(count)
-        found = Surface(every[first[order]], number[label[np.concatenate([f + k * n for k, f in enumerate(faces)])]])
-        return (found, first[order] % n) if self._same(found) else None
+        surface = Surface(
+            every[first_image[order]], number[label[np.concatenate([f + k * n for k, f in enumerate(faces)])]]
+        )
+        return (surface, first_image[order] % n) if self._is_like_whole(surface) else None
 
-    def _same(self, found: Surface) -> bool:
+    def _is_like_whole(self, surface: Surface) -> bool:
         """Return whether a surface has the pieces, the holes and nearly the boundary length of the whole."""
-        old = self.whole
+        original = self.whole
 
         def facts(s: Surface) -> tuple[int, ...]:
             return pieces(s.F, s.edges)[0], euler_characteristic(s.F, s.edges), len(s.loops), len(s.pinches)
 
-        if found.edges.count.max() > 2 or facts(found) != facts(old):
+        if surface.edges.count.max() > 2 or facts(surface) != facts(original):
             return False
-        one, two = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (found, old))
-        return abs(one - two) <= 0.05 * two  # chords are shorter than curves
+        new_length, old_length = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (surface, original))
+        return abs(new_length - old_length) <= 0.05 * old_length  # chords are shorter than curves
 
 
-def _kept(x: Floats, F: Ints, normal: Floats, near: float) -> tuple[Floats, Ints] | None:
+def _positive_side(x: Floats, F: Ints, normal: Floats, tolerance: float) -> tuple[Floats, Ints] | None:
     d = x @ normal
-    on = np.abs(d) <= near
-    x, d = x - np.outer(np.where(on, d, 0.0), normal), np.where(on, 0.0, d)
+    is_on_plane = np.abs(d) <= tolerance
+    x, d = x - np.outer(np.where(is_on_plane, d, 0.0), normal), np.where(is_on_plane, 0.0, d)
     sign = np.sign(d[F]).astype(np.int64)
     if (sign == 0).all(axis=1).any():
         return None
-    whole, cut = F[sign.min(axis=1) >= 0], F[(sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)]
+    uncut, cut = F[sign.min(axis=1) >= 0], F[(sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)]
     a, b = half_edges(cut)
     ends = np.sort(np.stack([a, b], axis=1), axis=1)
-    crossed, at = np.unique(ends[np.sign(d[a]) * np.sign(d[b]) < 0], axis=0, return_inverse=True)
+    crossed, crossing = np.unique(ends[np.sign(d[a]) * np.sign(d[b]) < 0], axis=0, return_inverse=True)
     t = (d[crossed[:, 0]] / (d[crossed[:, 0]] - d[crossed[:, 1]]))[:, None]
-    new = np.full(len(a), -1)
-    new[np.sign(d[a]) * np.sign(d[b]) < 0] = len(x) + at.ravel()
+    crossing_vertex = np.full(len(a), -1)
+    crossing_vertex[np.sign(d[a]) * np.sign(d[b]) < 0] = len(x) + crossing.ravel()
     points = (1 - t) * x[crossed[:, 0]] + t * x[crossed[:, 1]]
     points -= np.outer(points @ normal, normal)
-    made = [whole]
-    corner = np.stack([cut, new.reshape(-1, 3)], axis=2).reshape(-1, 6)  # a, ab, b, bc, c, ca
+    parts = [uncut]
+    corner = np.stack([cut, crossing_vertex.reshape(-1, 3)], axis=2).reshape(-1, 6)  # a, ab, b, bc, c, ca
     stays = (corner >= 0) & (np.concatenate([d, np.zeros(len(points))])[corner] >= 0)
     for k in (3, 4):
-        mine = corner[stays.sum(axis=1) == k][stays[stays.sum(axis=1) == k]].reshape(-1, k)
-        made += [mine[:, [0, i, i + 1]] for i in range(1, k - 1)]
-    F = np.concatenate(made)
+        polygon_corners = corner[stays.sum(axis=1) == k][stays[stays.sum(axis=1) == k]].reshape(-1, k)
+        parts += [polygon_corners[:, [0, i, i + 1]] for i in range(1, k - 1)]
+    F = np.concatenate(parts)
     used, F = np.unique(F, return_inverse=True)
     return np.concatenate([x, points])[used], F.reshape(-1, 3)

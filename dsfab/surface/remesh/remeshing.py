@@ -5,22 +5,22 @@ from contextlib import suppress
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, face_angles, first
+from dsfab.core.arrays import Floats, face_angles, first_few
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.edge_changes import LARGEST
-from dsfab.surface.mesh import Surface, nearest
+from dsfab.surface.mesh import Surface, nearest_places
 from dsfab.surface.remesh.edges import (
     FIXED,
     FREE,
     Net,
     NetFaces,
-    with_ears_turned,
+    with_ears_flipped,
     with_edges_flipped,
     with_long_edges_halved,
     with_short_edges_collapsed,
 )
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves, design_features, feature_curves
-from dsfab.surface.remesh.mirrors import NEAR, Chamber, Mirrors
+from dsfab.surface.remesh.mirrors import PLANE_TOLERANCE, Chamber, Mirrors
 from dsfab.surface.remesh.sizes import SizeField, chord_lengths, curvature_sizes, with_sizes
 from dsfab.surface.remesh.smoothing import (
     NearestOnSurface,
@@ -32,11 +32,11 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import duplicate_faces, named_edges
 
-SHARP = 20.0
+SHARP_ANGLE = 20.0
 """Smallest angle, degrees, below which the mirrored mesh must compete with one of the whole surface."""
 
 
-def remeshed(
+def remeshed_surface(
     surface: Surface, edge: float, finest: float = 0.0, smooth: bool = False, sizes: Sequence[SizeField] = ()
 ) -> Surface:
     """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
@@ -50,7 +50,7 @@ def remeshed(
     Boundaries, and creases of more than 30 degrees, stay within a fiftieth of `edge`, their corners exactly. So do the
     extent, the number of pieces and holes, and the sides of the faces. Creases of slivers and noise go
     (`design_features`),
-    and ears (`with_ears_turned`). Edges are shorter where this requires it, and between close curves. The same surface
+    and ears (`with_ears_flipped`). Edges are shorter where this requires it, and between close curves. The same surface
     gives the same mesh. Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an
     exactly
     symmetric mesh, whose extent is within a fiftieth of `edge`.
@@ -63,84 +63,89 @@ def remeshed(
     mirrored = not sizes  # sizes may differ from side to side
     if finest:
         sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
-    for one in sizes or [SizeField(surface, np.full(surface.n, edge))]:
-        _check_count(one, finest or float(one.length.min()))
-    surface = with_ears_turned(surface)
+    for field in sizes or [SizeField(surface, np.full(surface.n, edge))]:
+        _check_count(field, finest or float(field.length.min()))
+    surface = with_ears_flipped(surface)
     nearest_to = NearestOnSurface(surface)
-    found = _by_sides(nearest_to, edge, smooth, sizes) if mirrored else None
-    if found and _sharpest(found) > SHARP:
-        return found
+    by_sides = _by_sides(nearest_to, edge, smooth, sizes) if mirrored else None
+    if by_sides and _smallest_angle(by_sides) > SHARP_ANGLE:
+        return by_sides
     net = _net(nearest_to, sizes, edge)
-    whole = Surface(_smoothed(net, nearest_to).V if smooth else net.V, net.F)
+    direct = Surface(_on_smooth_surface(net, nearest_to).V if smooth else net.V, net.F)
     # a mirror along a tip would halve its angle
-    return found if found and _sharpest(found) > 0.9 * _sharpest(whole) else whole
+    return by_sides if by_sides and _smallest_angle(by_sides) > 0.9 * _smallest_angle(direct) else direct
 
 
-def _sharpest(surface: Surface) -> float:
+def _smallest_angle(surface: Surface) -> float:
     return float(np.degrees(face_angles(surface.V, surface.F).min()))
 
 
-def _by_sides(on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
+def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
     """Remesh one side of all mirrors of the surface and copy it; None without mirrors, or for a small or unlike
     result."""
-    surface = on.surface
-    mirrors = Mirrors.of(on, edge, smooth)
-    chamber = Chamber.of(surface, mirrors, edge) if mirrors else None
+    surface = nearest_on.surface
+    mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
+    chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
     piece = chamber.piece if chamber else None
     # fixed edges of a side with fewer than 100 triangles leave no room for even ones
     if chamber is None or piece is None or piece.area < 100 * np.sqrt(3) / 4 * edge**2:
         return None
     net = _net(NearestOnSurface(piece), sizes, edge)
-    planes = chamber.within(net.V)
+    planes = chamber.planes_of(net.V)
     moved = (net.kind == FREE) | planes.any(axis=0)
-    goal = np.where(moved[:, None], _places(net.V, on, smooth), net.V) if smooth else net.V
-    net = with_vertices_at(net, chamber.flat(goal, planes), net.at)
-    found = chamber.all_sides(net.V, net.F)
-    if found is None:
+    goal = np.where(moved[:, None], _places(net.V, nearest_on, smooth), net.V) if smooth else net.V
+    net = with_vertices_at(net, chamber.moved_into_planes(goal, planes), net.at)
+    copied = chamber.all_sides(net.V, net.F)
+    if copied is None:
         return None
-    every, of = found
+    every, original = copied
     none = net.node[:0]
-    whole = Net(every.V, NetFaces(every.F), net.kind[of], none, net.at[:0], none, net.size[of])
-    V = with_vertices_at(whole, _on_whole(whole, on, edge, smooth), whole.at).V
-    box, new = ((x.min(axis=0), x.max(axis=0)) for x in (surface.V, V))
+    whole_net = Net(every.V, NetFaces(every.F), net.kind[original], none, net.at[:0], none, net.size[original])
+    V = with_vertices_at(whole_net, _places_on_curves(whole_net, nearest_on, edge, smooth), whole_net.at).V
+    box, new_box = ((x.min(axis=0), x.max(axis=0)) for x in (surface.V, V))
     with suppress(SurfaceError):  # a narrow tip may have two vertices at the same corner
-        return Surface(V, every.F) if np.abs(np.subtract(box, new)).max() < TOLERANCE * edge else None
+        return Surface(V, every.F) if np.abs(np.subtract(box, new_box)).max() < TOLERANCE * edge else None
     return None
 
 
-def _on_whole(net: Net, on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
+def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
     """Return the places (n, 3) of a net's vertices on boundaries, creases and corners, and on facets if not smooth. The
     images of one side are a little beside the curves of another side."""
-    surface = on.surface
+    surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
-    goal = net.V.copy() if smooth else _places(net.V, on, smooth)
-    held, fixed = np.flatnonzero(net.kind > FREE), feature_curves(surface, edge).fixed
-    for some, there in ((held, lines), (held[net.kind[held] == FIXED], fixed[:, None])):
-        if len(some) and len(there):
-            found = nearest(net.V[some], surface.V, there)
-            near = found.distance < TOLERANCE * edge
-            goal[some[near]] = found.place[near]
-    for most, ends in ((surface.V.max(axis=0), goal.argmax(axis=0)), (surface.V.min(axis=0), goal.argmin(axis=0))):
+    goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
+    curve_vertices, fixed = np.flatnonzero(net.kind > FREE), feature_curves(surface, edge).fixed
+    for vertices, simplices in (
+        (curve_vertices, lines),
+        (curve_vertices[net.kind[curve_vertices] == FIXED], fixed[:, None]),
+    ):
+        if len(vertices) and len(simplices):
+            hits = nearest_places(net.V[vertices], surface.V, simplices)
+            is_near = hits.distance < TOLERANCE * edge
+            goal[vertices[is_near]] = hits.place[is_near]
+    for extreme, ends in ((surface.V.max(axis=0), goal.argmax(axis=0)), (surface.V.min(axis=0), goal.argmin(axis=0))):
         now = goal[ends, (0, 1, 2)]
-        goal[ends, (0, 1, 2)] = np.where(np.abs(now - most) < NEAR * edge, most, now)
+        goal[ends, (0, 1, 2)] = np.where(np.abs(now - extreme) < PLANE_TOLERANCE * edge, extreme, now)
     return goal
 
 
-def _net(on: NearestOnSurface, sizes: Sequence[SizeField], edge: float) -> Net:
-    curves = feature_curves(on.surface, edge)
-    net = _even(Net.of(on.surface, curves, edge), curves, on, sizes, edge)
+def _net(nearest_on: NearestOnSurface, sizes: Sequence[SizeField], edge: float) -> Net:
+    curves = feature_curves(nearest_on.surface, edge)
+    net = _even_net(Net.from_surface(nearest_on.surface, curves, edge), curves, nearest_on, sizes, edge)
     return with_edges_flipped(net, by_valence=False, rounds=3)
 
 
-def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Sequence[SizeField], edge: float) -> Net:
+def _even_net(
+    net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Sequence[SizeField], edge: float
+) -> Net:
     """Return the net after all rounds; wanted edges are `edge` metres long, or as the shortest of the sizes."""
     chords = chord_lengths(curves, edge)
-    finer = [one for one in sizes if np.ptp(one.length)]
-    others = {one.surface for one in finer} - {nearest.surface}
-    trees = [nearest, *map(NearestOnSurface, others)]
+    finer = [field for field in sizes if np.ptp(field.length)]
+    other_surfaces = {field.surface for field in finer} - {nearest.surface}
+    trees = [nearest, *map(NearestOnSurface, other_surfaces)]
     rounds = 8
     for k in range(rounds):
-        base = _shortest(net.V, finer, trees) if finer else edge
+        base = _shortest_lengths(net.V, finer, trees) if finer else edge
         net = with_sizes(net, chords, curves, np.minimum(base, edge))
         if not k:
             net = _roughly(net, curves, edge)
@@ -167,30 +172,30 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
     return net
 
 
-def _shortest(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
+def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
     """Return the shortest (k,) of the fields' lengths at points (k, 3), metres; one tree serves all fields on a
     surface."""
-    found = []
+    candidates = []
     for tree in trees:
-        if mine := [one.length for one in sizes if one.surface is tree.surface]:
+        if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:
             face, place = tree(points)
             F = tree.surface.F[face]
             weights = barycentric(tree.surface.V[F], place)
-            found += [np.einsum("kc,kc->k", weights, length[F]) for length in mine]
-    return np.asarray(np.min(found, axis=0))
+            candidates += [np.einsum("kc,kc->k", weights, length[F]) for length in tree_lengths]
+    return np.asarray(np.min(candidates, axis=0))
 
 
-def _smoothed(net: Net, on: NearestOnSurface) -> Net:
+def _on_smooth_surface(net: Net, nearest_on: NearestOnSurface) -> Net:
     free = np.flatnonzero(net.kind == FREE)
     goal = net.V.copy()
-    goal[free] = _places(net.V[free], on, smooth=True)
+    goal[free] = _places(net.V[free], nearest_on, smooth=True)
     return with_vertices_at(net, goal, net.at)
 
 
-def _places(points: Floats, on: NearestOnSurface, smooth: bool) -> Floats:
+def _places(points: Floats, nearest_on: NearestOnSurface, smooth: bool) -> Floats:
     """Return the places (k, 3) nearest to points (k, 3) on the facets, or above them on the smooth surface, metres."""
-    face, place = on(points)
-    return SmoothPatches(on.surface).points(face, place) if smooth else place
+    face, place = nearest_on(points)
+    return SmoothPatches(nearest_on.surface).points(face, place) if smooth else place
 
 
 def _check(surface: Surface, edge: float, finest: float) -> None:
@@ -203,7 +208,9 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
             f"edges of {edge:g} m are longer than the surface, {surface.size:.3g} m; ask for shorter ones, in metres"
         )
     if len(twice := duplicate_faces(surface.F)):
-        raise SurfaceError(f"{len(twice)} faces repeat an earlier face (first: {first(twice)}); remove them to remesh")
+        raise SurfaceError(
+            f"{len(twice)} faces repeat an earlier face (first: {first_few(twice)}); remove them to remesh"
+        )
     crowded = np.flatnonzero(surface.edges.count > 2)
     if len(crowded):
         where = named_edges(crowded, surface.edges)

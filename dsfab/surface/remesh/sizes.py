@@ -6,17 +6,17 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import eye_array
 
-from dsfab.core.arrays import Floats, Ints, edge_lengths, lengths, unfolded
+from dsfab.core.arrays import Floats, Ints, edge_lengths, lengths, transported_vectors
 from dsfab.surface.edge_changes import feature_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import adjacency
 
-TURNING = 15.0
+TURN_PER_EDGE = 15.0
 """Turn of the surface along an edge, degrees, above which edges should be shorter."""
 
-STEADY = 0.25
+CHANGE_PER_EDGE = 0.25
 """Change of a field along an edge, as a share of its root mean square, above which edges should be shorter."""
 
 
@@ -28,7 +28,8 @@ class SizeField(NamedTuple):
 
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
-    """Return lengths (n,) of edges over which the surface turns by `TURNING`, between `finest` and `edge`, metres. The
+    """Return lengths (n,) of edges over which the surface turns by `TURN_PER_EDGE`, between `finest` and `edge`,
+    metres. The
     largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
     2003], over the faces around its neighbours. Creases do not count."""
     shared = _inner_edges(surface)
@@ -37,35 +38,37 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
     tensor = np.einsum("e,ei,ej->eij", _bends(surface, shared) / lengths(along) / 2, along, along).reshape(-1, 9)
     mean = _mean_around(surface, ends, tensor)
     largest = np.abs(np.linalg.eigvalsh(mean.reshape(-1, 3, 3))).max(axis=1)
-    turning = np.radians(TURNING)
+    turning = np.radians(TURN_PER_EDGE)
     return np.asarray(np.clip(turning / np.maximum(largest, turning / edge), finest, edge))
 
 
 def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) -> Floats:
-    """Return lengths (n,) of edges over which tensors change by `STEADY`, between `finest` and `edge`, metres.
+    """Return lengths (n,) of edges over which tensors change by `CHANGE_PER_EDGE`, between `finest` and `edge`, metres.
 
-    field : (m, 3, 3) tensors in the planes of the faces; `STEADY` refers to their root mean square.
+    field : (m, 3, 3) tensors in the planes of the faces; `CHANGE_PER_EDGE` refers to their root mean square.
 
     Differences along edges are those of the means around their ends [as Zienkiewicz and Zhu 1987 recover stress],
     without
     the rotation of the surface between them. The square of the gradient at a vertex is twice the mean square of such
     slopes around it, which lie in all directions.
     """
-    at, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
+    vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
-    slope = ((_carried(at[b], normal[b], normal[a]) - at[a]) ** 2).sum(axis=(1, 2))
-    beside = np.bincount(surface.edges.of.ravel(), np.repeat(surface.areas / 3, 3), minlength=len(ends))
-    square = _mean_around(surface, ends, (slope / surface.edge_lengths**2 * beside / 2)[:, None])[:, 0]
+    slope = ((_transported_tensors(vertex_tensors[b], normal[b], normal[a]) - vertex_tensors[a]) ** 2).sum(axis=(1, 2))
+    edge_areas = np.bincount(surface.edges.of.ravel(), np.repeat(surface.areas / 3, 3), minlength=len(ends))
+    square = _mean_around(surface, ends, (slope / surface.edge_lengths**2 * edge_areas / 2)[:, None])[:, 0]
     usual = np.sqrt((surface.areas * (field**2).sum(axis=(1, 2))).sum() / surface.area)
-    wanted = np.divide(STEADY * usual, np.sqrt(2 * square), out=np.full(surface.n, edge), where=square > 0)
-    return np.asarray(np.clip(wanted, finest, edge))
+    sizes = np.divide(CHANGE_PER_EDGE * usual, np.sqrt(2 * square), out=np.full(surface.n, edge), where=square > 0)
+    return np.asarray(np.clip(sizes, finest, edge))
 
 
 def _at_vertices(surface: Surface, field: Floats) -> Floats:
     """Return the means (n, 3, 3) by area around each vertex of tensors (m, 3, 3), rotated into its plane."""
     corner = surface.F.ravel()
     weighted = np.repeat(surface.areas[:, None, None] / 3 * field, 3, axis=0)
-    carried = _carried(weighted, np.repeat(surface.normals, 3, axis=0), surface.vertex_normals[corner]).reshape(-1, 9)
+    carried = _transported_tensors(
+        weighted, np.repeat(surface.normals, 3, axis=0), surface.vertex_normals[corner]
+    ).reshape(-1, 9)
     total = np.stack([np.bincount(corner, x, minlength=surface.n) for x in carried.T], axis=1)
     return np.asarray(total / np.maximum(surface.vertex_areas, np.finfo(float).tiny)[:, None]).reshape(-1, 3, 3)
 
@@ -77,9 +80,9 @@ def _inner_edges(surface: Surface) -> Ints:
 
 
 def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
-    first = surface.edges.start[shared]
+    starts = surface.edges.start[shared]
     order: Ints = surface.edges.order
-    return order[first], order[first + 1]
+    return order[starts], order[starts + 1]
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
@@ -90,20 +93,22 @@ def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
     return np.asarray((around @ total) / np.maximum(around @ surface.vertex_areas, np.finfo(float).tiny)[:, None])
 
 
-def _carried(tensors: Floats, normal: Floats, onto: Floats) -> Floats:
+def _transported_tensors(tensors: Floats, normal: Floats, onto: Floats) -> Floats:
     """Rotate symmetric tensors (k, 3, 3) from planes with unit normals (k, 3) into others: rows, then columns."""
     normal, onto = np.repeat(normal, 3, axis=0), np.repeat(onto, 3, axis=0)
-    rows = unfolded(onto, normal, tensors.reshape(-1, 3)).reshape(-1, 3, 3)
-    return unfolded(onto, normal, rows.transpose(0, 2, 1).reshape(-1, 3)).reshape(-1, 3, 3)
+    rows = transported_vectors(onto, normal, tensors.reshape(-1, 3)).reshape(-1, 3, 3)
+    return transported_vectors(onto, normal, rows.transpose(0, 2, 1).reshape(-1, 3)).reshape(-1, 3, 3)
 
 
 def _bends(surface: Surface, shared: Ints) -> Floats:
     """Return the angles (s,) between the normals at edges (s,) of two faces, radians, positive at convex edges."""
     h0, h1 = _half_edges(surface, shared)
-    one, two = surface.normals[h0 // 3], surface.normals[h1 // 3]
+    first_normals, second_normals = surface.normals[h0 // 3], surface.normals[h1 // 3]
     across = surface.V[surface.F[h1 // 3, (h1 + 2) % 3]] - surface.V[surface.F.ravel()[h0]]
-    angle = np.arctan2(lengths(np.cross(one, two)), np.einsum("ei,ei->e", one, two))
-    return np.asarray(np.where(np.einsum("ei,ei->e", one, across) < 0, angle, -angle))
+    angle = np.arctan2(
+        lengths(np.cross(first_normals, second_normals)), np.einsum("ei,ei->e", first_normals, second_normals)
+    )
+    return np.asarray(np.where(np.einsum("ei,ei->e", first_normals, across) < 0, angle, -angle))
 
 
 GRADE = 0.3
@@ -112,7 +117,7 @@ GRADE = 0.3
 LEAST = 1 / 20
 """Least wanted length at bends of curves and narrow places, as a share of the edge."""
 
-LADDER = 0.85 ** np.arange(19)
+CHORD_SHARES = 0.85 ** np.arange(19)
 """Trial lengths of the chords of a curve, as shares of the edge."""
 
 
@@ -125,7 +130,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
     if len(net.node):
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
-    for vertex, width, slope in _narrow(net):
+    for vertex, width, slope in _narrow_places(net):
         wide = width > TOLERANCE * edge  # narrower ones are slivers
         row = 1.25 * np.maximum(width, edge * slope)[wide]  # one row of triangles fills the width
         np.minimum.at(size, vertex[wide], np.maximum(row, least))
@@ -146,34 +151,34 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
         size = lower
 
 
-def _narrow(net: Net) -> list[tuple[Ints, Floats, Floats]]:
+def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
     """Return fixed and curve vertices (k,), the width (k,) of the surface there, metres, and its slope (k,) as in
     `_slopes`. The width is an edge from curve to curve, the height of a face between them, or an edge between corners.
     The face in the angle of a corner does not count, because it is narrow at any size."""
-    held, edges, along = net.kind > FREE, net.edges, net.along_curves
+    constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
-    on = along[edges.of]
-    ear = (on.sum(axis=1) >= 2)[:, None] & ~on
+    is_along = along[edges.of]
+    ear = (is_along.sum(axis=1) >= 2)[:, None] & ~is_along
     beside_ear = np.zeros(len(along), dtype=bool)
     beside_ear[edges.of[ear]] = True
-    bridge = np.flatnonzero(held[edges.ends].all(axis=1) & ~along & ~beside_ear)
+    bridge = np.flatnonzero(constrained[edges.ends].all(axis=1) & ~along & ~beside_ear)
     rigid = np.flatnonzero(along & (net.kind[edges.ends].min(axis=1) == FIXED))
-    between = held[net.F].all(axis=1) & (on.sum(axis=1) == 1)
-    face, corner = np.nonzero(on & between[:, None])
+    between = constrained[net.F].all(axis=1) & (is_along.sum(axis=1) == 1)
+    face, corner = np.nonzero(is_along & between[:, None])
     base, apex = (net.F[face, corner], net.F[face, (corner + 1) % 3]), net.F[face, (corner + 2) % 3]
     P, A, B = net.V[apex], net.V[base[0]], net.V[base[1]]
     height = np.linalg.norm(np.cross(B - A, P - A), axis=1) / np.linalg.norm(B - A, axis=1)
-    one, other = edges.ends[bridge].T
-    across = np.append(_slopes(net, one, other, length[bridge]), np.zeros(len(rigid)))
+    first_end, second_end = edges.ends[bridge].T
+    across = np.append(_slopes(net, first_end, second_end, length[bridge]), np.zeros(len(rigid)))
     upward = np.maximum(_slopes(net, base[0], apex, height), _slopes(net, base[1], apex, height))
-    both = np.concatenate([bridge, rigid])
+    narrow_edges = np.concatenate([bridge, rigid])
     return [
-        (edges.ends[both].ravel(), np.repeat(length[both], 2), np.repeat(across, 2)),
+        (edges.ends[narrow_edges].ravel(), np.repeat(length[narrow_edges], 2), np.repeat(across, 2)),
         (net.F[face].ravel(), np.repeat(height, 3), np.repeat(upward, 3)),
     ]
 
 
-def _slopes(net: Net, one: Ints, other: Ints, width: Floats) -> Floats:
+def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
     """Return how fast (k,) the surface widens from the common corner of the curves of two vertices, else 0.
 
     That is their width (k,), metres, over their distance from the corner along the curves.
@@ -181,41 +186,41 @@ def _slopes(net: Net, one: Ints, other: Ints, width: Floats) -> Floats:
         corner <   ---- at a slope of 0.3 it is 0.3 edges wide at an edge's length from its corner: edges of this length
                         fill it from there on; shorter edges nearer to the corner would never end
     """
-    corner, way = _corners(net)
-    slope = np.zeros(len(one))
+    corner, distances = _corners(net)
+    slope = np.zeros(len(start))
     for i in range(2):
         for j in range(2):
-            met = (corner[one, i] == corner[other, j]) & (corner[one, i] >= 0)
-            far = np.maximum(way[one, i], way[other, j])
-            slope[met] = np.maximum(slope[met], width[met] / np.maximum(far[met], TOLERANCE * width[met]))
+            met = (corner[start, i] == corner[end, j]) & (corner[start, i] >= 0)
+            farthest = np.maximum(distances[start, i], distances[end, j])
+            slope[met] = np.maximum(slope[met], width[met] / np.maximum(farthest[met], TOLERANCE * width[met]))
     return slope
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
     """Return the vertices (n, 2) at the ends of each vertex's curve, -1 off curves, and the distances (n, 2) along it,
     metres. A corner has itself twice."""
-    corner, way = np.full((net.n, 2), -1), np.zeros((net.n, 2))
+    corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):
         corner[net.node, i] = net.node[end]
-        way[net.node, i] = np.abs(net.at - net.at[end])
+        distances[net.node, i] = np.abs(net.at - net.at[end])
     fixed = net.kind == FIXED
-    corner[fixed], way[fixed] = np.flatnonzero(fixed)[:, None], 0
-    return corner, way
+    corner[fixed], distances[fixed] = np.flatnonzero(fixed)[:, None], 0
+    return corner, distances
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
     """Return the length (p,) of the longest chord about each point of the curves, metres. It is `edge`, or less where
     the chord would leave the curve by more than most of the tolerance."""
-    longest = np.full(len(curves.at), edge * LADDER[-1])
+    longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
-    last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)
-    ends = curves.at[last]
-    starts = curves.at[np.append(0, np.flatnonzero(last)[:-1] + 1)] if len(ends) else ends
-    for share in LADDER:
-        half, of = share * edge / 2, curves.curve[open_]
-        a = np.maximum(curves.at[open_] - half, starts[of])
-        b = np.minimum(curves.at[open_] + half, ends[of])
+    is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)
+    ends = curves.at[is_last]
+    starts = curves.at[np.append(0, np.flatnonzero(is_last)[:-1] + 1)] if len(ends) else ends
+    for share in CHORD_SHARES:
+        half, curve = share * edge / 2, curves.curve[open_]
+        a = np.maximum(curves.at[open_] - half, starts[curve])
+        b = np.minimum(curves.at[open_] + half, ends[curve])
         fine = curves.deviation(a, b)[0] <= TOLERANCE * edge * 0.8
         longest[open_[fine]] = share * edge
         open_ = open_[~fine]

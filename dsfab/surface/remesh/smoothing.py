@@ -57,9 +57,9 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):
-            off = np.einsum("mi,mi->m", P[:, j] - P[:, i], normals[:, i])
-            off[straight[:, k]] = 0
-            controls[:, 2 * k + end] = (2 * P[:, i] + P[:, j] - off[:, None] * normals[:, i]) / 3
+            height = np.einsum("mi,mi->m", P[:, j] - P[:, i], normals[:, i])
+            height[straight[:, k]] = 0
+            controls[:, 2 * k + end] = (2 * P[:, i] + P[:, j] - height[:, None] * normals[:, i]) / 3
     return controls
 
 
@@ -100,16 +100,16 @@ def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
     centre = V[F].mean(axis=1) * weight[:, None]
-    normal = _summed(F, doubled, n)
+    normal = _corner_sums(F, doubled, n)
     normal /= np.maximum(lengths(normal), np.finfo(float).tiny)[:, None]
-    whole = np.bincount(F.ravel(), np.repeat(weight, 3), minlength=n)
-    step = _summed(F, centre, n) / whole[:, None] - V
+    total_weight = np.bincount(F.ravel(), np.repeat(weight, 3), minlength=n)
+    step = _corner_sums(F, centre, n) / total_weight[:, None] - V
     step -= normal * np.einsum("ni,ni->n", normal, step)[:, None]
     goal = V + np.where((net.kind == FREE)[:, None], step, 0)
-    at = _even_steps(net, curves, edge)
+    positions = _even_steps(net, curves, edge)
     inner = net.kind[net.node] < FIXED
-    goal[net.node[inner]] = curves.place(at[inner])
-    return with_vertices_at(net, goal, at)
+    goal[net.node[inner]] = curves.place(positions[inner])
+    return with_vertices_at(net, goal, positions)
 
 
 def with_vertices_on(net: Net, nearest: NearestOnSurface) -> Net:
@@ -119,7 +119,7 @@ def with_vertices_on(net: Net, nearest: NearestOnSurface) -> Net:
     return with_vertices_at(net, goal, net.at)
 
 
-def _summed(F: Ints, values: Floats, n: int) -> Floats:
+def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
     corners = F.ravel()
     return np.stack([np.bincount(corners, np.repeat(x, 3), minlength=n) for x in values.T], axis=1)
 
@@ -127,36 +127,38 @@ def _summed(F: Ints, values: Floats, n: int) -> Floats:
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
     """Return positions (k,) of the nodes with even steps in wanted lengths, where the edges stay near the curve. Every
     second node moves at once."""
-    at = net.at.copy()
+    positions = net.at.copy()
     for parity in (0, 1):
-        k = np.arange(1 + parity, max(len(at) - 1, 1 + parity), 2)
+        k = np.arange(1 + parity, max(len(positions) - 1, 1 + parity), 2)
         k = k[(net.curve[k - 1] == net.curve[k]) & (net.curve[k + 1] == net.curve[k])]
         size = net.size[net.node]
         before, after = size[k - 1] + size[k], size[k] + size[k + 1]
-        goal = (at[k - 1] * after + at[k + 1] * before) / (before + after)
-        goal = (goal + at[k]) / 2
-        far = np.maximum(curves.deviation(at[k - 1], goal)[0], curves.deviation(goal, at[k + 1])[0])
-        was = np.maximum(curves.deviation(at[k - 1], at[k])[0], curves.deviation(at[k], at[k + 1])[0])
-        fine = far <= np.maximum(TOLERANCE * edge, was)
-        at[k[fine]] = goal[fine]
-    return at
+        goal = (positions[k - 1] * after + positions[k + 1] * before) / (before + after)
+        goal = (goal + positions[k]) / 2
+        deviation = np.maximum(curves.deviation(positions[k - 1], goal)[0], curves.deviation(goal, positions[k + 1])[0])
+        was = np.maximum(
+            curves.deviation(positions[k - 1], positions[k])[0], curves.deviation(positions[k], positions[k + 1])[0]
+        )
+        fine = deviation <= np.maximum(TOLERANCE * edge, was)
+        positions[k[fine]] = goal[fine]
+    return positions
 
 
-def with_vertices_at(net: Net, goal: Floats, at: Floats) -> Net:
+def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     """Move the vertices to goals (n, 3), metres, and the nodes to positions (k,), except where a face turns by 60
     degrees."""
-    old, V = area_vectors(net.V, net.F), goal.copy()
+    old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
     retreats = 6  # rounds that put back single vertices, before all go back
     for k in range(retreats + 1):
-        new = area_vectors(V, net.F[face])
-        was = old[face]
-        bad = np.einsum("mi,mi->m", was, new) < 0.5 * lengths(was) * lengths(new)
+        new_areas = area_vectors(V, net.F[face])
+        was = old_areas[face]
+        bad = np.einsum("mi,mi->m", was, new_areas) < 0.5 * lengths(was) * lengths(new_areas)
         if not bad.any():
             break
         back = np.unique(net.F[face[bad]])
         V[back] = net.V[back]
         if k == retreats:
-            V, at = net.V, net.at
+            V, positions = net.V, net.at
     shifted = (V != net.V).any(axis=1)[net.node]
-    return replace(net, V=V, at=np.where(shifted, at, net.at))
+    return replace(net, V=V, at=np.where(shifted, positions, net.at))

@@ -9,23 +9,23 @@ from annotated_types import Ge, Gt, Le
 from dsfab.core.arrays import Bools, Floats
 from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.implicit import (
-    SHRINK,
+    EDGE_CORRECTION,
     Field,
     Point,
     ball,
-    blended,
-    box,
     ellipsoid,
     limb,
-    mirrored,
-    remeshed,
+    mirror_union,
+    remeshed_chart,
+    rounded_box,
     skin,
-    smaller,
-    without,
+    smooth_difference,
+    smooth_minimum,
+    smooth_union,
 )
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
-FOOT = 0.4
+NECK_CUT = 0.4
 """Height of the cut through the camel's neck, in the coordinates of its model."""
 MOUTH, HOLLOW = 0.017, 0.034
 """Largest triangles that show the camel's mouth and the hollow of its ear, about half of their widths."""
@@ -37,7 +37,7 @@ def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> 
 
 
 def _above_ground(field: Field, k: float) -> Field:
-    return without(field, lambda P: P[:, 2], k)
+    return smooth_difference(field, lambda P: P[:, 2], k)
 
 
 @shape
@@ -60,18 +60,18 @@ def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     brow = limb([(0.06, 0.085, 0.862), (0.14, 0.1, 0.842)], [0.036, 0.034])
     eye = ball((0.115, 0.1, 0.808), 0.033)
     tuft = ellipsoid((-0.06, 0, 0.875), (0.1, 0.075, 0.055))
-    head = blended([neck, skull, muzzle, jaw, cheek, tuft], 0.09)
-    head = blended([head, brow, eye], 0.025)
-    head = blended([head, lip], 0.03)
+    head = smooth_union([neck, skull, muzzle, jaw, cheek, tuft], 0.09)
+    head = smooth_union([head, brow, eye], 0.025)
+    head = smooth_union([head, lip], 0.03)
     mouth = limb([(0.24, 0.2, 0.632), (0.38, 0.055, 0.6), (0.54, 0.0, 0.59)], [0.008, 0.014, 0.018])
     nostril = limb([(0.455, 0.055, 0.69), (0.5, 0.025, 0.68)], [0.013, 0.018])
-    tall = 1.004 - FOOT
+    tall = 1.004 - NECK_CUT
     wide = edge * tall / height
     if wide <= MOUTH:
-        head = without(without(head, mouth, 0.03), nostril, 0.015)
-    whole = mirrored(blended([head, _ear(wide)], 0.05))
-    unit = skin(whole, (-0.5, -0.3, FOOT), (0.6, 0.3, 1.1), wide, floor=FOOT)
-    return Surface((unit.V - [0, 0, FOOT]) * height / tall, unit.F)
+        head = smooth_difference(smooth_difference(head, mouth, 0.03), nostril, 0.015)
+    solid = mirror_union(smooth_union([head, _ear(wide)], 0.05))
+    unit = skin(solid, (-0.5, -0.3, NECK_CUT), (0.6, 0.3, 1.1), wide, floor=NECK_CUT)
+    return Surface((unit.V - [0, 0, NECK_CUT]) * height / tall, unit.F)
 
 
 def _ear(wide: float) -> Field:
@@ -87,7 +87,7 @@ def _ear(wide: float) -> Field:
     if wide > HOLLOW:
         return leaf
     hollow = ellipsoid(centre + 0.042 * front, (0.068, 0.034, 0.026), axes)
-    return without(leaf, hollow, 0.02)
+    return smooth_difference(leaf, hollow, 0.02)
 
 
 @shape
@@ -108,22 +108,24 @@ def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
     head = ball((-0.31, 0, 0.255), 0.128)
     beak = limb([(-0.38, 0, 0.245), (-0.465, 0, 0.205)], [0.07, 0.04])
     tail = limb([(0.33, 0, 0.03), (0.41, 0, 0.12), (0.43, 0, 0.2)], [0.1, 0.06, 0.03])
-    body = blended([ring, neck, tail], 0.12)
-    body = without(body, lambda P: P[:, 2] + 0.125, 0.05)
-    whole = blended([body, blended([head, beak], 0.05)], 0.06)
-    made = _figure(whole, (-0.6, -0.5, -0.25), (0.6, 0.5, 0.5), length, edge)
-    return Surface(made.V[:, [0, 2, 1]] * [1, 1, -1], made.F)
+    body = smooth_union([ring, neck, tail], 0.12)
+    body = smooth_difference(body, lambda P: P[:, 2] + 0.125, 0.05)
+    solid = smooth_union([body, smooth_union([head, beak], 0.05)], 0.06)
+    surface = _figure(solid, (-0.6, -0.5, -0.25), (0.6, 0.5, 0.5), length, edge)
+    return Surface(surface.V[:, [0, 2, 1]] * [1, 1, -1], surface.F)
 
 
 @shape
 def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
     """A computer mouse with two buttons and a wheel, genus 0: the buttons in front at +x, the left button, at +y,
     pressed."""
-    shell = blended([ellipsoid((0, 0, 0), (0.5, 0.29, 0.27)), ellipsoid((-0.12, 0, 0), (0.37, 0.27, 0.34))], 0.15)
+    shell = smooth_union([ellipsoid((0, 0, 0), (0.5, 0.29, 0.27)), ellipsoid((-0.12, 0, 0), (0.37, 0.27, 0.34))], 0.15)
     well = ellipsoid((0.27, 0, 0.26), (0.15, 0.07, 0.09))
     wheel = ellipsoid((0.27, 0, 0.17), (0.1, 0.045, 0.1))
-    body = without(lambda P: shell(P) + _buttons(P), well, 0.05)
-    return _figure(_above_ground(blended([body, wheel], 0.04), 0.06), (-0.6, -0.4, -0.1), (0.6, 0.4, 0.5), length, edge)
+    body = smooth_difference(lambda P: shell(P) + _buttons(P), well, 0.05)
+    return _figure(
+        _above_ground(smooth_union([body, wheel], 0.04), 0.06), (-0.6, -0.4, -0.1), (0.6, 0.4, 0.5), length, edge
+    )
 
 
 def _buttons(P: Floats) -> Floats:
@@ -142,12 +144,14 @@ def _rising(t: Floats) -> Floats:
 @shape
 def climbing_hold(width: Length = 0.2, edge: Length = 0.0055) -> Surface:
     """A jug to climb on, genus 1: its back on the wall at x = 0, a hole for the bolt along x, the grip at the top."""
-    lump = blended([ellipsoid((0.03, 0, -0.06), (0.3, 0.5, 0.3)), ellipsoid((0.2, 0, 0.14), (0.16, 0.4, 0.15))], 0.12)
+    lump = smooth_union(
+        [ellipsoid((0.03, 0, -0.06), (0.3, 0.5, 0.3)), ellipsoid((0.2, 0, 0.14), (0.16, 0.4, 0.15))], 0.12
+    )
     grip = limb([(0.13, -0.4, 0.33), (0.09, 0, 0.26), (0.13, 0.4, 0.33)], [0.1, 0.11, 0.1])
-    lump = without(lump, grip, 0.06)
-    lump = without(lump, lambda P: P[:, 0], 0.05)
+    lump = smooth_difference(lump, grip, 0.06)
+    lump = smooth_difference(lump, lambda P: P[:, 0], 0.05)
     hole = limb([(-0.3, 0, -0.1), (0.16, 0, -0.1), (0.5, 0, -0.1)], [0.065, 0.065, 0.16])
-    return _figure(without(lump, hole, 0.04), (-0.1, -0.6, -0.5), (0.5, 0.6, 0.5), width, edge)
+    return _figure(smooth_difference(lump, hole, 0.04), (-0.1, -0.6, -0.5), (0.5, 0.6, 0.5), width, edge)
 
 
 @shape
@@ -158,14 +162,18 @@ def turkey(height: Length = 0.5, edge: Length = 0.016) -> Surface:
     base = ellipsoid((-0.03, 0, 0.05), (0.27, 0.23, 0.16))
     wing = ellipsoid((-0.06, 0.24, 0.38), (0.25, 0.06, 0.15))
     neck = limb([(0.2, 0, 0.48), (0.33, 0, 0.66), (0.34, 0, 0.84)], [0.14, 0.075, 0.055])
-    body = blended([body, breast, base, wing, neck], 0.08)
+    body = smooth_union([body, breast, base, wing, neck], 0.08)
     head = ellipsoid((0.37, 0, 0.89), (0.085, 0.06, 0.066))
     beak = limb([(0.43, 0, 0.885), (0.515, 0, 0.85)], [0.034, 0.018])
     wattle = limb([(0.43, 0, 0.84), (0.435, 0, 0.74)], [0.026, 0.034])
-    bird = blended([body, head, beak, wattle], 0.035)
+    bird = smooth_union([body, head, beak, wattle], 0.035)
     fan = [limb([(-0.2, 0, 0.38), *_feather(angle)], [0.06, 0.05, 0.068]) for angle in np.radians(range(0, 91, 15))]
     return _figure(
-        _above_ground(mirrored(blended([bird, *fan], 0.045)), 0.04), (-0.75, -0.8, -0.1), (0.65, 0.8, 1.1), height, edge
+        _above_ground(mirror_union(smooth_union([bird, *fan], 0.045)), 0.04),
+        (-0.75, -0.8, -0.1),
+        (0.65, 0.8, 1.1),
+        height,
+        edge,
     )
 
 
@@ -186,14 +194,14 @@ def pirate(height: Length = 1.8, edge: Length = 0.036) -> Surface:
     peg = limb(
         [(0, 0.075, 0.4), (0.01, 0.085, 0.22), (0.01, 0.09, 0.14), (0.01, 0.09, 0.02)], [0.075, 0.06, 0.035, 0.03]
     )
-    body = blended([coat, shoulders, neck, boot, cuff, shoe, peg], 0.045)
+    body = smooth_union([coat, shoulders, neck, boot, cuff, shoe, peg], 0.045)
     head = ellipsoid((0.015, 0, 0.855), (0.078, 0.07, 0.085))
     beard = limb([(0.055, 0, 0.82), (0.08, 0, 0.74)], [0.052, 0.028])
     nose = ball((0.1, 0, 0.855), 0.022)
-    hat = blended([ellipsoid((0.005, 0, 0.93), (0.085, 0.085, 0.05)), _brim()], 0.02)
-    body = blended([body, blended([head, beard, nose], 0.03), *_arms()], 0.03)
-    whole = _above_ground(blended([body, hat], 0.02), 0.02)
-    return _figure(whole, (-0.3, -0.5, -0.05), (0.5, 0.5, 1.15), height, edge)
+    hat = smooth_union([ellipsoid((0.005, 0, 0.93), (0.085, 0.085, 0.05)), _brim()], 0.02)
+    body = smooth_union([body, smooth_union([head, beard, nose], 0.03), *_arms()], 0.03)
+    solid = _above_ground(smooth_union([body, hat], 0.02), 0.02)
+    return _figure(solid, (-0.3, -0.5, -0.05), (0.5, 0.5, 1.15), height, edge)
 
 
 def _brim() -> Field:
@@ -205,16 +213,16 @@ def _brim() -> Field:
 
 def _arms() -> list[Field]:
     """The right arm, at -y, with a cutlass; the left one ends in a hook."""
-    right = limb([(0, -0.15, 0.73), (0.0, -0.265, 0.6), (0.13, -0.28, 0.55)], [0.055, 0.043, 0.038])
+    right_arm = limb([(0, -0.15, 0.73), (0.0, -0.265, 0.6), (0.13, -0.28, 0.55)], [0.055, 0.043, 0.038])
     hand = ball((0.15, -0.28, 0.555), 0.042)
     guard = limb([(0.17, -0.335, 0.59), (0.17, -0.225, 0.59)], [0.022, 0.022])
     blade = limb(
         [(0.14, -0.28, 0.5), (0.19, -0.28, 0.66), (0.27, -0.28, 0.8), (0.385, -0.28, 0.9)], [0.022, 0.026, 0.029, 0.019]
     )
-    left = limb([(0, 0.15, 0.73), (-0.02, 0.27, 0.6), (0.1, 0.3, 0.56)], [0.055, 0.043, 0.036])
+    left_arm = limb([(0, 0.15, 0.73), (-0.02, 0.27, 0.6), (0.1, 0.3, 0.56)], [0.055, 0.043, 0.036])
     cup = ball((0.115, 0.3, 0.562), 0.042)
     hook = limb([(0.13, 0.3, 0.57), (0.185, 0.3, 0.6), (0.205, 0.3, 0.655), (0.165, 0.3, 0.69)], [0.022] * 4)
-    return [right, hand, guard, blade, left, cup, hook]
+    return [right_arm, hand, guard, blade, left_arm, cup, hook]
 
 
 OPENINGS = (0.22, 0.5, 0.78)
@@ -234,7 +242,7 @@ def bridge(
     crown = rise + 0.075
 
     def deck(P: Floats) -> Floats:
-        return box((0, 0, 0), (0.5, 0.095, 0.02), 0.016)(P - _along(P, crown - 0.16 * P[:, 0] ** 2))
+        return rounded_box((0, 0, 0), (0.5, 0.095, 0.02), 0.016)(P - _upward_vectors(P, crown - 0.16 * P[:, 0] ** 2))
 
     def arch(P: Floats) -> Floats:
         height = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2
@@ -246,21 +254,21 @@ def bridge(
         below = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2 - P[:, 2]
         above = P[:, 2] - (crown - 0.16 * P[:, 0] ** 2)
         slope = 2 * (rise + 0.03) * P[:, 0] / 0.45**2
-        inside = _both(below / np.sqrt(1 + slope**2), above)
-        return _both(_both(inside, np.abs(P[:, 0]) - 0.475), np.abs(P[:, 1]) - 0.028)
+        inside = _rounded_maximum(below / np.sqrt(1 + slope**2), above)
+        return _rounded_maximum(_rounded_maximum(inside, np.abs(P[:, 0]) - 0.475), np.abs(P[:, 1]) - 0.028)
 
-    whole = blended([blended([wall, arch], 0.02), deck], 0.02)
-    whole = without(whole, lambda P: P[:, 2], 0.012)
-    unit = skin(whole, (-0.56, -0.14, -0.03), (0.56, 0.14, crown + 0.06), edge / span)
+    solid = smooth_union([smooth_union([wall, arch], 0.02), deck], 0.02)
+    solid = smooth_difference(solid, lambda P: P[:, 2], 0.012)
+    unit = skin(solid, (-0.56, -0.14, -0.03), (0.56, 0.14, crown + 0.06), edge / span)
     return Surface(span * unit.V, unit.F)
 
 
-def _both(a: Floats, b: Floats) -> Floats:
+def _rounded_maximum(a: Floats, b: Floats) -> Floats:
     """Return the larger value with a rounded corner: the solid inside both."""
-    return -smaller(-a, -b, 0.01)
+    return -smooth_minimum(-a, -b, 0.01)
 
 
-def _along(P: Floats, height: Floats) -> Floats:
+def _upward_vectors(P: Floats, height: Floats) -> Floats:
     return np.asarray(np.outer(height, [0, 0, 1.0]))
 
 
@@ -279,18 +287,18 @@ def twisty_tower(
 
     twist : degrees between its top and its foot.
     """
-    slab = box((0, 0, 0.5), (0.19, 0.12, 0.6), 0.07)
+    slab = rounded_box((0, 0, 0.5), (0.19, 0.12, 0.6), 0.07)
     openings = [limb([(0, -0.5, z), (0, 0.5, z), (0, 0.6, z)], [0.085] * 3) for z in OPENINGS]
     for opening in openings:
-        slab = without(slab, opening, 0.05)
-    whole = _twisted(slab, np.radians(twist))
-    whole = without(whole, lambda P: P[:, 2], 0.02)
-    whole = without(whole, lambda P: 1.0 - P[:, 2], 0.02)
-    unit = skin(whole, (-0.26, -0.26, -0.03), (0.26, 0.26, 1.03), edge / height)
+        slab = smooth_difference(slab, opening, 0.05)
+    solid = _twist_solid(slab, np.radians(twist))
+    solid = smooth_difference(solid, lambda P: P[:, 2], 0.02)
+    solid = smooth_difference(solid, lambda P: 1.0 - P[:, 2], 0.02)
+    unit = skin(solid, (-0.26, -0.26, -0.03), (0.26, 0.26, 1.03), edge / height)
     return Surface(height * unit.V, unit.F)
 
 
-def _twisted(field: Field, turn: float) -> Field:
+def _twist_solid(field: Field, turn: float) -> Field:
     """Return the solid twisted about z, from 0 at z = 0 to `turn` radians at z = 1."""
 
     def field_there(P: Floats) -> Floats:
@@ -319,7 +327,7 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
     turns = ring_turns(counts)
     angle, radius = 2 * np.pi * np.concatenate(turns), np.repeat(np.arange(rows + 1) / rows, counts)
     X = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-    return Surface(*remeshed(chart, X, ring_faces(turns), SHRINK * edge))
+    return Surface(*remeshed_chart(chart, X, ring_faces(turns), EDGE_CORRECTION * edge))
 
 
 @dataclass(frozen=True)
@@ -342,11 +350,11 @@ class _Disc:
         P = g / (g**2).sum(axis=1, keepdims=True)
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
 
-    def moved(self, X: Floats, step: Floats, border: Bools) -> Floats:
+    def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
         """Return the coordinates after a step in the disc whose image is nearest to `step`, put back into the disc."""
         small = 1e-6
-        here = self.place(X)
-        J = np.stack([(self.place(X + small * e) - here) / small for e in np.eye(2)], axis=2)
+        places = self.place(X)
+        J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)
         JT = np.swapaxes(J, 1, 2)
         Y = X + np.linalg.solve(JT @ J, JT @ step[:, :, None])[:, :, 0]
         r = np.maximum(np.linalg.norm(Y, axis=1), 1e-300)

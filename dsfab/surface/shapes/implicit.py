@@ -10,17 +10,17 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, group_sums, lengths
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.edge_changes import (
-    contracted,
-    halved,
+    contracted_faces,
+    halved_edges,
     has_new_diagonal,
+    leading_candidates,
     meets_link_condition,
     quads,
-    winners,
     with_other_diagonals,
 )
 from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import check_density
-from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_pairs
+from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5
 """Multiples of the wanted length above or below which edges are divided or collapsed, so that results are better."""
@@ -28,7 +28,7 @@ LONGEST, SHORTEST = 4 / 3, 4 / 5
 ROUNDS, POLISH = 5, 10
 """Rounds that change the number of vertices, then rounds that only flip towards Delaunay and relax."""
 
-TURN = 0.3
+LEAST_TURN_COSINE = 0.3
 """Cosine of the largest turn of a face in one step, about 70 degrees."""
 
 FOLDED = -0.5
@@ -42,13 +42,13 @@ class MeshChart(Protocol):
         """Return the points (n, 3), metres."""
         ...
 
-    def moved(self, X: Floats, step: Floats, border: Bools) -> Floats:
+    def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
         """Return the coordinates (n, k) of the points moved by about step (n, 3), metres; border stays on the
         border."""
         ...
 
 
-def remeshed(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
+def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
     """Return vertices (n, 3) and faces of nearly equilateral triangles about `edge` metres wide, on the surface of
     `chart`.
 
@@ -63,13 +63,13 @@ def remeshed(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats,
         X, F = _split(chart, X, F, LONGEST * edge)
         if round_ and len(F) > 2 * before:
             raise _too_long("its edges span gaps of the surface")
-        X, F = _collapsed(chart, X, F, SHORTEST * edge)
+        X, F = _collapse_edges(chart, X, F, SHORTEST * edge)
         for _ in range(2):
-            X, F = _flipped(chart, X, F, by_valence=True)
-            X = _relaxed(chart, X, F)
+            X, F = _flip_edges(chart, X, F, by_valence=True)
+            X = _relax(chart, X, F)
     for _ in range(POLISH):
-        X, F = _flipped(chart, X, F, by_valence=False)
-        X = _relaxed(chart, X, F)
+        X, F = _flip_edges(chart, X, F, by_valence=False)
+        X = _relax(chart, X, F)
     if faults := manifold_faults(F, edge_table(F), len(X)):
         raise _too_long(faults[0])
     V = chart.place(X)
@@ -99,15 +99,15 @@ def _split(chart: MeshChart, X: Floats, F: Ints, longest: float) -> tuple[Floats
         long = edge_lengths(chart.place(X), edges.ends) > longest
         if not long.any():
             break
-        old = len(X)
-        X, F, _ = halved(X, F, edges, long)
-        new = np.arange(len(X)) >= old
+        old_count = len(X)
+        X, F, _ = halved_edges(X, F, edges, long)
+        is_new = np.arange(len(X)) >= old_count
         border = on_boundary(edge_table(F), len(X))
-        X[new] = chart.moved(X[new], np.zeros((new.sum(), 3)), border[new])
+        X[is_new] = chart.move(X[is_new], np.zeros((is_new.sum(), 3)), border[is_new])
     return X, F
 
 
-def _collapsed(chart: MeshChart, X: Floats, F: Ints, shortest: float) -> tuple[Floats, Ints]:
+def _collapse_edges(chart: MeshChart, X: Floats, F: Ints, shortest: float) -> tuple[Floats, Ints]:
     for _ in range(10):
         edges, n, V = edge_table(F), len(X), chart.place(X)
         border = on_boundary(edges, n)
@@ -115,28 +115,30 @@ def _collapsed(chart: MeshChart, X: Floats, F: Ints, shortest: float) -> tuple[F
         length = edge_lengths(V, edges.ends)
         short = np.flatnonzero(~across & (length < shortest))
         short = short[meets_link_condition(edges, short, n)]
-        chosen = short[winners(np.argsort(length[short], kind="stable"), edges.ends[short], n, beside=edges.ends)]
+        chosen = short[
+            leading_candidates(np.argsort(length[short], kind="stable"), edges.ends[short], n, edges=edges.ends)
+        ]
         a, b = edges.ends[chosen].T
-        X, F, done = _merged(chart, X, F, V, a, b, border)
-        if not done:
+        X, F, changed = _merge_vertices(chart, X, F, V, a, b, border)
+        if not changed:
             break
     return X, F
 
 
-def _merged(
+def _merge_vertices(
     chart: MeshChart, X: Floats, F: Ints, V: Floats, a: Ints, b: Ints, border: Bools
 ) -> tuple[Floats, Ints, bool]:
     """Merge vertices b with a where no face turns over; return also whether there were any."""
     goal = np.where((border[a] == border[b])[:, None], (X[a] + X[b]) / 2, X[np.where(border[a], a, b)])
-    goal = chart.moved(goal, np.zeros((len(a), 3)), border[a] | border[b])
+    goal = chart.move(goal, np.zeros((len(a), 3)), border[a] | border[b])
     pair = np.full(len(X), -1)
     pair[a] = pair[b] = np.arange(len(a))
     moved = V.copy()
     moved[a] = moved[b] = chart.place(goal)
-    of = pair[F]
-    largest = of.max(axis=1)
-    stays = (of >= 0).sum(axis=1) == 1
-    turned = stays & (np.einsum("ma,ma->m", _normals(V, F), _normals(moved, F)) < TURN)
+    pair_of = pair[F]
+    largest = pair_of.max(axis=1)
+    stays = (pair_of >= 0).sum(axis=1) == 1
+    turned = stays & (np.einsum("ma,ma->m", _normals(V, F), _normals(moved, F)) < LEAST_TURN_COSINE)
     fine = np.ones(len(a), dtype=bool)
     fine[largest[turned]] = False
     a, b, goal = a[fine], b[fine], goal[fine]
@@ -144,30 +146,30 @@ def _merged(
     X[a] = goal
     onto = np.arange(len(X))
     onto[b] = a
-    kept, F = np.unique(contracted(F, onto), return_inverse=True)
-    return X[kept], F.reshape(-1, 3), bool(len(a))
+    used, F = np.unique(contracted_faces(F, onto), return_inverse=True)
+    return X[used], F.reshape(-1, 3), bool(len(a))
 
 
-def _flipped(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple[Floats, Ints]:
+def _flip_edges(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple[Floats, Ints]:
     """Flip edges towards six edges at each vertex (four on the border), or towards Delaunay."""
     V = chart.place(X)
     for _ in range(8):
         edges, n = edge_table(F), len(X)
         quad = quads(F, edges.pairs)
         gain = _valence_gain(quad, edges, n) if by_valence else _delaunay_gain(V[quad])
-        good = np.flatnonzero((gain > 0) & has_new_diagonal(quad, edges, n) & _stays_upright(V, quad))
-        good = good[winners(np.argsort(-gain[good], kind="stable"), quad[good], n)]
-        if not len(good):
+        chosen = np.flatnonzero((gain > 0) & has_new_diagonal(quad, edges, n) & _stays_upright(V, quad))
+        chosen = chosen[leading_candidates(np.argsort(-gain[chosen], kind="stable"), quad[chosen], n)]
+        if not len(chosen):
             break
-        F = with_other_diagonals(F, edges.pairs[good], quad[good])
+        F = with_other_diagonals(F, edges.pairs[chosen], quad[chosen])
     return X, F
 
 
 def _valence_gain(quad: Ints, edges: EdgeTable, n: int) -> Floats:
     valence = np.bincount(edges.ends.ravel(), minlength=n)
-    off = (valence - np.where(on_boundary(edges, n), 4, 6))[quad]
+    excess = (valence - np.where(on_boundary(edges, n), 4, 6))[quad]
     change = np.array([-1, -1, 1, 1])
-    return np.asarray(((off**2) - (off + change) ** 2).sum(axis=1), dtype=np.float64)
+    return np.asarray(((excess**2) - (excess + change) ** 2).sum(axis=1), dtype=np.float64)
 
 
 def _delaunay_gain(P: Floats) -> Floats:
@@ -185,21 +187,21 @@ def _stays_upright(V: Floats, quad: Ints) -> Bools:
     before /= np.maximum(lengths(before), 1e-300)[:, None]
     fine = np.ones(len(quad), dtype=bool)
     for after in ((a, d, c), (d, b, c)):
-        fine &= np.einsum("qa,qa->q", before, _normals(V, np.stack(after, axis=1))) > TURN
+        fine &= np.einsum("qa,qa->q", before, _normals(V, np.stack(after, axis=1))) > LEAST_TURN_COSINE
     return fine
 
 
-def _relaxed(chart: MeshChart, X: Floats, F: Ints) -> Floats:
+def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     V, edges, n = chart.place(X), edge_table(F), len(X)
     border = on_boundary(edges, n)
-    i, j = smoothing_pairs(edges, n)
+    i, j = smoothing_neighbours(edges, n)
     count = np.bincount(i, minlength=n)
     mean = group_sums(i, V[j], n) / count[:, None]
     N = group_sums(F.ravel(), np.repeat(area_vectors(V, F), 3, axis=0), n)
     N = N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
     step = mean - V
     step -= N * np.einsum("na,na->n", N, step)[:, None]
-    return chart.moved(X, 0.8 * step, border)
+    return chart.move(X, 0.8 * step, border)
 
 
 Field = Callable[[Floats], Floats]
@@ -207,7 +209,7 @@ Field = Callable[[Floats], Floats]
 
 Point = Sequence[float] | Floats
 
-SHRINK = 0.9
+EDGE_CORRECTION = 0.9
 """Correction of the edge length, because remeshing gives a longer mean edge."""
 
 
@@ -242,7 +244,7 @@ def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> 
     soft : the width over which its joints are filled, as a share of the smallest radius.
     """
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
-    return blended(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
+    return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
 
 def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
@@ -259,7 +261,7 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
     return field
 
 
-def box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
+def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
     """Return a rounded box, a field of P (k, 3), metres.
 
     halves : half of each side, metres, roundings included.    axes : (3, 3) along its sides, in rows.
@@ -273,38 +275,38 @@ def box(centre: Point, halves: Point, rounding: float, axes: Floats | None = Non
     return field
 
 
-def smaller(a: Floats, b: Floats, k: float) -> Floats:
+def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
     """Return the smaller value (k,), rounded where they differ by less than k [polynomial smooth minimum, Quilez
     2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
-def blended(fields: Sequence[Field], k: float) -> Field:
+def smooth_union(fields: Sequence[Field], k: float) -> Field:
     """Return the union, with inner corners filled over a width of about k metres."""
 
     def field(P: Floats) -> Floats:
         value = fields[0](P)
-        for other in fields[1:]:
-            value = smaller(value, other(P), k)
+        for part in fields[1:]:
+            value = smooth_minimum(value, part(P), k)
         return value
 
     return field
 
 
-def without(field: Field, cut: Field, k: float) -> Field:
+def smooth_difference(field: Field, cut: Field, k: float) -> Field:
     """Return the part of a solid outside of another; the edge of the cut is rounded by about k metres."""
-    return lambda P: -smaller(-field(P), cut(P), k)
+    return lambda P: -smooth_minimum(-field(P), cut(P), k)
 
 
-def mirrored(field: Field, axis: int = 1) -> Field:
+def mirror_union(field: Field, axis: int = 1) -> Field:
     """Return the union of a solid on the positive side of an axis with its mirror image."""
 
-    def both(P: Floats) -> Floats:
+    def field_of_both(P: Floats) -> Floats:
         Q = P.copy()
         Q[:, axis] = np.abs(Q[:, axis])
         return field(Q)
 
-    return both
+    return field_of_both
 
 
 @dataclass(frozen=True)
@@ -320,7 +322,7 @@ class LevelSet:
         """Return X (n, 3) itself, metres."""
         return X
 
-    def moved(self, X: Floats, step: Floats, border: Bools) -> Floats:
+    def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
         """Return X + step (n, 3) after two Newton steps along the same gradient; those of the border (n,) stay on the
         floor."""
         P = X + step
@@ -332,9 +334,9 @@ class LevelSet:
         slope = np.stack([(self.field(P + small * e) - value) / small for e in np.eye(3)], axis=1)
         slope[down, 2] = 0
         square = np.maximum(np.einsum("na,na->n", slope, slope), 1e-2)[:, None]
-        most = 0.5 * self.reach * np.sqrt(square[:, 0])
-        P -= np.clip(value, -most, most)[:, None] * slope / square
-        return np.asarray(P - np.clip(self.field(P), -most, most)[:, None] * slope / square)
+        limit = 0.5 * self.reach * np.sqrt(square[:, 0])
+        P -= np.clip(value, -limit, limit)[:, None] * slope / square
+        return np.asarray(P - np.clip(self.field(P), -limit, limit)[:, None] * slope / square)
 
 
 def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None = None) -> Surface:
@@ -361,5 +363,5 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
     V, F, _ = igl.marching_cubes(value, grid, *(len(n) for n in nodes), 0.0)
     if Surface(V, F).volume < 0:
         F = F[:, ::-1]
-    V, F = remeshed(LevelSet(field, edge, floor), V, F, SHRINK * edge)
+    V, F = remeshed_chart(LevelSet(field, edge, floor), V, F, EDGE_CORRECTION * edge)
     return Surface(V, F)

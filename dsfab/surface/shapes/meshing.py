@@ -30,9 +30,9 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
     }
 
     @functools.wraps(function)
-    def checked(*args: P.args, **kwargs: P.kwargs) -> Surface:
-        given = inspect.signature(function).bind(*args, **kwargs).arguments
-        for name, value in given.items():
+    def checked_shape(*args: P.args, **kwargs: P.kwargs) -> Surface:
+        arguments = inspect.signature(function).bind(*args, **kwargs).arguments
+        for name, value in arguments.items():
             if not np.isfinite(value):
                 raise SurfaceError(f"{function.__name__}: {name} = {value} is not a finite number")
             for bound in bounds[name]:
@@ -45,22 +45,22 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
                 f"{function.__name__}: its lengths differ so much that no surface can be computed; check them"
             ) from None
 
-    return checked
+    return checked_shape
 
 
 def _check(what: str, value: object, bound: object) -> None:
     match bound:
         case Gt(gt):
-            kept, words = value > gt, f"greater than {gt}"  # type: ignore[operator]
+            holds, words = value > gt, f"greater than {gt}"  # type: ignore[operator]
         case Ge(ge):
-            kept, words = value >= ge, f"at least {ge}"  # type: ignore[operator]
+            holds, words = value >= ge, f"at least {ge}"  # type: ignore[operator]
         case Lt(lt):
-            kept, words = value < lt, f"less than {lt}"  # type: ignore[operator]
+            holds, words = value < lt, f"less than {lt}"  # type: ignore[operator]
         case Le(le):
-            kept, words = value <= le, f"at most {le}"  # type: ignore[operator]
+            holds, words = value <= le, f"at most {le}"  # type: ignore[operator]
         case _:
             raise TypeError(bound)
-    if not kept:
+    if not holds:
         raise SurfaceError(f"{what} must be {words}")
 
 
@@ -76,7 +76,7 @@ def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> 
     return max(least, multiple * round(length / (edge * multiple)))
 
 
-def staggered(columns: int, rows: int) -> tuple[Floats, Ints]:
+def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
     """Vertices (n, 2) on the unit square and faces of `rows` staggered rows of `columns` edges.
 
     x---x---x      even rows: columns + 1 vertices
@@ -85,9 +85,9 @@ def staggered(columns: int, rows: int) -> tuple[Floats, Ints]:
     |/ \\ / \\ / |     rows is even, so that the mesh mirrors onto itself in both directions
     x---x---x
     """
-    whole = np.arange(columns + 1) / columns
-    half = np.concatenate([[0.0], (np.arange(columns) + 0.5) / columns, [1.0]])
-    lines = [half if j % 2 else whole for j in range(rows + 1)]
+    even_row = np.arange(columns + 1) / columns
+    odd_row = np.concatenate([[0.0], (np.arange(columns) + 0.5) / columns, [1.0]])
+    lines = [odd_row if j % 2 else even_row for j in range(rows + 1)]
     start = np.cumsum([0] + [len(line) for line in lines])
     uv = np.concatenate([np.stack([u, np.full(len(u), j / rows)], axis=1) for j, u in enumerate(lines)])
     i, k = np.arange(columns), np.arange(columns + 1)
@@ -120,10 +120,10 @@ def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
     ring that is nearest to its middle. closed: the last ring is joined to the first."""
     start = np.cumsum([0] + [len(t) for t in turns])
     pairs = [(j, j + 1) for j in range(len(turns) - 1)] + ([(len(turns) - 1, 0)] if closed else [])
-    return np.concatenate([_between(turns[a], start[a], turns[b], start[b]) for a, b in pairs])
+    return np.concatenate([_band_faces(turns[a], start[a], turns[b], start[b]) for a, b in pairs])
 
 
-def _between(inner: Floats, at_inner: int, outer: Floats, at_outer: int) -> Ints:
+def _band_faces(inner: Floats, at_inner: int, outer: Floats, at_outer: int) -> Ints:
     """Return the faces of one band. Walking round, the next edge is that whose middle comes first."""
     middle_in, middle_out = (t + 0.5 / len(t) for t in (inner, outer))
     parts = []

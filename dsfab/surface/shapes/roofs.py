@@ -9,7 +9,7 @@ from annotated_types import Ge, Le
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.mesh import Surface
-from dsfab.surface.shapes.meshing import ROW, Length, check_density, pieces_of, shape, staggered
+from dsfab.surface.shapes.meshing import ROW, Length, check_density, pieces_of, shape, staggered_rows
 
 
 @shape
@@ -17,7 +17,7 @@ def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Sur
     """A flat rectangle, length along x and width along y, centred on the origin at z = 0. Staggered rows of nearly
     equilateral triangles with half ones at the two short sides; symmetric in x and y. Area length x width exactly."""
     check_density(length * width, edge)
-    uv, F = staggered(pieces_of(length, edge), pieces_of(width, ROW * edge, multiple=2, least=2))
+    uv, F = staggered_rows(pieces_of(length, edge), pieces_of(width, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * [[length], [width]]
     return Surface(np.stack([x, y, 0 * x], axis=1), F)
 
@@ -31,7 +31,7 @@ def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, 
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     half = np.arctan2(span / 2, radius - rise)
     check_density(2 * half * radius * length, edge)
-    uv, F = staggered(pieces_of(length, edge), pieces_of(2 * half * radius, ROW * edge, multiple=2, least=4))
+    uv, F = staggered_rows(pieces_of(length, edge), pieces_of(2 * half * radius, ROW * edge, multiple=2, least=4))
     angle = (2 * uv[:, 1] - 1) * half
     V = np.stack([(uv[:, 0] - 0.5) * length, radius * np.sin(angle), radius * np.cos(angle) + rise - radius], axis=1)
     V[uv[:, 1] % 1 == 0, 2] = 0.0
@@ -47,7 +47,7 @@ def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surfac
     if rise > 4 * side:
         raise SurfaceError(f"hypar: rise = {rise:g} m is more than four times its side of {side:g} m; use a lower rise")
     check_density(side**2 * (1 + rise / side), edge)
-    uv, F = staggered(pieces_of(side, edge, least=2), pieces_of(side, ROW * edge, multiple=2, least=2))
+    uv, F = staggered_rows(pieces_of(side, edge, least=2), pieces_of(side, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * side
     return Surface(np.stack([x, y, rise * (0.5 + 2 * x * y / side**2)], axis=1), F)
 
@@ -75,7 +75,7 @@ def elliptic_paraboloid(
             f"{min(length, width):g} m; use a lower rise"
         )
     check_density(length * width * (1 + rise / min(length, width)), edge)
-    uv, F = staggered(pieces_of(length, edge, least=2), pieces_of(width, ROW * edge, multiple=2, least=2))
+    uv, F = staggered_rows(pieces_of(length, edge, least=2), pieces_of(width, ROW * edge, multiple=2, least=2))
     u, v = (2 * uv - 1).T
     z = rise - crown * u**2 - (rise - crown) * v**2
     return Surface(np.stack([u * length / 2, v * width / 2, np.where(np.abs(u * v) == 1, 0.0, z)], axis=1), F)
@@ -132,7 +132,7 @@ def pavilion(
     flat = edge * np.sqrt(1 + (ground / (2 * radius)) ** 2)
     wedge = _Wedge(half, foot / span, float(ground), float(top), float(flat))
     rim, axis, seam = wedge.rim()
-    plane, F = _all_round(*mesh_region(rim, wedge.inside, wedge.edge), axis, seam, feet)
+    plane, F = _all_feet(*mesh_region(rim, wedge.inside, wedge.edge), axis, seam, feet)
     # stereographic: rho = 2 R tan(theta / 2), from the sphere's lowest point
     t = (plane**2).sum(axis=1) / (4 * radius**2)
     V = np.column_stack([plane / (1 + t)[:, None], rise - 2 * radius * t / (1 + t)])
@@ -210,7 +210,7 @@ def _unit(angle: Floats) -> Floats:
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def _all_round(P: Floats, F: Ints, axis: Ints, seam: Ints, feet: int) -> tuple[Floats, Ints]:
+def _all_feet(P: Floats, F: Ints, axis: Ints, seam: Ints, feet: int) -> tuple[Floats, Ints]:
     n = len(P)
     names = np.arange(2 * feet * n).reshape(feet, 2, n)
     names[:, 1, axis] = names[:, 0, axis]
@@ -221,5 +221,5 @@ def _all_round(P: Floats, F: Ints, axis: Ints, seam: Ints, feet: int) -> tuple[F
     x, y = P[:, 0], np.stack([P[:, 1], -P[:, 1]])
     every = np.stack([c * x - s * y, s * x + c * y], axis=-1).reshape(-1, 2)
     faces = np.concatenate([names[k, side][F if side == 0 else F[:, ::-1]] for k in range(feet) for side in (0, 1)])
-    kept, faces = np.unique(faces, return_inverse=True)
-    return every[kept], faces.reshape(-1, 3)
+    used, faces = np.unique(faces, return_inverse=True)
+    return every[used], faces.reshape(-1, 3)

@@ -16,7 +16,7 @@ def cylinder(radius: Length = 2.0, height: Length = 6.0, edge: Length = 0.2) -> 
     """An open tube around the z axis, standing on z = 0, normals outward. Area 2 pi radius height."""
     check_density(2 * np.pi * radius * height, edge)
     z = np.linspace(0, height, 1 + pieces_of(height, ROW * edge, multiple=2, least=2))
-    return revolved(np.full(len(z), radius), z, edge, outward=True)
+    return surface_of_revolution(np.full(len(z), radius), z, edge, outward=True)
 
 
 @shape
@@ -36,7 +36,7 @@ def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)
     z[-1] = 0.0
     r = radius * np.sin(angle)
     r[0] = oculus
-    return revolved(r, z, edge)
+    return surface_of_revolution(r, z, edge)
 
 
 @shape
@@ -53,7 +53,7 @@ def catenoid(waist: Length = 1.5, rim: Length = 6.0, edge: Length = 0.2) -> Surf
     arc = waist * np.sinh(height / waist)
     check_density(np.pi * (waist + rim) * arc, edge)
     z = waist * np.arcsinh(np.linspace(0, arc, 1 + pieces_of(arc, ROW * edge, least=3)) / waist)
-    return revolved(waist * np.cosh(z / waist), z, edge)
+    return surface_of_revolution(waist * np.cosh(z / waist), z, edge)
 
 
 @shape
@@ -100,7 +100,7 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
     return np.interp(even, arc, r * c), np.interp(even, arc, r * s), float(arc[-1])
 
 
-def revolved(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
+def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
     """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, a ring per point.
     Radius 0 is a pole. Each ring has a multiple of six vertices about `edge` apart. A profile that runs away from the
     axis has normals up; `outward` flips them, away from the axis for a tube that rises."""
@@ -123,7 +123,7 @@ def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
     check_density(area, edge)
     corners, faces = _icosahedron()
     f = max(1, round(float(np.sqrt(area / (20 * ROW / 2 * edge**2)))))
-    V, F = _subdivided(corners, faces, f)
+    V, F = _subdivide(corners, faces, f)
     return Surface(radius * V / np.linalg.norm(V, axis=1, keepdims=True), F)
 
 
@@ -142,13 +142,13 @@ def _icosahedron() -> tuple[Floats, Ints]:
     return V, F
 
 
-def _subdivided(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
+def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
     """Divide every face into f^2 flat triangles; faces share the vertices on their edges. Integer weights on the
     corners name a vertex, so that equal ones match exactly."""
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
-    at = np.full((f + 1, f + 1), -1)
-    at[i[inside], j[inside]] = np.arange(inside.sum())
+    index = np.full((f + 1, f + 1), -1)
+    index[i[inside], j[inside]] = np.arange(inside.sum())
     i, j = i[inside], j[inside]
     weights = np.zeros((len(faces), len(i), len(corners)), dtype=np.int64)
     face = np.arange(len(faces))[:, None]
@@ -158,8 +158,10 @@ def _subdivided(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
     down = i + j < f - 1
     small = np.concatenate(
         [
-            np.stack([at[i[up], j[up]], at[i[up] + 1, j[up]], at[i[up], j[up] + 1]], axis=1),
-            np.stack([at[i[down] + 1, j[down]], at[i[down] + 1, j[down] + 1], at[i[down], j[down] + 1]], axis=1),
+            np.stack([index[i[up], j[up]], index[i[up] + 1, j[up]], index[i[up], j[up] + 1]], axis=1),
+            np.stack(
+                [index[i[down] + 1, j[down]], index[i[down] + 1, j[down] + 1], index[i[down], j[down] + 1]], axis=1
+            ),
         ]
     )
     names, name = np.unique(weights.reshape(-1, len(corners)), axis=0, return_inverse=True)

@@ -12,7 +12,7 @@ from dsfab.thickening.extras.bodies import Base
 from dsfab.thickening.extras.cutting import Holes, SplitBodies, Trim
 from dsfab.thickening.extras.feet_and_rings import Feet, Ring
 from dsfab.thickening.self_intersection import intersecting_pairs
-from dsfab.thickening.solid import Solid, judge
+from dsfab.thickening.solid import Solid, check_solid
 
 if TYPE_CHECKING:
     import manifold3d
@@ -33,17 +33,17 @@ def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
 
     body = manifold3d.Manifold(manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64)))
     for extra in extras:
-        body = extra.applied(body, base)
+        body = extra.apply(body, base)
         if body.status() != manifold3d.Error.NoError or body.is_empty():
             raise SolidError(f"thickening.extra {extra.kind!r} leaves nothing of the solid; check its sizes and places")
-    return _proven(body, solid)
+    return _judged_solid(body, solid)
 
 
-def _proven(body: "manifold3d.Manifold", before: Solid) -> Solid:
+def _judged_solid(body: "manifold3d.Manifold", before: Solid) -> Solid:
     import manifold3d
 
-    whole = body.volume()
-    parts = [part for part in body.decompose() if abs(part.volume()) > 1e-6 * whole]
+    total_volume = body.volume()
+    parts = [part for part in body.decompose() if abs(part.volume()) > 1e-6 * total_volume]
     body = manifold3d.Manifold.compose(parts)
     mesh = body.to_mesh64()
     V, F = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
@@ -57,5 +57,5 @@ def _proven(body: "manifold3d.Manifold", before: Solid) -> Solid:
         )
     outer = sum(part.volume() > 0 for part in parts)
     result = Solid(V, F, len(parts) - euler_characteristic(F, edge_table(F)) // 2, outer, tuple(notes), repairs)
-    judge(result)
+    check_solid(result)
     return result

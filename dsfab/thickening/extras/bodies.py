@@ -30,8 +30,8 @@ class Base:
 
     def parts(self, marks: Bools) -> list[Floats]:
         """Return the points of the sheet at marked vertices (n,), by connected part."""
-        here = self.between(marks)
-        touching = here[self.sheet.F].any(axis=1)
+        marked = self.between(marks)
+        touching = marked[self.sheet.F].any(axis=1)
         if not touching.any():
             return []
         F = self.sheet.F[touching]
@@ -39,7 +39,7 @@ class Base:
         points = []
         for k in range(count):
             vertices = np.unique(F[label == k])
-            points.append(self.sheet.V[vertices[here[vertices]]])
+            points.append(self.sheet.V[vertices[marked[vertices]]])
         return points
 
     def nearest(self, point: Floats) -> str:

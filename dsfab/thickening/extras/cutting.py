@@ -30,7 +30,7 @@ class Holes:
     axis: Vector = (0.0, 0.0, 1.0)
     kind: Literal["holes"] = "holes"
 
-    def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+    def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
         """Return the solid with the holes; raises SolidError for a hole that meets no material."""
         positive(self, "diameter", "depth")
         for number, point in enumerate(self.at, 1):
@@ -58,7 +58,7 @@ class Trim:
     high: Vector | None = None
     kind: Literal["trim"] = "trim"
 
-    def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+    def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
         """Return the solid inside the plane and the box; raises SolidError."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
@@ -90,7 +90,7 @@ class SplitBodies:
     deep: Real = 0.0
     kind: Literal["split"] = "split"
 
-    def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+    def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
         """Return the solid in parts that fit the bed, apart and with holes for dowels; raises SolidError."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
@@ -131,12 +131,12 @@ def _cells(face: "manifold3d.CrossSection", u: Floats, v: Floats) -> list["manif
     """The connected parts of a region in each cell of a grid with lines at u and at v."""
     import manifold3d
 
-    found = []
+    regions = []
     for low, high in pairwise(u):
         for bottom, top in pairwise(v):
             cell = manifold3d.CrossSection.square((high - low, top - bottom)).translate((low, bottom))
-            found += (face ^ cell).decompose()
-    return found
+            regions += (face ^ cell).decompose()
+    return regions
 
 
 def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | None:

@@ -33,7 +33,7 @@ class Feet:
     sink: Real
     kind: Literal["feet"] = "feet"
 
-    def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+    def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
         """Return the solid with its feet; raises SolidError if no picked vertex is on the sheet."""
         positive(self, "height", "margin", "sink")
         blocks = []
@@ -67,7 +67,7 @@ class Ring:
     at: Picker | None = None
     kind: Literal["ring"] = "ring"
 
-    def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+    def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
         """Return the solid with a beam along its boundaries; raises SolidError if none is picked."""
         positive(self, "width", "height")
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
@@ -75,20 +75,20 @@ class Ring:
         if not loops:
             raise SolidError("thickening.extra 'ring': no boundary loop of the surface has a picked vertex; check 'at'")
         beams = [_beam(base.surface, loop, self.width, self.height) for loop in loops]
-        whole = united_bodies([solid, *beams])
-        if len(whole.decompose()) > len(solid.decompose()):
+        united = united_bodies([solid, *beams])
+        if len(united.decompose()) > len(solid.decompose()):
             raise SolidError(
                 "thickening.extra 'ring': a beam does not meet the solid; make it wider, or pick loops the pattern "
                 "reaches (pattern.rim)"
             )
-        return whole
+        return united
 
 
 def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifold3d.Manifold":
     """The bar along one loop (k,), mitred at its corners; raises SolidError if it would cross itself."""
     import manifold3d
 
-    V, F = bar(*_course(surface, loop), width, height)
+    V, F = closed_bar(*_bend_points(surface, loop), width, height)
     beam = manifold3d.Manifold(manifold3d.Mesh64(V, F.astype(np.uint64)))
     pairs = intersecting_pairs(V, F)
     if len(pairs) or beam.status() != manifold3d.Error.NoError or beam.volume() <= 0:
@@ -100,7 +100,7 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
     return beam
 
 
-def _course(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
+def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
     """Points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin at them.
 
     The normal of a side is that of its face, turned so that the surface lies left of the loop. On a strip with a single
@@ -121,7 +121,7 @@ def _course(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
     return P[bends], along[bends], normal[bends]
 
 
-def bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
+def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
     """Return a closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
 
     P : (k, 3) the corners of its middle line.    along, normal : (k, 3) unit vectors of the sides that begin there.
@@ -135,17 +135,17 @@ def bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -
     up = normal + np.roll(normal, 1, axis=0)
     up -= np.einsum("ki,ki->k", up, middle)[:, None] * middle
     up /= np.linalg.norm(up, axis=1, keepdims=True)
-    left = np.cross(up, middle)
+    across = np.cross(up, middle)
     bend = along - before
     size = np.linalg.norm(bend, axis=1, keepdims=True)
     bend = np.divide(bend, size, out=np.zeros_like(bend), where=size > STRAIGHT)
     corners = []
     for y, z in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-        off = y * width / 2 * left + z * height / 2 * up
-        stretch = (1 / cosine - 1) * np.einsum("ki,ki->k", off, bend)
-        corners.append(P + off + stretch[:, None] * bend)
+        offset = y * width / 2 * across + z * height / 2 * up
+        stretch = (1 / cosine - 1) * np.einsum("ki,ki->k", offset, bend)
+        corners.append(P + offset + stretch[:, None] * bend)
     V = np.stack(corners, axis=1).reshape(-1, 3)
-    here = 4 * np.arange(len(P))[:, None] + np.arange(4)
-    a, b = here.ravel(), np.roll(here, -1, axis=1).ravel()
-    c, d = np.roll(here, -1, axis=0).ravel(), np.roll(np.roll(here, -1, axis=0), -1, axis=1).ravel()
+    index = 4 * np.arange(len(P))[:, None] + np.arange(4)
+    a, b = index.ravel(), np.roll(index, -1, axis=1).ravel()
+    c, d = np.roll(index, -1, axis=0).ravel(), np.roll(np.roll(index, -1, axis=0), -1, axis=1).ravel()
     return V, np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])

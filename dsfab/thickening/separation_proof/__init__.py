@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, grouped, lengths, unit_vectors
+from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lengths, unit_vectors
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import misoriented_edges
 from dsfab.thickening.offset_vectors import SHIFT, Side
@@ -59,13 +59,13 @@ class Boxes:
     grid: Ints
     key: Ints
 
-    def near(self, box: Ints, step: Ints) -> Ints:
+    def neighbours(self, box: Ints, step: Ints) -> Ints:
         """Return the boxes at a step (3,) from boxes (k,), -1 for missing ones."""
         _, ny, nz = self.grid.shape
         return np.asarray(self.grid.ravel()[self.key[box] + (step[0] * ny + step[1]) * nz + step[2]])
 
 
-def boxes_of(layer: OffsetLayer, off: float, count: int) -> Boxes:
+def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
     """Sort the faces of the uncut surface into about `count` boxes, all larger than any prism."""
     uncut = layer.uncut
     middle = uncut.centroids
@@ -73,28 +73,30 @@ def boxes_of(layer: OffsetLayer, off: float, count: int) -> Boxes:
     reach = np.zeros(uncut.m)
     for corner in uncut.F.T:
         arm = lengths(uncut.V.take(corner, axis=0) - middle)
-        np.maximum(reach, arm + size[corner] + off, out=reach)
-    low, extent = (np.array([of(column) for column in middle.T]) for of in (np.min, np.ptp))
+        np.maximum(reach, arm + size[corner] + error, out=reach)
+    low, extent = (np.array([box_of_face(column) for column in middle.T]) for box_of_face in (np.min, np.ptp))
     box_limit = 2e7  # boxes of the grid, empty ones too
-    least = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
-    width = max(2.1 * reach.max(), *least)
+    least_widths = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
+    width = max(2.1 * reach.max(), *least_widths)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
     shape = place.max(axis=0) + REACH + 1
     flat = np.ravel_multi_index(tuple(place.T), tuple(shape))
-    order, begins, of = grouped(flat)
+    order, begins, box_of_face = equal_key_groups(flat)
     key = flat[order[begins]]
     grid = np.full(shape, -1)
     grid.ravel()[key] = np.arange(len(key))
-    centre: Floats = np.stack([np.bincount(of, column) for column in middle.T], axis=1) / np.bincount(of)[:, None]
-    axis: Floats = np.stack([np.bincount(of, column) for column in uncut.normals.T], axis=1).astype(np.float64)
+    centre: Floats = (
+        np.stack([np.bincount(box_of_face, column) for column in middle.T], axis=1) / np.bincount(box_of_face)[:, None]
+    )
+    axis: Floats = np.stack([np.bincount(box_of_face, column) for column in uncut.normals.T], axis=1).astype(np.float64)
     axis = unit_vectors(axis)
     radius = np.zeros(len(key))
-    np.maximum.at(radius, of, lengths(middle - centre.take(of, axis=0)) + reach)
-    at = np.stack(np.unravel_index(key, tuple(shape)), axis=1)
-    return Boxes(of, at, centre, axis, radius, grid, key)
+    np.maximum.at(radius, box_of_face, lengths(middle - centre.take(box_of_face, axis=0)) + reach)
+    places = np.stack(np.unravel_index(key, tuple(shape)), axis=1)
+    return Boxes(box_of_face, places, centre, axis, radius, grid, key)
 
 
-def steps() -> list[Ints]:
+def block_steps() -> list[Ints]:
     """Return all steps to the boxes of a block, (3,) each."""
     along = np.arange(-REACH, REACH + 1)
     return list(np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3))
@@ -106,7 +108,7 @@ CHUNK = 1 << 14
 Three = tuple[Floats, Floats, Floats]
 
 
-def prisms(layer: OffsetLayer, boxes: Boxes, off: float) -> tuple[Bools, Floats, Floats]:
+def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
     """(m',) prisms that may be folded; (k,) the least cosine between skins and axis in each box; (m',) the reach."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
@@ -119,13 +121,13 @@ def prisms(layer: OffsetLayer, boxes: Boxes, off: float) -> tuple[Bools, Floats,
         corner = np.ascontiguousarray(F[part].T)
         over, under = (np.stack([column.take(corner) for column in skin]) for skin in (upper, lower))
         axis = np.stack([column.take(box[part]) for column in axes])
-        folded[part], cosine[part], reach[part] = _prism(over, under, axis, off)
+        folded[part], cosine[part], reach[part] = _prism(over, under, axis, error)
     least = np.ones(len(boxes.axis))
     np.minimum.at(least, box, cosine)
     return folded, least, reach
 
 
-def _prism(upper: Floats, lower: Floats, axis: Floats, off: float) -> tuple[Bools, Floats, Floats]:
+def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
     """For prisms with corners (3 xyz, 3, m): mask of the folded ones, least cosine of their skins to an axis, reach.
 
     Valid for corners with errors up to e. A determinant of three vectors up to r long has an error of 3 r^2 e. The
@@ -133,7 +135,7 @@ def _prism(upper: Floats, lower: Floats, axis: Floats, off: float) -> tuple[Bool
     """
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
-    reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + off
+    reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
     (p, q, r), (u, v, w) = ((P[:, 1] - P[:, 0], P[:, 2] - P[:, 0], P[:, 2] - P[:, 1]) for P in (A, B))
     bottom, top = _cross(q, p), _cross(u, v)
     least = np.minimum(_dot(bottom, A[:, 0]), _dot(top, B[:, 0]))
@@ -144,10 +146,10 @@ def _prism(upper: Floats, lower: Floats, axis: Floats, off: float) -> tuple[Bool
     cosines = []
     for normal, sides, sign in ((top, (u, v, w), 1), (bottom, (p, q, r), -1)):
         length = np.maximum(np.sqrt(_dot(normal, normal)), np.finfo(float).tiny)
-        side = np.sqrt(np.maximum.reduce([_dot(s, s) for s in sides])) + 2 * off
-        tilt = 5 * off * side / length
+        side = np.sqrt(np.maximum.reduce([_dot(s, s) for s in sides])) + 2 * error
+        tilt = 5 * error * side / length
         cosines.append(np.where(tilt < 0.5, sign * _dot(normal, axis) / length - 2 * tilt, -1.0))
-    return least <= 4 * off * reach**2, np.minimum(*cosines), reach
+    return least <= 4 * error * reach**2, np.minimum(*cosines), reach
 
 
 def _cross(a: Floats, b: Floats) -> Three:
@@ -158,74 +160,74 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-def fronts(boxes: Boxes, cosine: Floats) -> Bools:
+def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
     """(k,) boxes whose axis sees all skins of their block from the front."""
     spread = np.arccos(np.clip(cosine, -1, 1))
-    good = spread < np.pi / 2
-    every = np.arange(len(good))
-    for step in steps():
-        other = boxes.near(every, step)
-        there = np.flatnonzero(other >= 0)
-        seen = np.einsum("ki,ki->k", boxes.axis[there], boxes.axis[other[there]])
-        good[there] &= np.arccos(np.clip(seen, -1, 1)) + spread[other[there]] < np.pi / 2 - 1e-6
-    return good
+    visible = spread < np.pi / 2
+    every = np.arange(len(visible))
+    for step in block_steps():
+        neighbour = boxes.neighbours(every, step)
+        present = np.flatnonzero(neighbour >= 0)
+        seen = np.einsum("ki,ki->k", boxes.axis[present], boxes.axis[neighbour[present]])
+        visible[present] &= np.arccos(np.clip(seen, -1, 1)) + spread[neighbour[present]] < np.pi / 2 - 1e-6
+    return visible
 
 
-def once_around(layer: OffsetLayer, boxes: Boxes, good: Bools, off: float) -> Bools:
+def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
     """(k,) boxes, of the accepted ones (k,), around whose cylinder the rim of the block runs once, outside."""
     uncut = layer.uncut
-    thick = lengths(layer.D) * (1 + abs(layer.shift)) + off
-    good, turns = good.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
-    other = np.cross(boxes.axis, np.eye(3)[np.abs(boxes.axis).argmin(axis=1)])
-    first = other / np.linalg.norm(other, axis=1, keepdims=True)
-    second = np.cross(boxes.axis, first)
+    thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
+    accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
+    perpendicular = np.cross(boxes.axis, np.eye(3)[np.abs(boxes.axis).argmin(axis=1)])
+    first_axis = perpendicular / np.linalg.norm(perpendicular, axis=1, keepdims=True)
+    second_axis = np.cross(boxes.axis, first_axis)
     ends = uncut.F.ravel(), np.roll(uncut.F, -1, axis=1).ravel()
-    for box, h in _rims(uncut, boxes, good):
+    for box, h in _rims(uncut, boxes, accepted):
         flat = []
         for end in ends:
             arm = uncut.V.take(end[h], axis=0) - boxes.middle.take(box, axis=0)
-            flat.append(tuple(np.einsum("ki,ki->k", arm, axis.take(box, axis=0)) for axis in (first, second)))
+            flat.append(tuple(np.einsum("ki,ki->k", arm, axis.take(box, axis=0)) for axis in (first_axis, second_axis)))
         (ax, ay), (bx, by) = flat
         ux, uy = bx - ax, by - ay
         t = np.clip(-(ax * ux + ay * uy) / np.maximum(ux**2 + uy**2, np.finfo(float).tiny), 0, 1)
         distance = np.hypot(ax + t * ux, ay + t * uy) - np.maximum(thick[ends[0][h]], thick[ends[1][h]])
-        good[box[distance <= boxes.radius[box]]] = False
-        left = ax * by - ay * bx
-        turn = ((ay < 0) & (by >= 0) & (left > 0)).astype(np.int64) - ((by < 0) & (ay >= 0) & (left < 0))
+        accepted[box[distance <= boxes.radius[box]]] = False
+        moment = ax * by - ay * bx
+        turn = ((ay < 0) & (by >= 0) & (moment > 0)).astype(np.int64) - ((by < 0) & (ay >= 0) & (moment < 0))
         turns += np.bincount(box, turn, len(turns)).astype(np.int64)
-    return np.asarray(good & (turns == 1))
+    return np.asarray(accepted & (turns == 1))
 
 
-def _rims(uncut: Surface, boxes: Boxes, good: Bools) -> list[tuple[Ints, Ints]]:
+def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Ints]]:
     """Pairs of an accepted box and a half-edge on the rim of its block, whose face is inside the block."""
     pairs = uncut.edges.pairs
     h, g = np.concatenate([pairs, pairs[:, ::-1]]).T
-    here, beyond = boxes.of[h // 3], boxes.of[g // 3]
-    crosses = here != beyond
-    h, here, beyond = h[crosses], here[crosses], beyond[crosses]
-    moved = boxes.place[beyond] - boxes.place[here]
+    box_here, beyond = boxes.of[h // 3], boxes.of[g // 3]
+    crosses = box_here != beyond
+    h, box_here, beyond = h[crosses], box_here[crosses], beyond[crosses]
+    moved = boxes.place[beyond] - boxes.place[box_here]
     span = 2 * np.abs(moved).max(initial=0) + 1
-    order, begins, way = grouped((moved + span // 2) @ np.array([span**2, span, 1]))
-    ways, found = moved[order[begins]], []
+    order, begins, step_index = equal_key_groups((moved + span // 2) @ np.array([span**2, span, 1]))
+    moves, batches = moved[order[begins]], []
 
     def collect(h: Ints, step: Ints) -> None:
-        box = boxes.near(boxes.of[h // 3], step)
-        here = (box >= 0) & good[box]
-        found.append((box[here], h[here]))
+        box = boxes.neighbours(boxes.of[h // 3], step)
+        in_block = (box >= 0) & accepted[box]
+        batches.append((box[in_block], h[in_block]))
 
-    for k, d in enumerate(ways):
-        mine = h[way == k]
-        for step in steps():
+    for k, d in enumerate(moves):
+        half_edges = h[step_index == k]
+        for step in block_steps():
             if np.abs(step - d).max() > REACH:
-                collect(mine, step)
+                collect(half_edges, step)
     rim = uncut.edges.order[uncut.edges.start[:-1][uncut.edges.boundary]]
-    for step in steps() if len(rim) else ():
+    for step in block_steps() if len(rim) else ():
         collect(rim, step)
-    box, edge = (np.concatenate(column) for column in zip(*found, strict=True)) if found else (h[:0], h[:0])
+    box, edge = (np.concatenate(column) for column in zip(*batches, strict=True)) if batches else (h[:0], h[:0])
     return [(box[k : k + 4 * CHUNK], edge[k : k + 4 * CHUNK]) for k in range(0, len(box), 4 * CHUNK)]
 
 
-def apart(layer: OffsetLayer) -> Bools:
+def proven_cells(layer: OffsetLayer) -> Bools:
     """(m',) cells whose prism surely meets no other one, for any diagonals of its sides.
 
     This holds for the vertices as they are and as files of single precision hold them (if `is_fine`). With more than 5
@@ -234,29 +236,29 @@ def apart(layer: OffsetLayer) -> Bools:
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)
-    off = 1e-13 * float(np.abs(uncut.V).max() + np.abs(layer.D).max())
+    error = 1e-13 * float(np.abs(uncut.V).max() + np.abs(layer.D).max())
     if is_fine(uncut.V, layer.D):
-        off += rounding_step(uncut.V, layer.D)
+        error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
     for count in (1000, 8000):  # the finer grid only where the first leaves cells open
-        boxes = boxes_of(layer, off, count)
-        folded, cosine, reach = prisms(layer, boxes, off)
+        boxes = boxes_of(layer, error, count)
+        folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:
             return sure
-        good = once_around(layer, boxes, fronts(boxes, cosine), off)
-        sure |= good[boxes.of[layer.parent]]
+        simple = boxes_with_simple_rims(layer, boxes, boxes_seen_from_front(boxes, cosine), error)
+        sure |= simple[boxes.of[layer.parent]]
         if sure.all():
             break
     if folded.any():
-        sure &= ~_near(layer, folded, reach)
+        sure &= ~_cells_near_folds(layer, folded, reach)
     return sure
 
 
-def _near(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
+def _cells_near_folds(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
     middle = layer.cells.centroids + layer.shift * layer.carried[layer.cells.F].mean(axis=1)
     bad = np.flatnonzero(folded)
     size = 2.1 * reach  # around the mean of the middle layer, which the mean of the corners is
     lists = cKDTree(middle).query_ball_point(middle[bad], size[bad] + size.max())
-    near = np.zeros(len(folded), dtype=bool)
-    near[np.concatenate([np.asarray(found, dtype=np.int64) for found in lists])] = True
-    return near
+    result = np.zeros(len(folded), dtype=bool)
+    result[np.concatenate([np.asarray(row, dtype=np.int64) for row in lists])] = True
+    return result

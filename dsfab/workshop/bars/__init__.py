@@ -14,11 +14,11 @@ from dsfab.workshop.bars.cutting import (
     plate_part,
 )
 from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar, bar_lattice
-from dsfab.workshop.bars.lattice import CLEAR, Bay, Lattice, LatticeNode, member_lattice
+from dsfab.workshop.bars.lattice import BAR_CLEARANCE, Bay, Lattice, LatticeNode, member_lattice
 from dsfab.workshop.bars.plan import BarPlan, PlacedPart, bar_body, bar_plan, placed_parts
 
 __all__ = [
-    "CLEAR",
+    "BAR_CLEARANCE",
     "BarEnd",
     "BarLattice",
     "BarPlan",

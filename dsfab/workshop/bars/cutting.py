@@ -13,15 +13,15 @@ import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar
-from dsfab.workshop.bars.lattice import CLEAR
-from dsfab.workshop.parts import FILLED, WORKSHOP_SMALL, FlatPart, Fold, Hole, label, text_length
+from dsfab.workshop.bars.lattice import BAR_CLEARANCE
+from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-BOLTS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
+BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 """Bolt diameters from the clear end of a bar to its bolts, between bolts, and to the end of the plate.
 
 The first of these that fits is used.
 """
-GROUND = "ground"
+LEG_NAME = "ground"
 """Name of a plate's leg, in place of a bar's name."""
 
 
@@ -39,33 +39,33 @@ class BarStock:
         """Distance between the middles of a bar and of the plate beneath it (m)."""
         return (self.bar + self.plate) / 2
 
-    def bolts(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
+    def bolt_stations(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
         """Return distances from a bar's root to its bolts and to the end of the plate (m); no bolts without room."""
-        clear, room = CLEAR * self.bolt, bar.length / 2
-        for *steps, last in BOLTS:
-            at = clear + self.bolt * np.cumsum(steps)
-            if at[-1] + last * self.bolt <= room:
-                return tuple(at.tolist()), float(at[-1] + last * self.bolt)
+        clear, room = BAR_CLEARANCE * self.bolt, bar.length / 2
+        for *steps, end_distance in BOLT_SPACINGS:
+            stations = clear + self.bolt * np.cumsum(steps)
+            if stations[-1] + end_distance * self.bolt <= room:
+                return tuple(stations.tolist()), float(stations[-1] + end_distance * self.bolt)
         return (), 0.0
 
 
 def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPart:
     """Return a bar as it is cut from a board of its thickness; nodes : names at its ends."""
-    L, half, clear = bar.length, bar.bay.width / 2, CLEAR * stock.bolt
+    L, half, clear = bar.length, bar.bay.width / 2, BAR_CLEARANCE * stock.bolt
     low, high = (clear if end.root else 0.0 for end in bar.ends)
     P = np.array([[low, -half], [L - high, -half], [L - high, half], [low, half]])
-    for way, end in zip((1, -1), bar.ends, strict=True):
+    for sign, end in zip((1, -1), bar.ends, strict=True):
         for a, b in _mitres(end, stock, clear):
-            P = half_plane_clip(P, way * a, b + (min(way, 0) * a[0] * L))
-    at, _ = stock.bolts(bar)
-    begin, last = (np.array(at) if end.root else np.zeros(0) for end in bar.ends)
-    holes = [Hole(np.array([r, 0.0]), stock.bolt, nodes[0]) for r in begin]
-    holes += [Hole(np.array([L - r, 0.0]), stock.bolt, nodes[1]) for r in last[::-1]]
-    inner = begin.max(initial=low) + stock.bolt, L - last.max(initial=high) - stock.bolt
+            P = half_plane_clip(P, sign * a, b + (min(sign, 0) * a[0] * L))
+    stations, _ = stock.bolt_stations(bar)
+    begin_bolts, end_bolts = (np.array(stations) if end.root else np.zeros(0) for end in bar.ends)
+    holes = [Hole(np.array([r, 0.0]), stock.bolt, nodes[0]) for r in begin_bolts]
+    holes += [Hole(np.array([L - r, 0.0]), stock.bolt, nodes[1]) for r in end_bolts[::-1]]
+    inner = begin_bolts.max(initial=low) + stock.bolt, L - end_bolts.max(initial=high) - stock.bolt
     marks = tuple(_bar_marks(bar, nodes, inner, min(stock.letters, 0.6 * half)))
     axis = np.array([[low, 0.0], [L - high, 0.0]])
     part = FlatPart(bar.bay.id, bar.bay.member, bar.bay.span, P, tuple(holes), marks=marks, axis=axis)
-    return part.lying()
+    return part.along_x()
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
@@ -80,31 +80,31 @@ def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats
 def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
     """Return the length from a bar's root along which a mitre cuts one of its sides (m)."""
     half = bar.bay.width / 2
-    cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, CLEAR * stock.bolt)]
+    cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, BAR_CLEARANCE * stock.bolt)]
     return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
 
 
 def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
     """Return the part (k, 2) of a convex polygon (q, 2) in a half plane a . x <= b [Sutherland, Hodgman 1974]."""
-    off = P @ a - b
-    found = list[Floats]()
+    excess = P @ a - b
+    corners = list[Floats]()
     for k in range(len(P)):
-        one, two = off[k - 1], off[k]
-        if (one <= 0) != (two <= 0):
-            found.append(P[k - 1] + one / (one - two) * (P[k] - P[k - 1]))
-        if two <= 0:
-            found.append(P[k])
-    return np.array(found).reshape(-1, 2)
+        before, after = excess[k - 1], excess[k]
+        if (before <= 0) != (after <= 0):
+            corners.append(P[k - 1] + before / (before - after) * (P[k] - P[k - 1]))
+        if after <= 0:
+            corners.append(P[k])
+    return np.array(corners).reshape(-1, 2)
 
 
 def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, float], height: float) -> Iterator[Floats]:
     room = inner[1] - inner[0]
     names = [nodes[0], bar.bay.id, nodes[1]]
     long = sum(text_length(name, height) for name in names) + 4 * height
-    if long > FILLED * room:
+    if long > NAME_SHARE * room:
         names = [bar.bay.id]
         long = text_length(bar.bay.id, height)
-    height *= min(1.0, FILLED * room / long)
+    height *= min(1.0, NAME_SHARE * room / long)
     if height < 0.003 * min(1.0, bar.bay.width / 0.02):  # metres: nobody reads smaller letters
         return
     places = [inner[0] + inner[1]] if len(names) == 1 else [2 * inner[0], inner[0] + inner[1], 2 * inner[1]]
@@ -113,16 +113,16 @@ def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, floa
         yield from label(name, np.array([x, 0.0]), 0.0, height)
 
 
-def plate_part(joint: Joint, found: BarLattice, stock: BarStock) -> FlatPart:
+def plate_part(joint: Joint, lattice: BarLattice, stock: BarStock) -> FlatPart:
     """Return the unfolded plate of a node; its first arm points to the right."""
-    arms = plate_arms(joint, found, stock)
+    arms = plate_arms(joint, lattice, stock)
     outline = _plate_outline(joint, arms)
     holes = [Hole(np.zeros(2), stock.bolt, joint.node.id)]
     anchor = joint.leg.anchor if joint.leg else 0.0
-    wide = {arm.bar: anchor if arm.bar == GROUND else stock.bolt for arm in arms}
-    holes += [Hole(arm.at(r, 0.0), wide[arm.bar], arm.bar) for arm in arms for r in arm.holes]
+    diameters = {arm.bar: anchor if arm.bar == LEG_NAME else stock.bolt for arm in arms}
+    holes += [Hole(arm.point(r, 0.0), diameters[arm.bar], arm.bar) for arm in arms for r in arm.holes]
     folds = tuple(
-        Fold(np.stack([arm.at(arm.fold, -joint.half), arm.at(arm.fold, joint.half)]), arm.dip) for arm in arms
+        Fold(np.stack([arm.point(arm.fold, -joint.half), arm.point(arm.fold, joint.half)]), arm.dip) for arm in arms
     )
     marks = tuple(_plate_marks(joint, arms, stock))
     part = FlatPart(
@@ -132,18 +132,18 @@ def plate_part(joint: Joint, found: BarLattice, stock: BarStock) -> FlatPart:
         folds=folds,
         thickness=stock.plate,
     )
-    return part.centred()
+    return part.at_origin()
 
 
-def plate_arms(joint: Joint, found: BarLattice, stock: BarStock) -> "list[PlateArm]":
+def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[PlateArm]":
     """Return the arms of a node's plate counter-clockwise, with its leg."""
-    arms = [PlateArm.of(joint, found.bars[k], side, stock) for k, side in joint.bars]
+    arms = [PlateArm.from_bar(joint, lattice.bars[k], side, stock) for k, side in joint.bars]
     if joint.leg is None:
         return arms
     leg, root = joint.leg, joint.root
     holes = tuple(root + r for r in leg.holes)
-    azimuth = found.azimuth(joint, leg.way)
-    arms.append(PlateArm(GROUND, azimuth, -leg.fold, root, holes, root + leg.long, 0.0, root))
+    azimuth = lattice.azimuth(joint, leg.way)
+    arms.append(PlateArm(LEG_NAME, azimuth, -leg.fold, root, holes, root + leg.length, 0.0, root))
     arms.sort(key=lambda arm: arm.azimuth)
     gaps = np.diff([arm.azimuth for arm in arms], append=2 * np.pi)
     return [replace(arm, after=float(gap)) for arm, gap in zip(arms, gaps, strict=True)]
@@ -168,34 +168,34 @@ class PlateArm:
     root: float
 
     @classmethod
-    def of(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
+    def from_bar(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
         """Return the arm of a bar; below dipping bars, folds are closer to the node than the roots."""
-        end, (at, last) = bar.ends[side], stock.bolts(bar)
-        nearer = stock.lever * np.tan(end.dip / 2)
-        holes = tuple(end.root - 2 * nearer + r for r in at)
-        root = end.root - 2 * nearer
-        return cls(bar.bay.id, end.azimuth, end.dip, end.root - nearer, holes, root + last, end.after, root)
+        end, (stations, end_distance) = bar.ends[side], stock.bolt_stations(bar)
+        setback = stock.lever * np.tan(end.dip / 2)
+        holes = tuple(end.root - 2 * setback + r for r in stations)
+        root = end.root - 2 * setback
+        return cls(bar.bay.id, end.azimuth, end.dip, end.root - setback, holes, root + end_distance, end.after, root)
 
-    def at(self, r: float, y: float) -> Floats:
+    def point(self, r: float, y: float) -> Floats:
         """Return the point (2,) at r along the arm and y to its left (m)."""
         c, s = np.cos(self.azimuth), np.sin(self.azimuth)
         return np.array([r * c - y * s, r * s + y * c])
 
 
 def _plate_outline(joint: Joint, arms: Sequence[PlateArm]) -> Floats:
-    a, found = joint.half, list[Floats]()
-    for arm, after in zip(arms, [*arms[1:], arms[0]], strict=True):
-        found += [arm.at(arm.end, -a), arm.at(arm.end, a)]
+    a, corners = joint.half, list[Floats]()
+    for arm, next_arm in zip(arms, [*arms[1:], arms[0]], strict=True):
+        corners += [arm.point(arm.end, -a), arm.point(arm.end, a)]
         notch = a / np.tan(arm.after / 2) if arm.after < 2 * np.pi - 1e-9 else -np.inf
         if notch > -a:
-            found.append(arm.at(notch, a))
+            corners.append(arm.point(notch, a))
         else:
-            found += [arm.at(-a, a), after.at(-a, -a)]
-    return np.array(found)
+            corners += [arm.point(-a, a), next_arm.point(-a, -a)]
+    return np.array(corners)
 
 
 def _plate_marks(joint: Joint, arms: Sequence[PlateArm], stock: BarStock) -> Iterator[Floats]:
-    height = min(stock.letters, WORKSHOP_SMALL, 0.5 * joint.half)
+    height = min(stock.letters, NODE_LETTERS, 0.5 * joint.half)
     for k, arm in enumerate(arms):
         stops = [arm.fold, *arm.holes]
         inside = 0.6 * stock.bolt
@@ -205,6 +205,6 @@ def _plate_marks(joint: Joint, arms: Sequence[PlateArm], stock: BarStock) -> Ite
         if k == 0:
             rooms, words = [(inside, arm.fold), *rooms], [joint.node.id, *words]
         for (low, high), text in zip(rooms, words, strict=True):
-            tall = height * min(1.0, FILLED * (high - low) / text_length(text, height))
+            tall = height * min(1.0, NAME_SHARE * (high - low) / text_length(text, height))
             if tall > 0.2 * height:
-                yield from label(text, arm.at((low + high) / 2, 0.0), arm.azimuth, tall)
+                yield from label(text, arm.point((low + high) / 2, 0.0), arm.azimuth, tall)

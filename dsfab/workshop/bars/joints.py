@@ -17,18 +17,18 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats, Ints, lock
-from dsfab.core.messages import some_names
+from dsfab.core.messages import names_and_count
 from dsfab.members import MemberGraph
 from dsfab.surface import LoadCase, Surface
-from dsfab.workshop.bars.lattice import CLEAR, LEAST, Bay, Lattice, LatticeNode
-from dsfab.workshop.layers import END, Layering
-from dsfab.workshop.parts import WORKSHOP_SMALL, FlatPart, Fold, Hole, label, text_length
+from dsfab.workshop.bars.lattice import BAR_CLEARANCE, LEAST_BAR, Bay, Lattice, LatticeNode
+from dsfab.workshop.layers import END_DISTANCE, Layering
+from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-FLAT = np.sin(np.radians(5.0))
+FLAT_SINE = np.sin(np.radians(5.0))
 """Sine of the least slope of a surface at a support for a leg."""
-SIDE, ARM = 1.5, 0.45
+LEAST_SIDE, ARM_SHARE = 1.5, 0.45
 """Half width of an arm over the bolt or anchor diameter, at least; share of the narrowest member otherwise."""
-ANCHORS = (3.0, 4.0, 3.0)
+ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Anchor diameters from the fold to the first anchor, to the second, and to the end of the leg."""
 
 
@@ -46,12 +46,12 @@ class Leg:
     @property
     def holes(self) -> tuple[float, ...]:
         """Distances of the anchors from the fold (m)."""
-        return tuple((self.anchor * np.cumsum(ANCHORS[:2])).tolist())
+        return tuple((self.anchor * np.cumsum(ANCHOR_SPACINGS[:2])).tolist())
 
     @property
-    def long(self) -> float:
+    def length(self) -> float:
         """Length from the fold to the end (m)."""
-        return self.anchor * sum(ANCHORS)
+        return self.anchor * sum(ANCHOR_SPACINGS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,15 +71,15 @@ class Footing:
         lock(self, "up", np.float64, (3,))
 
     @classmethod
-    def of(cls, surface: Surface, load: LoadCase, up: Floats, anchor: float) -> "Footing | None":
+    def from_supports(cls, surface: Surface, load: LoadCase, up: Floats, anchor: float) -> "Footing | None":
         """Return the footing of a surface; None without supports or without anchors."""
-        held = surface.V[load.fixed.any(axis=1) | load.spring.any(axis=1)]
-        return cls(held, up, float(surface.mean_edge), anchor) if len(held) and anchor else None
+        points = surface.V[load.fixed.any(axis=1) | load.spring.any(axis=1)]
+        return cls(points, up, float(surface.mean_edge), anchor) if len(points) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
         """Return the legs of nodes (q, 3) at supports, by node number; None where the surface is too flat."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
-        found: dict[int, Leg | None] = {}
+        legs: dict[int, Leg | None] = {}
         limits = self.reach + 0.75 * np.asarray(widths)  # a nearer support belongs to the node
         for k in np.flatnonzero(away < limits).tolist():
             n = normals[k]
@@ -87,8 +87,8 @@ class Footing:
             steep = float(np.linalg.norm(down))
             outward = n @ self.up > 0  # plates fold the other way where normals point down
             angle = float(np.arctan2(steep, abs(float(n @ self.up)))) * (1 if outward else -1)
-            found[k] = Leg(down / steep, angle, self.anchor) if steep > FLAT else None
-        return found
+            legs[k] = Leg(down / steep, angle, self.anchor) if steep > FLAT_SINE else None
+        return legs
 
 
 def leg_plates(
@@ -97,16 +97,16 @@ def leg_plates(
     """Return plates of a thickness (m) with legs below strips at supports, and names of nodes that are too flat."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
-    widths = [max(one.mean_width for one in some) for some in members]
+    widths = [max(member.mean_width for member in node_members) for node_members in members]
     points, normals = (np.array([getattr(node, name) for node in nodes]) for name in ("point", "normal"))
     parts, flat = list[FlatPart](), list[str]()
     for k, leg in footing.legs(points.reshape(-1, 3), normals.reshape(-1, 3), widths).items():
         if leg is None:
             flat.append(nodes[k].id)
             continue
-        lowest = max(number for one in members[k] for number in layering.numbers(one.family))
-        height = layering.height(lowest) - (layering.thickness + thickness) / 2
-        half = max(SIDE * leg.anchor, ARM * min(one.mean_width for one in members[k]))
+        lowest = max(number for member in members[k] for number in layering.family_layers(member.family))
+        height = layering.layer_height(lowest) - (layering.thickness + thickness) / 2
+        half = max(LEAST_SIDE * leg.anchor, ARM_SHARE * min(member.mean_width for member in members[k]))
         parts.append(
             _leg_plate(nodes[k].id, leg, (widths[k] / 2 + layering.bolt, half), layering.bolt, height, thickness)
         )
@@ -118,13 +118,13 @@ def _leg_plate(
 ) -> FlatPart:
     """Return a plate with its node at the origin; size : distance to the fold, and half width (m)."""
     root, half = size
-    begin, end = -END * bolt, root + leg.long
+    begin, end = -END_DISTANCE * bolt, root + leg.length
     outline = np.array([[begin, -half], [end, -half], [end, half], [begin, half]])
     holes = [Hole(np.zeros(2), bolt, node)]
     holes += [Hole(np.array([root + r, 0.0]), leg.anchor, "anchor") for r in leg.holes]
     fold = Fold(np.array([[root, -half], [root, half]]), -leg.fold)
     name = f"{node} foot"
-    high = min(WORKSHOP_SMALL, 0.9 * (root - bolt) / text_length(name, 1.0))
+    high = min(NODE_LETTERS, 0.9 * (root - bolt) / text_length(name, 1.0))
     marks = label(name, np.array([(root + 0.6 * bolt) / 2, 0.0]), 0.0, high)
     return FlatPart(
         *(name, "", (0.0, 0.0), outline, tuple(holes)),
@@ -132,26 +132,26 @@ def _leg_plate(
         layer=height,
         folds=(fold,),
         thickness=thickness,
-    ).centred()
+    ).at_origin()
 
 
 def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
     """Return sentences on plates with legs, by their folds (radians), and on nodes without a leg."""
     angles = [abs(float(np.degrees(fold))) for fold in folds]
-    found = []
+    sentences = []
     if angles:
-        found.append(
+        sentences.append(
             f"{len(angles)} plates at supports have a leg with anchors, folded by {min(angles):.0f} to "
             f"{max(angles):.0f} degrees to be level"
         )
     if flat:
-        found.append(
-            f"no leg at {some_names(flat)}: the surface is less steep than 5 degrees there, or a bar is in its way"
+        sentences.append(
+            f"no leg at {names_and_count(flat)}: the surface is less steep than 5 degrees there, or a bar is in its way"
         )
-    return found
+    return sentences
 
 
-SQUARE = np.radians(70.0)
+SQUARE_ANGLE = np.radians(70.0)
 """Least angle of bars that are cut square, farther from the node; at sharper angles bars have mitres."""
 
 
@@ -204,8 +204,8 @@ class LatticeBar:
     @cached_property
     def twist(self) -> float:
         """Angle from the first to the second normal, right-handed about the direction (radians)."""
-        one, other = self.normals
-        return float(np.arctan2(np.cross(one, other) @ self.direction, one @ other))
+        begin_normal, end_normal = self.normals
+        return float(np.arctan2(np.cross(begin_normal, end_normal) @ self.direction, begin_normal @ end_normal))
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,11 +231,11 @@ class BarLattice:
     joints: tuple[Joint, ...]
     lattice: Lattice
 
-    def azimuth(self, joint: Joint, way: Floats) -> float:
+    def azimuth(self, joint: Joint, direction: Floats) -> float:
         """Return the angle, 0 to 2 pi, from a joint's first bar to a direction (3,), counter-clockwise."""
         (k, side), n = joint.bars[0], joint.node.normal
-        x = _level((self.bars[k].direction * (1 - 2 * side))[None], n[None])[0]
-        return float(np.mod(np.arctan2(way @ np.cross(n, x), way @ x), 2 * np.pi))
+        x = _level_directions((self.bars[k].direction * (1 - 2 * side))[None], n[None])[0]
+        return float(np.mod(np.arctan2(direction @ np.cross(n, x), direction @ x), 2 * np.pi))
 
     def with_legs(self, footing: Footing) -> "tuple[BarLattice, list[str]]":
         """Return the lattice with legs at supports, and names of supported nodes that are too flat or obstructed."""
@@ -243,40 +243,42 @@ class BarLattice:
         points, normals = (
             np.array([getattr(self.joints[k].node, name) for k in joined]) for name in ("point", "normal")
         )
-        widths = [max(self.bars[one].bay.width for one, _ in self.joints[k].bars) for k in joined]
-        joints, without = list(self.joints), list[str]()
+        widths = [max(self.bars[number].bay.width for number, _ in self.joints[k].bars) for k in joined]
+        joints, legless = list(self.joints), list[str]()
         for k, leg in footing.legs(points.reshape(-1, 3), normals.reshape(-1, 3), widths).items():
             joint = joints[joined[k]]
             if leg is None or not self._is_free(joint, self.azimuth(joint, leg.way)):
-                without.append(joint.node.id)
+                legless.append(joint.node.id)
             else:
                 joints[joined[k]] = replace(joint, leg=leg)
-        return replace(self, joints=tuple(joints)), without
+        return replace(self, joints=tuple(joints)), legless
 
     def _is_free(self, joint: Joint, azimuth: float) -> bool:
-        others = np.array([self.bars[k].ends[side].azimuth for k, side in joint.bars])
-        gap = float(np.abs(np.angle(np.exp(1j * (others - azimuth)))).min())
+        azimuths = np.array([self.bars[k].ends[side].azimuth for k, side in joint.bars])
+        gap = float(np.abs(np.angle(np.exp(1j * (azimuths - azimuth)))).min())
         return bool(joint.half <= joint.root * np.tan(gap / 2))
 
 
 @dataclass(frozen=True, eq=False)
-class _Ways:
+class _BayEnds:
     """Ends of bays: node number (2 b,), width (2 b,) in metres, and number of the bay's opposite end (2 b,)."""
 
     node: Ints
     width: Floats
-    other: Ints
+    opposite: Ints
 
-    def dip(self, way: Floats, N: Floats) -> Floats:
+    def dip(self, directions: Floats, N: Floats) -> Floats:
         """Return angles (2 b,) of directions (2 b, 3) below the planes of nodes with normals N (n, 3)."""
-        return np.asarray(-np.arcsin(np.einsum("qi,qi->q", way, N[self.node]) / np.linalg.norm(way, axis=1)))
+        return np.asarray(
+            -np.arcsin(np.einsum("qi,qi->q", directions, N[self.node]) / np.linalg.norm(directions, axis=1))
+        )
 
 
 def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: float) -> BarLattice:
     """Return bars of a thickness for all bays of a lattice, with bolts of a diameter (m)."""
     ends = np.array([bay.ends for bay in lattice.bays], dtype=np.int64).reshape(-1, 2)
     count = len(ends)
-    ways = _Ways(
+    bay_ends = _BayEnds(
         ends.T.ravel(),
         np.tile([bay.width for bay in lattice.bays], 2),
         np.concatenate([np.arange(count) + count, np.arange(count)]),
@@ -284,35 +286,41 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     P = np.array([node.point for node in lattice.nodes]).reshape(-1, 3)
     N = np.array([node.normal for node in lattice.nodes]).reshape(-1, 3)
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
-    chord = P[ways.node[ways.other]] - P[ways.node]
+    chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
     # bars dip about 1.5 times as much as the lines between their nodes, because they begin beside these
-    level, lean = _level(chord, N[ways.node]), 1.5 * thickness / 2 * np.sin(np.abs(ways.dip(chord, N)))
-    orders = [_around(np.flatnonzero(ways.node == k), level, N[k]) for k in range(len(P))]
-    long = np.linalg.norm(chord, axis=1)
-    sizes = [_arms(gaps, ways.width[order], lean[order], long[order], bolt) for order, _, gaps in orders]
+    level, lean = (
+        _level_directions(chord, N[bay_ends.node]),
+        1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N))),
+    )
+    orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
+    lengths = np.linalg.norm(chord, axis=1)
+    sizes = [_arm_size(gaps, bay_ends.width[order], lean[order], lengths[order], bolt) for order, _, gaps in orders]
     root = np.where(joined, [root for _, root in sizes], 0.0)
-    roots = _roots(P, N, ways, root)
-    way = roots[ways.other] - roots
-    orders = [_around(np.flatnonzero(ways.node == k), _level(way, N[ways.node]), N[k]) for k in range(len(P))]
+    roots = _bar_roots(P, N, bay_ends, root)
+    directions = roots[bay_ends.opposite] - roots
+    orders = [
+        _counter_clockwise(np.flatnonzero(bay_ends.node == k), _level_directions(directions, N[bay_ends.node]), N[k])
+        for k in range(len(P))
+    ]
     joints = [
         Joint(node, tuple((int(e) % count, int(e) // count) for e in order), half, float(root[k]))
         for k, (node, (order, _, _), (half, _)) in enumerate(zip(lattice.nodes, orders, sizes, strict=True))
     ]
-    found = _bar_ends(orders, way, N, ways, root)
+    bar_ends = _bar_ends(orders, directions, N, bay_ends, root)
     bars = [
-        _bar(graph, bay, (found[k], found[k + count]), roots[[k, k + count]], N[ends[k]])
+        _bar(graph, bay, (bar_ends[k], bar_ends[k + count]), roots[[k, k + count]], N[ends[k]])
         for k, bay in enumerate(lattice.bays)
     ]
     return BarLattice(tuple(bars), tuple(joints), lattice)
 
 
-def _level(way: Floats, N: Floats) -> Floats:
+def _level_directions(directions: Floats, N: Floats) -> Floats:
     """Return unit vectors (q, 3) along directions (q, 3) in the planes square to normals (q, 3)."""
-    level = way - np.einsum("qi,qi->q", way, N)[:, None] * N
+    level = directions - np.einsum("qi,qi->q", directions, N)[:, None] * N
     return np.asarray(level / np.linalg.norm(level, axis=1)[:, None])
 
 
-def _around(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints, Floats, Floats]:
+def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints, Floats, Floats]:
     x = level[ends[0]]
     y = np.cross(normal, x)
     azimuth = np.mod(np.arctan2(level[ends] @ y, level[ends] @ x), 2 * np.pi)
@@ -322,7 +330,7 @@ def _around(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints, Floats, Fl
     return ends[order], azimuth, np.diff(azimuth, append=2 * np.pi)
 
 
-def _arms(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
+def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
 
     Bars at right angles clear each other at half of their width; sharper angles and leaning bars need more. Short bars
@@ -330,34 +338,36 @@ def _arms(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) 
     outwards.
     """
     notch = 0.9  # share of the way from the node to the roots from which arms of a plate are apart
-    least, sharpest = SIDE * bolt, min(float(gaps.min()), np.pi / 2)
+    least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
-    clear = half / float(np.tan(max(sharpest, SQUARE) / 2)) + CLEAR * bolt + float(lean.max())
-    room = float(long.min()) / 2 - (2 * CLEAR + LEAST) * bolt
-    root = max(min(clear, max(room, half + CLEAR * bolt)), least / sharp / notch)
-    return max(min(ARM * float(width.min()), notch * root * sharp), least), root
+    clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())
+    room = float(long.min()) / 2 - (2 * BAR_CLEARANCE + LEAST_BAR) * bolt
+    root = max(min(clear, max(room, half + BAR_CLEARANCE * bolt)), least / sharp / notch)
+    return max(min(ARM_SHARE * float(width.min()), notch * root * sharp), least), root
 
 
-def _roots(P: Floats, N: Floats, ways: _Ways, root: Floats, rounds: int = 30) -> Floats:
+def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
     """Return bar roots (2 b, 3) in the planes of their nodes; directions between roots would not converge."""
-    here = P[ways.node]
-    found = here
+    node_points = P[bay_ends.node]
+    roots = node_points
     for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far as the one before
-        level = _level(found[ways.other] - here, N[ways.node])
-        found = here + root[ways.node][:, None] * level
-    return found
+        level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
+        roots = node_points + root[bay_ends.node][:, None] * level
+    return roots
 
 
 def _bar_ends(
-    orders: list[tuple[Ints, Floats, Floats]], way: Floats, N: Floats, ways: _Ways, root: Floats
+    orders: list[tuple[Ints, Floats, Floats]], directions: Floats, N: Floats, bay_ends: _BayEnds, root: Floats
 ) -> dict[int, BarEnd]:
-    dip = ways.dip(way, N)
-    found = {}
+    dip = bay_ends.dip(directions, N)
+    ends_by_number = {}
     for k, (order, azimuth, gaps) in enumerate(orders):
         before = np.roll(gaps, 1)
-        for e, a, left, right in zip(order.tolist(), azimuth.tolist(), gaps.tolist(), before.tolist(), strict=True):
-            found[e] = BarEnd(k, a, float(dip[e]), right, left, float(root[k]))
-    return found
+        for e, a, left_gap, right_gap in zip(
+            order.tolist(), azimuth.tolist(), gaps.tolist(), before.tolist(), strict=True
+        ):
+            ends_by_number[e] = BarEnd(k, a, float(dip[e]), right_gap, left_gap, float(root[k]))
+    return ends_by_number
 
 
 def _bar(graph: MemberGraph, bay: Bay, ends: tuple[BarEnd, BarEnd], points: Floats, N: Floats) -> LatticeBar:
@@ -368,6 +378,6 @@ def _bar(graph: MemberGraph, bay: Bay, ends: tuple[BarEnd, BarEnd], points: Floa
     normals = N - (N @ d)[:, None] * d
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     s = np.linspace(*bay.span, 33)
-    off = axis.at(np.mod(s, axis.length) if axis.closed else s)[0] - points[0]
-    off = off - (off @ d)[:, None] * d
-    return LatticeBar(bay, ends, points, normals, float(np.linalg.norm(off, axis=1).max()))
+    offsets = axis.frames_at(np.mod(s, axis.length) if axis.closed else s)[0] - points[0]
+    offsets = offsets - (offsets @ d)[:, None] * d
+    return LatticeBar(bay, ends, points, normals, float(np.linalg.norm(offsets, axis=1).max()))

@@ -12,12 +12,12 @@ from dsfab.core.arrays import Floats, Ints, lock
 from dsfab.core.errors import PatternError
 from dsfab.core.messages import length
 from dsfab.members import Member, MemberGraph, Node
-from dsfab.workshop.development import CONSTANT
-from dsfab.workshop.strips import STRIPS
+from dsfab.workshop.development import PARALLEL_SHARE
+from dsfab.workshop.strips import STRIP_KINDS
 
-CLEAR = 0.25
+BAR_CLEARANCE = 0.25
 """Bolt diameters between neighbouring bars, and from the fold of a plate to a bar."""
-LEAST = 4.0
+LEAST_BAR = 4.0
 """Least length of a bar on a plate, in bolt diameters: one bolt, and two diameters to both sides of it."""
 
 
@@ -64,13 +64,13 @@ class Lattice:
 
     nodes: tuple[LatticeNode, ...]
     bays: tuple[Bay, ...]
-    short: int
+    merged_pairs: int
     parallel: tuple[str, ...]
     rings: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class _Way:
+class _RawBay:
     member: str
     ends: tuple[str, str]
     span: tuple[float, float]
@@ -80,112 +80,115 @@ class _Way:
 def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
     """Return the lattice of members with an axis for bolts (m). Raises PatternError for too many short bays."""
     places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
-    members = [member for member in graph.members if is_barred(member)]
-    ways = [way for member in members for way in _member_ways(graph, member, places, bolt)]
-    keys = list(dict.fromkeys(key for way in ways for key in way.ends))
-    group, short = _grouped(keys, ways, places, bolt)
-    if short > 0.1 * len(ways):  # bars would no longer follow the pattern
+    members = [member for member in graph.members if becomes_bars(member)]
+    raw_bays = [raw_bay for member in members for raw_bay in _member_bays(graph, member, places, bolt)]
+    keys = list(dict.fromkeys(key for raw_bay in raw_bays for key in raw_bay.ends))
+    group, short = _place_groups(keys, raw_bays, places, bolt)
+    if short > 0.1 * len(raw_bays):  # bars would no longer follow the pattern
         raise PatternError(
-            f"{short} of {len(ways)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
+            f"{short} of {len(raw_bays)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
             "workshop.route = 'strips', a larger spacing, narrower members or a smaller workshop.bolt"
         )
-    nodes = [_node([key for key, k in zip(keys, group, strict=True) if k == one], places) for one in _ordered(group)]
+    nodes = [
+        _lattice_node([key for key, k in zip(keys, group, strict=True) if k == group_number], places)
+        for group_number in _group_order(group)
+    ]
     number = {key: k for k, node in enumerate(nodes) for key in node.nodes}
-    bays, parallel = _named(ways, number)
+    bays, parallel = _numbered_bays(raw_bays, number)
     closed = [member for member in members if member.axis and member.axis.closed]
-    rings = tuple(member.id for member in closed if not len(graph.along[member.id]) > 2)
+    rings = tuple(member.id for member in closed if not len(graph.nodes_along[member.id]) > 2)
     return Lattice(tuple(nodes), tuple(bays), short, tuple(parallel), rings)
 
 
 def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
     """Return the mean normal (3,) of the fitted axes, whose error is 0.006 degrees in place of 0.34 for a face."""
     members = [(graph.by_id[name].axis, s) for name, s in zip(node.members, node.at, strict=True)]
-    found = [axis.at(np.array([s]))[2][0] for axis, s in members if axis is not None and np.isfinite(s)]
-    total = np.sum([n * np.sign(n @ node.normal) for n in found], axis=0) if found else node.normal
+    normals = [axis.frames_at(np.array([s]))[2][0] for axis, s in members if axis is not None and np.isfinite(s)]
+    total = np.sum([n * np.sign(n @ node.normal) for n in normals], axis=0) if normals else node.normal
     return np.asarray(total / np.linalg.norm(total))
 
 
-def is_barred(member: Member) -> bool:
-    return member.axis is not None and member.kind in STRIPS
+def becomes_bars(member: Member) -> bool:
+    return member.axis is not None and member.kind in STRIP_KINDS
 
 
-def _member_ways(
+def _member_bays(
     graph: MemberGraph, member: Member, places: dict[str, tuple[Floats, Floats]], bolt: float
-) -> Iterator[_Way]:
+) -> Iterator[_RawBay]:
     """Yield the bays along a member; free ends get an entry in `places`."""
     axis = member.axis
     assert axis is not None
-    nodes = graph.along[member.id]
+    nodes = graph.nodes_along[member.id]
     stops = [(float(node.at[node.members.index(member.id)]), node.id) for node in nodes]
     if axis.closed:
         stops = [*stops, (stops[0][0] + axis.length, stops[0][1])] if len(stops) > 2 else []
     else:
         widest = max((graph.by_id[name].mean_width for node in nodes for name in node.members), default=0.0)
-        least = member.mean_width + widest / 2 + (CLEAR + LEAST) * bolt
+        least = member.mean_width + widest / 2 + (BAR_CLEARANCE + LEAST_BAR) * bolt
         for number, s in ((1, 0.0), (2, axis.length)):
-            away = min((abs(s - at) for at, _ in stops), default=np.inf)
+            away = min((abs(s - station) for station, _ in stops), default=np.inf)
             if away > least and member.ends[number - 1] not in places:
                 key = f"{member.id} end {number}"
-                P, _, N = axis.at(np.array([s]))
+                P, _, N = axis.frames_at(np.array([s]))
                 places[key] = P[0], N[0]
                 stops.insert(0 if number == 1 else len(stops), (s, key))
-    for (s, one), (t, other) in pairwise(stops):
+    for (s, begin_key), (t, end_key) in pairwise(stops):
         inside = (axis.s >= s) & (axis.s <= t)
         width = float(np.median(member.width[inside])) if inside.any() else member.mean_width
-        even = abs(width - member.mean_width) < CONSTANT * member.mean_width
-        yield _Way(member.id, (one, other), (s, t), member.mean_width if even else width)
+        even = abs(width - member.mean_width) < PARALLEL_SHARE * member.mean_width
+        yield _RawBay(member.id, (begin_key, end_key), (s, t), member.mean_width if even else width)
 
 
-def _grouped(
-    keys: list[str], ways: list[_Way], places: dict[str, tuple[Floats, Floats]], bolt: float
+def _place_groups(
+    keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
     """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends join."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
-    ends = np.array([[number[key] for key in way.ends] for way in ways], dtype=np.int64).reshape(-1, 2)
+    ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)
     for side in (0, 1):
-        np.maximum.at(half, ends[:, side], [way.width / 2 for way in ways])
+        np.maximum.at(half, ends[:, side], [raw_bay.width / 2 for raw_bay in raw_bays])
     P = np.array([places[key][0] for key in keys]).reshape(-1, 3)
     long = np.linalg.norm(P[ends[:, 1]] - P[ends[:, 0]], axis=1)
     free = np.array([" end " in key for key in keys], dtype=bool)
-    short = long < half[ends].sum(axis=1) + 2 * (2 * CLEAR + LEAST) * bolt
+    short = long < half[ends].sum(axis=1) + 2 * (2 * BAR_CLEARANCE + LEAST_BAR) * bolt
     short &= ~free[ends].any(axis=1)
     alone = np.flatnonzero(free)
     corners = [
         (i, j) for k, i in enumerate(alone) for j in alone[k + 1 :] if np.linalg.norm(P[i] - P[j]) < half[i] + half[j]
     ]
-    near = np.concatenate([ends[short], np.array(corners, dtype=np.int64).reshape(-1, 2)])
-    links = csr_array((np.ones(len(near)), tuple(near.T)), shape=(len(keys), len(keys)))
+    joined_pairs = np.concatenate([ends[short], np.array(corners, dtype=np.int64).reshape(-1, 2)])
+    links = csr_array((np.ones(len(joined_pairs)), tuple(joined_pairs.T)), shape=(len(keys), len(keys)))
     return np.asarray(connected_components(links, directed=False)[1]), int(short.sum())
 
 
-def _ordered(group: Ints) -> list[int]:
+def _group_order(group: Ints) -> list[int]:
     return list(dict.fromkeys(group.tolist()))
 
 
-def _node(keys: list[str], places: dict[str, tuple[Floats, Floats]]) -> LatticeNode:
+def _lattice_node(keys: list[str], places: dict[str, tuple[Floats, Floats]]) -> LatticeNode:
     points = np.array([places[key][0] for key in keys])
     point = points.mean(axis=0)
     moved = float(np.linalg.norm(points - point, axis=1).max())
     normal = np.mean([places[key][1] for key in keys], axis=0)
-    first = min(keys)
-    joined = len(keys) > 1 or " end " not in first
-    return LatticeNode(first, tuple(keys), point, normal / np.linalg.norm(normal), joined, moved)
+    name = min(keys)
+    joined = len(keys) > 1 or " end " not in name
+    return LatticeNode(name, tuple(keys), point, normal / np.linalg.norm(normal), joined, moved)
 
 
-def _named(ways: Sequence[_Way], number: dict[str, int]) -> tuple[list[Bay], list[str]]:
+def _numbered_bays(raw_bays: Sequence[_RawBay], number: dict[str, int]) -> tuple[list[Bay], list[str]]:
     bays, parallel = list[Bay](), list[str]()
     counted: dict[str, int] = {}
-    there = set[frozenset[int]]()
-    for way in ways:
-        i, j = (number[key] for key in way.ends)
+    taken = set[frozenset[int]]()
+    for raw_bay in raw_bays:
+        i, j = (number[key] for key in raw_bay.ends)
         if i == j:
             continue
-        counted[way.member] = counted.get(way.member, 0) + 1
-        name = f"{way.member}.{counted[way.member]}"
-        if frozenset((i, j)) in there:
+        counted[raw_bay.member] = counted.get(raw_bay.member, 0) + 1
+        name = f"{raw_bay.member}.{counted[raw_bay.member]}"
+        if frozenset((i, j)) in taken:
             parallel.append(name)
             continue
-        there.add(frozenset((i, j)))
-        bays.append(Bay(name, way.member, (i, j), way.span, way.width))
+        taken.add(frozenset((i, j)))
+        bays.append(Bay(name, raw_bay.member, (i, j), raw_bay.span, raw_bay.width))
     return bays, parallel

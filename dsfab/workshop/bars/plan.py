@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
-from dsfab.core.messages import length, some_names
+from dsfab.core.messages import length, names_and_count
 from dsfab.members import MemberGraph
 from dsfab.workshop.bars.cutting import BarStock, bar_part, mitre_length, plate_part
 from dsfab.workshop.bars.joints import BarLattice, Footing, Joint, LatticeBar, bar_lattice, leg_lines
-from dsfab.workshop.bars.lattice import CLEAR, is_barred, member_lattice
+from dsfab.workshop.bars.lattice import BAR_CLEARANCE, becomes_bars, member_lattice
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.plates import plate_parts
 
@@ -22,26 +22,30 @@ class BarPlan:
     legless : names of supported nodes whose plates have no leg.
     """
 
-    found: BarLattice
+    bar_lattice: BarLattice
     stock: BarStock
     parts: tuple[FlatPart, ...]
     legless: tuple[str, ...] = ()
 
     @property
-    def loose(self) -> tuple[str, ...]:
+    def too_short(self) -> tuple[str, ...]:
         """Names of bars that are too short for a bolt at each end."""
-        return tuple(bar.bay.id for bar in self.found.bars if not self.stock.bolts(bar)[0])
+        return tuple(bar.bay.id for bar in self.bar_lattice.bars if not self.stock.bolt_stations(bar)[0])
 
     @property
-    def strayed(self) -> float:
+    def largest_sagitta(self) -> float:
         """Largest distance of a bar from the surface (m)."""
-        return max(bar.sagitta for bar in self.found.bars)
+        return max(bar.sagitta for bar in self.bar_lattice.bars)
 
     @property
     def lines(self) -> tuple[str, ...]:
         """Sentences on what can be built and what cannot."""
-        legged = {joint.node.id: joint.leg for joint in self.found.joints if joint.leg}
-        return (*_possible(self), *leg_lines([leg.fold for leg in legged.values()], self.legless), *_left_out(self))
+        legged = {joint.node.id: joint.leg for joint in self.bar_lattice.joints if joint.leg}
+        return (
+            *_possibility_lines(self),
+            *leg_lines([leg.fold for leg in legged.values()], self.legless),
+            *_omission_lines(self),
+        )
 
 
 def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:
@@ -51,27 +55,27 @@ def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Foot
 
     Raises PatternError if nodes are too close to each other for bars.
     """
-    found = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
-    found, legless = found.with_legs(footing) if footing else (found, [])
-    nodes = found.lattice.nodes
-    bars = [bar_part(bar, (nodes[bar.ends[0].node].id, nodes[bar.ends[1].node].id), stock) for bar in found.bars]
-    plates = [plate_part(joint, found, stock) for joint in found.joints if joint.node.joined]
-    discs = [member for member in graph.members if not is_barred(member) and member.kind != "fill"]
+    lattice = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
+    lattice, legless = lattice.with_legs(footing) if footing else (lattice, [])
+    nodes = lattice.lattice.nodes
+    bars = [bar_part(bar, (nodes[bar.ends[0].node].id, nodes[bar.ends[1].node].id), stock) for bar in lattice.bars]
+    plates = [plate_part(joint, lattice, stock) for joint in lattice.joints if joint.node.joined]
+    discs = [member for member in graph.members if not becomes_bars(member) and member.kind != "fill"]
     below = -(stock.bar + stock.plate)
     parts = (*bars, *plates, *plate_parts(graph, discs, normals, below, stock.bolt))
-    return BarPlan(found, stock, parts, tuple(legless))
+    return BarPlan(lattice, stock, parts, tuple(legless))
 
 
-def _possible(plan: BarPlan) -> Iterator[str]:
-    bars, stock = plan.found.bars, plan.stock
-    joints = sum(joint.node.joined for joint in plan.found.joints)
+def _possibility_lines(plan: BarPlan) -> Iterator[str]:
+    bars, stock = plan.bar_lattice.bars, plan.stock
+    joints = sum(joint.node.joined for joint in plan.bar_lattice.joints)
     yield (
         f"{len(bars)} straight bars of {length(stock.bar)} on {joints} plates of {length(stock.plate)}; they leave the "
-        f"surface by up to {length(plan.strayed)} ({max(bars, key=_sagitta).bay.id})"
+        f"surface by up to {length(plan.largest_sagitta)} ({max(bars, key=_sagitta).bay.id})"
     )
-    if plan.loose:
+    if plan.too_short:
         yield (
-            f"NOT POSSIBLE: {_names(plan.loose)} too short for a bolt of {length(stock.bolt)} at each end; set "
+            f"NOT POSSIBLE: {_names(plan.too_short)} too short for a bolt of {length(stock.bolt)} at each end; set "
             "workshop.bolt smaller, make members narrower, or their spacing larger"
         )
     dips = [(abs(end.dip), bar.bay.id) for bar in bars for end in bar.ends]
@@ -85,22 +89,22 @@ def _possible(plan: BarPlan) -> Iterator[str]:
 
 
 def _sharp_angles(plan: BarPlan) -> Iterator[str]:
-    bars, stock = plan.found.bars, plan.stock
-    angle, node, one, other = min(
-        (bars[k].ends[side].after, joint.node.id, bars[k].bay.id, bars[beside].bay.id)
-        for joint in plan.found.joints
-        for (k, side), (beside, _) in zip(joint.bars, (*joint.bars[1:], joint.bars[0]), strict=True)
+    bars, stock = plan.bar_lattice.bars, plan.stock
+    angle, node, bar_a, bar_b = min(
+        (bars[k].ends[side].after, joint.node.id, bars[k].bay.id, bars[neighbour].bay.id)
+        for joint in plan.bar_lattice.joints
+        for (k, side), (neighbour, _) in zip(joint.bars, (*joint.bars[1:], joint.bars[0]), strict=True)
     )
     if angle < np.pi:
-        told = f"is {np.degrees(angle):.0f} degrees, of {one} and {other} at {node}"
-        yield f"the sharpest angle between two bars of a node {told}"
+        description = f"is {np.degrees(angle):.0f} degrees, of {bar_a} and {bar_b} at {node}"
+        yield f"the sharpest angle between two bars of a node {description}"
     shares = {bar.bay.id: max(mitre_length(bar, end, stock) for end in bar.ends) / bar.length for bar in bars}
-    most = sorted((name for name, share in shares.items() if share > 0.5), key=lambda name: -shares[name])
-    if most:
-        many = "1 bar loses" if len(most) == 1 else f"{len(most)} bars lose"
+    weakened = sorted((name for name, share in shares.items() if share > 0.5), key=lambda name: -shares[name])
+    if weakened:
+        many = "1 bar loses" if len(weakened) == 1 else f"{len(weakened)} bars lose"
         yield (
             f"{many} a side for more than half of the length to a "
-            f"neighbour at a sharp angle, and may be too weak: {some_names(most)}; "
+            f"neighbour at a sharp angle, and may be too weak: {names_and_count(weakened)}; "
             "narrower members lose less"
         )
 
@@ -109,8 +113,8 @@ def _sagitta(bar: LatticeBar) -> float:
     return bar.sagitta
 
 
-def _left_out(plan: BarPlan) -> Iterator[str]:
-    lattice = plan.found.lattice
+def _omission_lines(plan: BarPlan) -> Iterator[str]:
+    lattice = plan.bar_lattice.lattice
     joined = [node for node in lattice.nodes if len(node.nodes) > 1]
     if joined:
         farthest = max(joined, key=lambda node: node.moved)
@@ -124,14 +128,17 @@ def _left_out(plan: BarPlan) -> Iterator[str]:
         yield f"{_names(lattice.rings)} left out: closed, with fewer than three nodes"
     ends = [node for node in lattice.nodes if not node.joined]
     if ends:
-        yield f"{len(ends)} bars end without a plate, at edges of the surface: {some_names([node.id for node in ends])}"
+        yield (
+            f"{len(ends)} bars end without a plate, at edges of the surface: "
+            f"{names_and_count([node.id for node in ends])}"
+        )
 
 
 def _names(names: tuple[str, ...]) -> str:
-    return f"{some_names(names)} {'is' if len(names) == 1 else 'are'}"
+    return f"{names_and_count(names)} {'is' if len(names) == 1 else 'are'}"
 
 
-BOX = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+BAR_QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 """Corners of a bar's six sides from outside; bits of a corner number: 1 up, 2 left, 4 end."""
 
 
@@ -147,41 +154,43 @@ class PlacedPart:
 def bar_body(bar: LatticeBar, stock: BarStock) -> tuple[Floats, Ints]:
     """Return vertices (8, 3) in metres and triangles (12, 3) of a bar without its mitres."""
     d, half = bar.direction, bar.bay.width / 2
-    clear = [CLEAR * stock.bolt if end.root else 0.0 for end in bar.ends]
+    clear = [BAR_CLEARANCE * stock.bolt if end.root else 0.0 for end in bar.ends]
     middles = bar.points + np.array([clear[0], -clear[1]])[:, None] * d
-    left = np.cross(bar.normals, d)
-    sides = np.array([[y * half * left + z * stock.bar / 2 * bar.normals for z in (-1, 1)] for y in (-1, 1)])
+    sideways = np.cross(bar.normals, d)
+    sides = np.array([[y * half * sideways + z * stock.bar / 2 * bar.normals for z in (-1, 1)] for y in (-1, 1)])
     V = (middles[:, None, None] + sides.transpose(2, 0, 1, 3)).reshape(8, 3)
-    return V, np.concatenate([BOX[:, [0, 1, 2]], BOX[:, [0, 2, 3]]])
+    return V, np.concatenate([BAR_QUADS[:, [0, 1, 2]], BAR_QUADS[:, [0, 2, 3]]])
 
 
 def placed_parts(plan: BarPlan) -> list[PlacedPart]:
     """Return all bars, then all node plates, in the structure."""
-    found, stock = plan.found, plan.stock
-    bars = [PlacedPart(bar.bay.id, bar.bay.member, bar_body(bar, stock)[0][BOX]) for bar in found.bars]
-    joints = [joint for joint in found.joints if joint.node.joined]
-    return bars + [PlacedPart(joint.node.id, "", _plate_quads(joint, found, stock)) for joint in joints]
+    lattice, stock = plan.bar_lattice, plan.stock
+    bars = [PlacedPart(bar.bay.id, bar.bay.member, bar_body(bar, stock)[0][BAR_QUADS]) for bar in lattice.bars]
+    joints = [joint for joint in lattice.joints if joint.node.joined]
+    return bars + [PlacedPart(joint.node.id, "", _plate_quads(joint, lattice, stock)) for joint in joints]
 
 
-def _plate_quads(joint: Joint, found: BarLattice, stock: BarStock) -> Floats:
+def _plate_quads(joint: Joint, lattice: BarLattice, stock: BarStock) -> Floats:
     """Return quads (q, 4, 3) of a folded plate's middle: one for each arm, and two triangles beside each."""
     n, quads = joint.node.normal, list[Floats]()
     middle = joint.node.point - stock.lever * n
     corners = list[tuple[Floats, Floats]]()
     for k, side in joint.bars:
-        bar = found.bars[k]
+        bar = lattice.bars[k]
         d = bar.direction if side == 0 else -bar.direction
-        left = np.cross(bar.normals[side], d)
-        root, last = bar.points[side] - stock.lever * bar.normals[side], stock.bolts(bar)[1]
+        sideways = np.cross(bar.normals[side], d)
+        root, end_distance = bar.points[side] - stock.lever * bar.normals[side], stock.bolt_stations(bar)[1]
         fold = root + np.tan(bar.ends[side].dip / 2) * stock.lever * -d
-        corners.append((fold - joint.half * left, fold + joint.half * left))
-        end = root + last * d
-        quads.append(np.array([corners[-1][0], end - joint.half * left, end + joint.half * left, corners[-1][1]]))
+        corners.append((fold - joint.half * sideways, fold + joint.half * sideways))
+        end = root + end_distance * d
+        quads.append(
+            np.array([corners[-1][0], end - joint.half * sideways, end + joint.half * sideways, corners[-1][1]])
+        )
     if joint.leg:
         quads += _leg_quads(joint, middle)
-    for one, two in zip(corners, [*corners[1:], corners[0]], strict=True):
-        quads.append(np.array([middle, one[0], one[1], middle]))
-        quads.append(np.array([middle, one[1], two[0], middle]))
+    for arm, next_arm in zip(corners, [*corners[1:], corners[0]], strict=True):
+        quads.append(np.array([middle, arm[0], arm[1], middle]))
+        quads.append(np.array([middle, arm[1], next_arm[0], middle]))
     return np.array(quads)
 
 
@@ -190,6 +199,6 @@ def _leg_quads(joint: Joint, middle: Floats) -> list[Floats]:
     assert leg is not None
     aside = joint.half * np.cross(n, leg.way)
     fold = middle + joint.root * leg.way
-    end = fold + leg.long * (np.cos(leg.fold) * leg.way + np.sin(leg.fold) * n)
+    end = fold + leg.length * (np.cos(leg.fold) * leg.way + np.sin(leg.fold) * n)
     leg_itself = np.array([fold - aside, end - aside, end + aside, fold + aside])
     return [leg_itself, np.array([middle, fold - aside, fold + aside, middle])]

@@ -7,7 +7,7 @@ first are tried too; the least area or cost wins.
 skyline   parts in columns, and sheets with skyline and gaps    sheets   all parts, and fewer sheets by spyrrow
 """
 
-from dsfab.workshop.nesting.sheets import NestedSheet, emptied, nested, require_spyrrow, stacked
+from dsfab.workshop.nesting.sheets import NestedSheet, nest_parts, require_spyrrow, stack_parts, with_fewer_sheets
 from dsfab.workshop.nesting.skyline import NestedPart
 
-__all__ = ["NestedPart", "NestedSheet", "emptied", "nested", "require_spyrrow", "stacked"]
+__all__ = ["NestedPart", "NestedSheet", "nest_parts", "require_spyrrow", "stack_parts", "with_fewer_sheets"]

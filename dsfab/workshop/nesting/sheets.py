@@ -18,10 +18,19 @@ from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import PatternError
 from dsfab.export import ProgramError, last_line, temporary_folder
 from dsfab.workshop.nesting import spyrrow_program
-from dsfab.workshop.nesting.skyline import NEAR, NestedPart, OpenSheet, Raster, empty_sheet, part_shapes, placed, raster
-from dsfab.workshop.parts import TOLERANCE, FlatPart
+from dsfab.workshop.nesting.skyline import (
+    ROUNDING,
+    ColumnGrid,
+    NestedPart,
+    OpenSheet,
+    column_grid,
+    empty_sheet,
+    part_shapes,
+    place_part,
+)
+from dsfab.workshop.parts import OUTLINE_TOLERANCE, FlatPart
 
-Size = tuple[float, float]
+SheetSize = tuple[float, float]
 """Length and width of a sheet (m)."""
 
 
@@ -29,18 +38,18 @@ Size = tuple[float, float]
 class NestedSheet:
     """Sheet of the stock with its size (m), its parts, and its price; 0 without a price."""
 
-    size: Size
+    size: SheetSize
     parts: tuple[NestedPart, ...]
     price: float = 0.0
 
     @property
-    def used(self) -> float:
+    def used_share(self) -> float:
         """Share of its area that becomes parts."""
-        return sum(one.part.area for one in self.parts) / (self.size[0] * self.size[1])
+        return sum(item.part.area for item in self.parts) / (self.size[0] * self.size[1])
 
 
-def nested(
-    parts: Sequence[FlatPart], stock: Sequence[Size], gap: float, grain: bool = False, prices: Sequence[float] = ()
+def nest_parts(
+    parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
     """Nest all parts on sheets of the stock, `gap` metres apart and from the edges.
 
@@ -50,128 +59,130 @@ def nested(
 
     Raises PatternError for a part that fits on no sheet.
     """
-    ask, costs = raster(stock, gap, grain), _costs(stock, prices)
-    best: list[NestedSheet] | None = None
+    grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
+    cheapest: list[NestedSheet] | None = None
     for boxes in (False, True):
-        for order in _orders(stock):
-            most = len(best) - 1 if best is not None and len(stock) == 1 else len(parts)
-            if boxes and _boxes(parts, gap) > most * max((a - gap) * (b - gap) for a, b in stock) + NEAR:
+        for order in _stock_orders(stock):
+            limit = len(cheapest) - 1 if cheapest is not None and len(stock) == 1 else len(parts)
+            if boxes and _box_area(parts, gap) > limit * max((a - gap) * (b - gap) for a, b in stock) + ROUNDING:
                 continue
-            tried = _filled(parts, boxes, order, ask, most)
-            best = _cheaper(best, tried, boxes, costs, ask)
+            tried = _fill_sheets(parts, boxes, order, grid, limit)
+            cheapest = _cheaper_nest(cheapest, tried, boxes, costs, grid)
         if len(costs) > 1:
-            best = _cheaper(best, _by_value(parts, boxes, costs, ask), boxes, costs, ask)
-    return [replace(sheet, price=costs[sheet.size]) for sheet in best or []] if prices else best or []
+            cheapest = _cheaper_nest(cheapest, _fill_by_value(parts, boxes, costs, grid), boxes, costs, grid)
+    return [replace(sheet, price=costs[sheet.size]) for sheet in cheapest or []] if prices else cheapest or []
 
 
-def _orders(stock: Sequence[Size]) -> list[list[Size]]:
-    return [[first, *(size for size in stock if size != first)] for first in dict.fromkeys(stock)]
+def _stock_orders(stock: Sequence[SheetSize]) -> list[list[SheetSize]]:
+    return [[leading, *(size for size in stock if size != leading)] for leading in dict.fromkeys(stock)]
 
 
-def _costs(stock: Sequence[Size], prices: Sequence[float]) -> dict[Size, float]:
+def _costs(stock: Sequence[SheetSize], prices: Sequence[float]) -> dict[SheetSize, float]:
     priced = zip(stock, prices or [a * b for a, b in stock], strict=True)
     return dict(sorted(priced, key=lambda one: -one[1]))
 
 
-def _cheaper(
-    best: list[NestedSheet] | None,
+def _cheaper_nest(
+    cheapest: list[NestedSheet] | None,
     tried: list[NestedSheet] | None,
     boxes: bool,
-    costs: Mapping[Size, float],
-    ask: Raster,
+    costs: Mapping[SheetSize, float],
+    grid: ColumnGrid,
 ) -> list[NestedSheet] | None:
     if tried is None:
-        return best
-    tried = [_on_cheapest(sheet, boxes, costs, ask) for sheet in tried]
-    return tried if best is None or _cost(tried, costs) < _cost(best, costs) else best
+        return cheapest
+    tried = [_on_cheapest(sheet, boxes, costs, grid) for sheet in tried]
+    return tried if cheapest is None or _cost(tried, costs) < _cost(cheapest, costs) else cheapest
 
 
-def _cost(sheets: list[NestedSheet], costs: Mapping[Size, float]) -> float:
+def _cost(sheets: list[NestedSheet], costs: Mapping[SheetSize, float]) -> float:
     return round(sum(costs[sheet.size] for sheet in sheets), 9)
 
 
-def _on_cheapest(sheet: NestedSheet, boxes: bool, costs: Mapping[Size, float], ask: Raster) -> NestedSheet:
-    for size in sorted(costs, key=lambda one: costs[one]):
+def _on_cheapest(sheet: NestedSheet, boxes: bool, costs: Mapping[SheetSize, float], grid: ColumnGrid) -> NestedSheet:
+    for size in sorted(costs, key=lambda item: costs[item]):
         if costs[size] >= costs[sheet.size]:
             break
-        other = empty_sheet(size, ask)
-        if all(placed(other, part_shapes(one.part, ask, boxes), ask) for one in sheet.parts):
-            return NestedSheet(size, tuple(other.parts))
+        candidate = empty_sheet(size, grid)
+        if all(place_part(candidate, part_shapes(item.part, grid, boxes), grid) for item in sheet.parts):
+            return NestedSheet(size, tuple(candidate.parts))
     return sheet
 
 
-def _by_value(
-    parts: Sequence[FlatPart], boxes: bool, costs: Mapping[Size, float], ask: Raster
+def _fill_by_value(
+    parts: Sequence[FlatPart], boxes: bool, costs: Mapping[SheetSize, float], grid: ColumnGrid
 ) -> list[NestedSheet] | None:
     """Fill sheets in turn, each of the size with most part area for its cost; None if a part fits on none."""
-    left, found = _in_order(parts), list[NestedSheet]()
-    while left:
-        best: OpenSheet | None = None
-        most = 0.0
+    remaining, sheets = _largest_first(parts), list[NestedSheet]()
+    while remaining:
+        fullest: OpenSheet | None = None
+        best_value = 0.0
         for size, cost in costs.items():
-            sheet = empty_sheet(size, ask)
-            if not placed(sheet, part_shapes(left[0], ask, boxes), ask):
+            sheet = empty_sheet(size, grid)
+            if not place_part(sheet, part_shapes(remaining[0], grid, boxes), grid):
                 continue
-            for part in left[1:]:
-                placed(sheet, part_shapes(part, ask, boxes), ask)
-            value = sum(one.part.area for one in sheet.parts) / cost
-            if value > most + NEAR:
-                best, most = sheet, value
-        if best is None:
+            for part in remaining[1:]:
+                place_part(sheet, part_shapes(part, grid, boxes), grid)
+            value = sum(item.part.area for item in sheet.parts) / cost
+            if value > best_value + ROUNDING:
+                fullest, best_value = sheet, value
+        if fullest is None:
             return None
-        taken = {one.part.id for one in best.parts}
-        left = [part for part in left if part.id not in taken]
-        found.append(NestedSheet(best.size, tuple(best.parts)))
-    return found
+        taken = {item.part.id for item in fullest.parts}
+        remaining = [part for part in remaining if part.id not in taken]
+        sheets.append(NestedSheet(fullest.size, tuple(fullest.parts)))
+    return sheets
 
 
-def stacked(
-    parts: Sequence[FlatPart], stock: Sequence[Size], gap: float, most: int, grain: bool = False
+def stack_parts(
+    parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
-    """Nest parts by piling alone, faster than `nested`; None for more than `limit` sheets."""
-    ask = raster(stock, gap, grain)
-    return _filled(parts, False, stock, ask, most)
+    """Nest parts by piling alone, faster than `nest_parts`; None for more than `limit` sheets."""
+    grid = column_grid(stock, gap, grain)
+    return _fill_sheets(parts, False, stock, grid, limit)
 
 
-def _boxes(parts: Sequence[FlatPart], gap: float) -> float:
+def _box_area(parts: Sequence[FlatPart], gap: float) -> float:
     return float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
 
 
-def _by_box(part: FlatPart) -> tuple[float, ...]:
+def _size_key(part: FlatPart) -> tuple[float, ...]:
     """Return the sort key that puts long and bowed parts first, because short parts fit between them."""
     return (-round(float(part.size[0] * part.size[1]), 4), -float(part.size[0]))
 
 
-def _in_order(parts: Sequence[FlatPart]) -> list[FlatPart]:
-    return sorted(parts, key=lambda one: (_by_box(one), one.id))
+def _largest_first(parts: Sequence[FlatPart]) -> list[FlatPart]:
+    return sorted(parts, key=lambda one: (_size_key(one), one.id))
 
 
-def _filled(
+def _fill_sheets(
     parts: Sequence[FlatPart],
     boxes: bool,
-    stock: Sequence[Size],
-    ask: Raster,
-    most: int,
+    stock: Sequence[SheetSize],
+    grid: ColumnGrid,
+    limit: int,
 ) -> list[NestedSheet] | None:
     """Fill sheets: each part goes on the first sheet with room; None for more than `limit` sheets."""
     opened = list[OpenSheet]()
-    left, largest = sum(part.area for part in parts), max(a * b for a, b in stock) + NEAR
-    for part in _in_order(parts):
-        turns = part_shapes(part, ask, boxes)
-        if not any(placed(sheet, turns, ask) for sheet in opened):
-            new = next((sheet for size in stock if placed(sheet := empty_sheet(size, ask), turns, ask)), None)
-            if new is None:
+    remaining_area, largest = sum(part.area for part in parts), max(a * b for a, b in stock) + ROUNDING
+    for part in _largest_first(parts):
+        turns = part_shapes(part, grid, boxes)
+        if not any(place_part(sheet, turns, grid) for sheet in opened):
+            new_sheet = next(
+                (sheet for size in stock if place_part(sheet := empty_sheet(size, grid), turns, grid)), None
+            )
+            if new_sheet is None:
                 a, b = turns[0].size
-                way = ", along its grain" if ask.grain else ""
+                grain_text = ", along its grain" if grid.grain else ""
                 raise PatternError(
                     f"part {turns[0].part.id} is {a:.3g} x {b:.3g} m and fits on no sheet of the stock with "
-                    f"{ask.gap:g} m to its edges{way}; give a larger workshop.stock"
+                    f"{grid.gap:g} m to its edges{grain_text}; give a larger workshop.stock"
                 )
-            opened.append(new)
-            free = sum(sheet.left for sheet in opened) + (most - len(opened)) * largest
-            if len(opened) > most or left - part.area > free:
+            opened.append(new_sheet)
+            free = sum(sheet.free_area for sheet in opened) + (limit - len(opened)) * largest
+            if len(opened) > limit or remaining_area - part.area > free:
                 return None
-        left -= part.area
+        remaining_area -= part.area
     return [NestedSheet(sheet.size, tuple(sheet.parts)) for sheet in opened]
 
 
@@ -182,25 +193,25 @@ def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enoug
     size : of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m).
     """
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
-    found = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
+    distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):
         if float(np.maximum(c - b, a - d).max()) < enough:
-            found.append(polygon_distance(P, Q))
-    return min(found, default=np.inf)
+            distances.append(polygon_distance(P, Q))
+    return min(distances, default=np.inf)
 
 
 def polygon_distance(P: Floats, Q: Floats) -> float:
     """Return the distance of two closed polygons (p, 2) and (q, 2) as areas (m); 0 if they overlap or touch."""
-    if _inside(P[:1], Q)[0] or _inside(Q[:1], P)[0] or _cross(P, Q):
+    if _inside(P[:1], Q)[0] or _inside(Q[:1], P)[0] or _sides_cross(P, Q):
         return 0.0
     return min(_from_sides(P, Q), _from_sides(Q, P))
 
 
 def _from_sides(points: Floats, polygon: Floats) -> float:
     a, side = polygon, np.roll(polygon, -1, axis=0) - polygon
-    way = points[:, None] - a
-    t = np.clip((way * side).sum(axis=2) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
-    return float(np.linalg.norm(way - t[..., None] * side, axis=2).min())
+    offsets = points[:, None] - a
+    t = np.clip((offsets * side).sum(axis=2) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
+    return float(np.linalg.norm(offsets - t[..., None] * side, axis=2).min())
 
 
 def _inside(points: Floats, polygon: Floats) -> Bools:
@@ -209,11 +220,11 @@ def _inside(points: Floats, polygon: Floats) -> Bools:
     x, y = points[:, :1], points[:, 1:]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
     with np.errstate(divide="ignore", invalid="ignore"):
-        at = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-    return np.asarray((spans & (x < at)).sum(axis=1) % 2 == 1)
+        crossing_x = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+    return np.asarray((spans & (x < crossing_x)).sum(axis=1) % 2 == 1)
 
 
-def _cross(P: Floats, Q: Floats) -> bool:
+def _sides_cross(P: Floats, Q: Floats) -> bool:
     a, b, c, d = P[:, None], np.roll(P, -1, axis=0)[:, None], Q[None], np.roll(Q, -1, axis=0)[None]
     return bool(((_turn(a, b, c) * _turn(a, b, d) < 0) & (_turn(c, d, a) * _turn(c, d, b) < 0)).any())
 
@@ -232,72 +243,72 @@ def require_spyrrow() -> None:
         )
 
 
-def emptied(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
+def with_fewer_sheets(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
     """Return the same parts on as many sheets or fewer; grain : parts of members lie along the sheets only."""
     # trials are counted, because a limit in seconds would give other sheets on other machines
-    found, tries = list(sheets), iter(range(24))
-    while len(found) > 1:
-        fewer = _without_least(found, gap, grain, tries)
+    remaining, tries = list(sheets), iter(range(24))
+    while len(remaining) > 1:
+        fewer = _without_least(remaining, gap, grain, tries)
         if fewer is None:
             break
-        found = fewer
-    return found
+        remaining = fewer
+    return remaining
 
 
 def _without_least(
     sheets: Sequence[NestedSheet], gap: float, grain: bool, tries: Iterator[int]
 ) -> list[NestedSheet] | None:
     """Return all parts without the least used sheet; None if a part finds no room or trials run out."""
-    least = min(sheets, key=_area)
-    others = [sheet for sheet in sheets if sheet is not least]
-    for part in sorted((one.part for one in least.parts), key=lambda part: -part.area):
-        for k in sorted(range(len(others)), key=lambda k: others[k].used)[:3]:  # most room first
-            full = _area(others[k]) + part.area > 0.92 * others[k].size[0] * others[k].size[1]
+    least = min(sheets, key=_parts_area)
+    remaining = [sheet for sheet in sheets if sheet is not least]
+    for part in sorted((item.part for item in least.parts), key=lambda part: -part.area):
+        for k in sorted(range(len(remaining)), key=lambda k: remaining[k].used_share)[:3]:  # most room first
+            full = _parts_area(remaining[k]) + part.area > 0.92 * remaining[k].size[0] * remaining[k].size[1]
             if full or next(tries, None) is None:
                 continue
-            if tried := _with_part(others[k], part, gap, grain):
-                others[k] = tried
+            if tried := _with_part(remaining[k], part, gap, grain):
+                remaining[k] = tried
                 break
         else:
             return None
-    return others
+    return remaining
 
 
-def _area(sheet: NestedSheet) -> float:
-    return sum(one.part.area for one in sheet.parts)
+def _parts_area(sheet: NestedSheet) -> float:
+    return sum(item.part.area for item in sheet.parts)
 
 
 def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> NestedSheet | None:
-    parts = [*(one.part for one in sheet.parts), part]
-    placed = _by_spyrrow(parts, sheet.size, gap, grain)
-    if sorted(one.part.id for one in placed) != sorted(one.id for one in parts):
+    parts = [*(item.part for item in sheet.parts), part]
+    nested_parts = _by_spyrrow(parts, sheet.size, gap, grain)
+    if sorted(item.part.id for item in nested_parts) != sorted(item.id for item in parts):
         return None
-    outlines = [one.placed.outline for one in placed]
-    if least_clearance(outlines, sheet.size, gap) < gap - NEAR:
+    outlines = [item.placed_part.outline for item in nested_parts]
+    if least_clearance(outlines, sheet.size, gap) < gap - ROUNDING:
         return None
-    return replace(sheet, parts=tuple(placed))
+    return replace(sheet, parts=tuple(nested_parts))
 
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
     # spyrrow computes in single precision, and `contours` leave out corners within `OUTLINE_TOLERANCE` of a line
-    apart = gap + 1e-5 + 2 * TOLERANCE
+    separation = gap + 1e-5 + 2 * OUTLINE_TOLERANCE
     job = {
-        "items": [[part.contours[0].tolist(), _turns(part, size[1] - 2 * gap, grain)] for part in parts],
+        "items": [[part.contours[0].tolist(), _allowed_turns(part, size[1] - 2 * gap, grain)] for part in parts],
         "height": size[1],
         "length": size[0],  # spyrrow keeps the gap to the edges
-        "gap": apart,
+        "gap": separation,
         "seed": 1,
     }
     with temporary_folder("dsfab") as folder:
         path = Path(folder) / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
         try:
-            said = json.loads(last_line(spyrrow_program.__file__, str(path), seconds=10.0))
-            return [NestedPart(parts[k], float(np.radians(turn % 360)), (x, y)) for k, turn, x, y in said or []]
+            reply = json.loads(last_line(spyrrow_program.__file__, str(path), seconds=10.0))
+            return [NestedPart(parts[k], float(np.radians(turn % 360)), (x, y)) for k, turn, x, y in reply or []]
         except (subprocess.TimeoutExpired, ProgramError, ValueError, TypeError, IndexError):
             return []
 
 
-def _turns(part: FlatPart, tallest: float, grain: bool) -> list[float]:
+def _allowed_turns(part: FlatPart, tallest: float, grain: bool) -> list[float]:
     across = part.size[0] <= tallest and not (grain and part.member)
     return [0.0, 90.0, 180.0, 270.0] if across else [0.0, 180.0]

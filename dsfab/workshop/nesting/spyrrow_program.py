@@ -36,17 +36,17 @@ def main(path: str) -> None:
     bad = spyrrow.ReportType.ExplInfeas, spyrrow.ReportType.ExplImproving
     while search.is_alive():
         search.join(0.1)
-        ways = (way for kind, way in queue.drain() if kind not in bad)
-        if way := next((way for way in ways if way.width <= job["length"]), None):
-            _say(way)
+        solutions = (solution for kind, solution in queue.drain() if kind not in bad)
+        if solution := next((solution for solution in solutions if solution.width <= job["length"]), None):
+            _print_and_exit(solution)
     if ended and ended[0].width <= job["length"]:
-        _say(ended[0])
+        _print_and_exit(ended[0])
     print("null")  # noqa: T201  the calling process reads it
 
 
-def _say(way: Any) -> None:
+def _print_and_exit(solution: Any) -> None:
     """Print a solution and end the process, because the search would go on."""
-    placed = [[int(one.id), one.rotation, *one.translation] for one in way.placed_items]
+    placed = [[int(item.id), item.rotation, *item.translation] for item in solution.placed_items]
     print(json.dumps(placed), flush=True)  # noqa: T201
     os._exit(0)
 

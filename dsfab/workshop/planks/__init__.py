@@ -4,12 +4,20 @@ slots   crossings of planks, and their slots    plank   a plank with its divisio
 plan    the whole plan: `plank_plan`
 """
 
-from dsfab.workshop.planks.plan import PlankPlan, plank_courses, plank_parts, plank_plan, upright
+from dsfab.workshop.planks.plan import PlankPlan, plank_courses, plank_parts, plank_plan, upright_course
 from dsfab.workshop.planks.plank import PlankStock
-from dsfab.workshop.planks.slots import ORDER, Crossing, PlankParts, Slot, plank_crossings, slot_width, standing_order
+from dsfab.workshop.planks.slots import (
+    STANDING_ORDER,
+    Crossing,
+    PlankParts,
+    Slot,
+    plank_crossings,
+    slot_width,
+    standing_order,
+)
 
 __all__ = [
-    "ORDER",
+    "STANDING_ORDER",
     "Crossing",
     "PlankParts",
     "PlankPlan",
@@ -21,5 +29,5 @@ __all__ = [
     "plank_plan",
     "slot_width",
     "standing_order",
-    "upright",
+    "upright_course",
 ]

@@ -12,18 +12,18 @@ from operator import itemgetter
 import numpy as np
 
 from dsfab.core.arrays import Floats
-from dsfab.core.messages import length, some_names, stopping
+from dsfab.core.messages import length, names_and_count, stopping_clause
 from dsfab.members import MemberGraph
 from dsfab.workshop.development import StripCourse, member_course
-from dsfab.workshop.ground import Ground
-from dsfab.workshop.layers import courses_without_rest, curled_courses, stopped_courses
+from dsfab.workshop.ground import BasePlane
+from dsfab.workshop.layers import courses_without_curls, shortened_courses, vanished_courses
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.planks.plank import Plank, PlankStock
 from dsfab.workshop.planks.slots import (
-    FIT,
-    ORDER,
-    SHARPEST,
-    SLIDE,
+    LEAST_DEGREES,
+    SLIDE_ANGLE,
+    SLOT_CLEARANCE,
+    STANDING_ORDER,
     Crossing,
     PlankParts,
     Slot,
@@ -35,7 +35,7 @@ from dsfab.workshop.splices import scarf_line
 from dsfab.workshop.strips import is_strip
 
 
-def upright(course: StripCourse, depth: float) -> StripCourse:
+def upright_course(course: StripCourse, depth: float) -> StripCourse:
     """Return a course along the surface as that of a plank: its normal is -B, and its left the surface normal."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
@@ -45,21 +45,28 @@ def upright(course: StripCourse, depth: float) -> StripCourse:
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
     """Return courses of all planks along the surface, and those that stop before others or before a curl."""
     members = [member for member in graph.members if is_strip(member)]
-    more = 2 * (stock.reach + stock.depth + stock.past)
-    courses = {one.id: member_course(graph, one, stock.past, more) for one in members}
+    extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
+    courses = {member.id: member_course(graph, member, stock.overhang, extra_length) for member in members}
     joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
-    stopped = curled_courses(courses, members)
+    stopped = courses_without_curls(courses, members)
     for family in dict.fromkeys(member.family for member in members):
-        mine = {one.id: _thin(courses[one.id], stock.thickness) for one in members if one.family == family}
-        nodes = {
-            name: sorted(mine[name].wrapped(node.at[node.members.index(name)]) for node in graph.along[name])
-            for name in mine
+        family_courses = {
+            member.id: _thin_course(courses[member.id], stock.thickness)
+            for member in members
+            if member.family == family
         }
-        stopped |= stopped_courses(mine, nodes, joined, stock.past)
+        nodes = {
+            name: sorted(
+                family_courses[name].wrapped_station(node.at[node.members.index(name)])
+                for node in graph.nodes_along[name]
+            )
+            for name in family_courses
+        }
+        stopped |= shortened_courses(family_courses, nodes, joined, stock.overhang)
     return courses | stopped, stopped
 
 
-def _thin(course: StripCourse, thickness: float) -> StripCourse:
+def _thin_course(course: StripCourse, thickness: float) -> StripCourse:
     half = np.full(len(course.s), thickness / 2)
     return replace(course, left=half, right=half)
 
@@ -68,8 +75,8 @@ def plank_parts(
     graph: MemberGraph,
     stock: PlankStock,
     room: list[tuple[float, float]],
-    ground: Ground | None = None,
-    order: Sequence[str] = ORDER,
+    ground: BasePlane | None = None,
+    order: Sequence[str] = STANDING_ORDER,
 ) -> PlankParts:
     """Return the parts of all members that are planks.
 
@@ -80,41 +87,53 @@ def plank_parts(
     Raises PatternError if no piece fits on the stock.
     """
     courses, stopped = plank_courses(graph, stock)
-    gone = courses_without_rest(stopped, dict.fromkeys(stopped, stock.depth))
-    courses = {name: course for name, course in courses.items() if name not in gone}
-    found = PlankParts(
+    vanished = vanished_courses(stopped, dict.fromkeys(stopped, stock.depth))
+    courses = {name: course for name, course in courses.items() if name not in vanished}
+    parts = PlankParts(
         tuple(order),
         crossings=plank_crossings(graph, courses, order),
-        stopped=sorted(set(stopped) - gone),
-        gone=sorted(gone),
+        shortened=sorted(set(stopped) - vanished),
+        vanished=sorted(vanished),
     )
-    found.crossings.found, missed = _reached(found.crossings.found, courses)
-    found.left = sorted({*missed, *(node.id for name in gone for node in graph.along[name])})
-    planks = [Plank(graph.by_id[name], upright(course, stock.depth), stock) for name, course in courses.items()]
+    parts.crossings.crossings, missed = _reachable_crossings(parts.crossings.crossings, courses)
+    parts.missed_nodes = sorted({*missed, *(node.id for name in vanished for node in graph.nodes_along[name])})
+    planks = [Plank(graph.by_id[name], upright_course(course, stock.depth), stock) for name, course in courses.items()]
     by_name = {plank.member.id: plank for plank in planks}
     for plank in planks:
-        plank.divide(found.crossings.found, room, ground, found)
-    for one in found.crossings.found:
-        lower, upper = (by_name[name] for name in one.members)
-        leans = one.leans(way) if (way := upper.way_at(one.at[1])) is not None else (0.0, 0.0)
-        half = slot_width(stock.thickness, one.angle) / 2 + FIT
-        lower.slots.append(Slot(one.node, one.at[0], (one.rise - FIT) / 2, half, leans[0], above=True))
-        upper.slots.append(Slot(one.node, one.at[1], (FIT - one.rise) / 2, half, leans[1], above=False))
+        plank.divide(parts.crossings.crossings, room, ground, parts)
+    for crossing in parts.crossings.crossings:
+        lower, upper = (by_name[name] for name in crossing.members)
+        leans = (
+            crossing.slot_leans(direction)
+            if (direction := upper.direction_at(crossing.at[1])) is not None
+            else (0.0, 0.0)
+        )
+        half = slot_width(stock.thickness, crossing.angle) / 2 + SLOT_CLEARANCE
+        lower.slots.append(
+            Slot(crossing.node, crossing.at[0], (crossing.rise - SLOT_CLEARANCE) / 2, half, leans[0], above=True)
+        )
+        upper.slots.append(
+            Slot(crossing.node, crossing.at[1], (SLOT_CLEARANCE - crossing.rise) / 2, half, leans[1], above=False)
+        )
     for plank in planks:
-        plank.into(found)
-    return found
+        plank.add_parts(parts)
+    return parts
 
 
-def _reached(crossings: list[Crossing], courses: Mapping[str, StripCourse]) -> tuple[list[Crossing], list[str]]:
-    there = [
+def _reachable_crossings(
+    crossings: list[Crossing], courses: Mapping[str, StripCourse]
+) -> tuple[list[Crossing], list[str]]:
+    reached = [
         all(
             courses[name].begin <= s <= courses[name].end or courses[name].closed
-            for name, s in zip(one.members, one.at, strict=True)
+            for name, s in zip(crossing.members, crossing.at, strict=True)
         )
-        for one in crossings
+        for crossing in crossings
     ]
-    pairs = list(zip(crossings, there, strict=True))
-    return [one for one, here in pairs if here], [one.node for one, here in pairs if not here]
+    pairs = list(zip(crossings, reached, strict=True))
+    return [crossing for crossing, is_reached in pairs if is_reached], [
+        crossing.node for crossing, is_reached in pairs if not is_reached
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +143,7 @@ class PlankPlan:
     limit : strain at the material's strength; 0 if the preset has none.
     """
 
-    found: PlankParts
+    planks: PlankParts
     stock: PlankStock
     parts: tuple[FlatPart, ...]
     limit: float
@@ -132,42 +151,45 @@ class PlankPlan:
     @property
     def lines(self) -> tuple[str, ...]:
         """Sentences on what can be built and what cannot."""
-        return (*_bent(self), *_halved(self), *_put_on(self), *_left_out(self))
+        return (*_bending_lines(self), *_crossing_lines(self), *_sliding_lines(self), *_omission_lines(self))
 
     @property
-    def hindrance(self) -> str:
+    def obstacle(self) -> str:
         """Obstacle to building, in numbers, as planks "would ..."; "" for none."""
-        found, worst = self.found, max(self.found.bends.values(), default=0.0)
+        planks, worst = self.planks, max(self.planks.bends.values(), default=0.0)
         if worst > self.limit:
             return f"would be bent across themselves to {worst:.2%}, of {self.limit:.2%} allowed"
-        if found.crossings.sharp:
-            return f"would meet at under {SHARPEST:g} degrees at {some_names(found.crossings.sharp)}, without slots"
-        if found.crowded:
-            return f"would have slots without wood between them: {some_names(found.crowded)}"
-        if found.stuck:
-            name, angle = max(found.stuck.items(), key=itemgetter(1))
+        if planks.crossings.sharp_nodes:
             return (
-                f"would not slide together: slots of {len(found.stuck)} of them turn from each other by up to "
+                f"would meet at under {LEAST_DEGREES:g} degrees at "
+                f"{names_and_count(planks.crossings.sharp_nodes)}, without slots"
+            )
+        if planks.crowded:
+            return f"would have slots without wood between them: {names_and_count(planks.crowded)}"
+        if planks.stuck:
+            name, angle = max(planks.stuck.items(), key=itemgetter(1))
+            return (
+                f"would not slide together: slots of {len(planks.stuck)} of them turn from each other by up to "
                 f"{np.degrees(angle):.0f} degrees from the middle ({name})"
             )
         return ""
 
     @property
-    def merit(self) -> str:
+    def summary(self) -> str:
         """Bending, crossings and slots of a possible plan, in numbers."""
-        found, stock = self.found, self.stock
-        bend, lean = (max(some.values(), default=0.0) for some in (found.bends, found.steep))
-        said = (
+        planks, stock = self.planks, self.stock
+        bend, lean = (max(angles.values(), default=0.0) for angles in (planks.bends, planks.slide_angles))
+        text = (
             f"planks {length(stock.depth)} deep and {length(stock.thickness)} thick are bent to {bend:.2%}, of "
             f"{self.limit:.2%} allowed"
         )
-        if found.crossings.found:
-            angle = min(one.angle for one in found.crossings.found)
-            said += (
+        if planks.crossings.crossings:
+            angle = min(crossing.angle for crossing in planks.crossings.crossings)
+            text += (
                 f", cross at {np.degrees(angle):.0f} degrees or more, and their slots open by up to "
                 f"{np.degrees(lean):.1f} degrees to be put on"
             )
-        return said
+        return text
 
 
 def plank_plan(
@@ -176,8 +198,8 @@ def plank_plan(
     stock: PlankStock,
     room: list[tuple[float, float]],
     limit: float,
-    ground: Ground | None = None,
-    order: Sequence[str] = ORDER,
+    ground: BasePlane | None = None,
+    order: Sequence[str] = STANDING_ORDER,
 ) -> PlankPlan:
     """Return the planks of a graph, and its plates on them without holes.
 
@@ -186,19 +208,19 @@ def plank_plan(
 
     Raises PatternError if no piece fits on the stock.
     """
-    found = plank_parts(graph, stock, room, ground, order)
+    planks = plank_parts(graph, stock, room, ground, order)
     discs = [member for member in graph.members if is_plate(member)]
     over = (stock.depth + stock.thickness) / 2
     plates = [replace(plate, holes=()) for plate in plate_parts(graph, discs, normals, over, stock.bolt)]
-    return PlankPlan(found, stock, (*found.pieces, *found.covers, *plates), limit)
+    return PlankPlan(planks, stock, (*planks.pieces, *planks.covers, *plates), limit)
 
 
-def _bent(plan: PlankPlan) -> Iterator[str]:
-    found, stock = plan.found, plan.stock
-    if not found.bends:
+def _bending_lines(plan: PlankPlan) -> Iterator[str]:
+    planks, stock = plan.planks, plan.stock
+    if not planks.bends:
         return
-    order = sorted(found.bends, key=lambda one: -found.bends[one])
-    worst, over = found.bends[order[0]], [name for name in order if found.bends[name] > plan.limit]
+    order = sorted(planks.bends, key=lambda one: -planks.bends[one])
+    worst, over = planks.bends[order[0]], [name for name in order if planks.bends[name] > plan.limit]
     size = f"upright planks, {length(stock.depth)} deep and {length(stock.thickness)} thick,"
     how = f"are bent across themselves to a strain of {worst:.2%} ({order[0]} most)"
     if not plan.limit:
@@ -206,78 +228,81 @@ def _bent(plan: PlankPlan) -> Iterator[str]:
     elif over:
         yield (
             f"NOT POSSIBLE: {len(over)} of {len(order)} {size} {how}, {worst / plan.limit:.1f} times the "
-            f"{plan.limit:.2%} at which the strength is reached ({some_names(over)}): set workshop.thickness to "
+            f"{plan.limit:.2%} at which the strength is reached ({names_and_count(over)}): set workshop.thickness to "
             f"{_rounded_down(stock.thickness * plan.limit / worst)} or less, or draw a pattern that bends less there"
         )
     else:
         yield f"{len(order)} {size} {how}, of {plan.limit:.2%} allowed"
-    twisted = max(found.longer, key=lambda one: found.longer[one])
-    longest, least = found.longer[twisted], 5e-5  # metres: nobody measures less
+    twisted = max(planks.longer, key=lambda one: planks.longer[one])
+    longest, least = planks.longer[twisted], 5e-5  # metres: nobody measures less
     yield (
         f"the surface twists planks: their edges are {f'up to {length(longest)}' if longest > least else 'not'} longer "
         "in the structure than on the drawing" + (f" ({twisted})" if longest > least else "")
     )
 
 
-def _halved(plan: PlankPlan) -> Iterator[str]:
-    found, stock = plan.found, plan.stock
-    crossings = found.crossings
-    if crossings.found:
-        sharpest = min(crossings.found, key=lambda one: one.angle)
+def _crossing_lines(plan: PlankPlan) -> Iterator[str]:
+    planks, stock = plan.planks, plan.stock
+    crossings = planks.crossings
+    if crossings.crossings:
+        sharpest = min(crossings.crossings, key=lambda one: one.angle)
         yield (
-            f"{len(crossings.found)} nodes with a slot in both planks, cut square to the face; the widest are "
+            f"{len(crossings.crossings)} nodes with a slot in both planks, cut square to the face; the widest are "
             f"{length(slot_width(stock.thickness, sharpest.angle))}, where planks cross at "
             f"{np.degrees(sharpest.angle):.0f} degrees ({sharpest.node})"
         )
-    if crossings.sharp:
+    if crossings.sharp_nodes:
         yield (
-            f"NOT JOINED: at {some_names(crossings.sharp)} planks meet at under {SHARPEST:g} degrees "
+            f"NOT JOINED: at {names_and_count(crossings.sharp_nodes)} planks meet at under {LEAST_DEGREES:g} degrees "
             "and have no slots: notch or screw them there"
         )
-    if found.crowded:
+    if planks.crowded:
         yield (
             f"NOT POSSIBLE: slots are nearer to each other than wood is left between them, and were left out: "
-            f"{some_names(found.crowded)}; set workshop.thickness smaller, or a larger spacing"
+            f"{names_and_count(planks.crowded)}; set workshop.thickness smaller, or a larger spacing"
         )
 
 
-def _put_on(plan: PlankPlan) -> Iterator[str]:
-    found = plan.found
-    steep = {name: angle for name, angle in found.steep.items() if name not in found.stuck and angle > 0}
+def _sliding_lines(plan: PlankPlan) -> Iterator[str]:
+    planks = plan.planks
+    steep = {name: angle for name, angle in planks.slide_angles.items() if name not in planks.stuck and angle > 0}
     if steep:
         worst = max(steep, key=lambda one: steep[one])
         yield (
             f"planks with slots from below are put on along one direction, and their slots open for it by up to "
             f"{np.degrees(steep[worst]):.1f} degrees ({worst}); planks are spliced where it would be more than "
-            f"{np.degrees(SLIDE):.0f}"
+            f"{np.degrees(SLIDE_ANGLE):.0f}"
         )
-    if found.stuck:
-        worst = max(found.stuck, key=lambda one: found.stuck[one])
+    if planks.stuck:
+        worst = max(planks.stuck, key=lambda one: planks.stuck[one])
         yield (
-            f"NOT TO SLIDE TOGETHER: slots of {some_names(list(found.stuck))} turn from each other, by up to "
-            f"{np.degrees(found.stuck[worst]):.0f} degrees from the middle ({worst}): give smaller bolts or thinner "
+            f"NOT TO SLIDE TOGETHER: slots of {names_and_count(list(planks.stuck))} turn from each other, by up to "
+            f"{np.degrees(planks.stuck[worst]):.0f} degrees from the middle ({worst}): give smaller bolts or thinner "
             "planks, so that they can be spliced more often, or take strips or bars"
         )
 
 
-def _left_out(plan: PlankPlan) -> Iterator[str]:
-    found = plan.found
-    if plan.stock.lap and found.splices:
-        yield scarf_line(found.splices, plan.stock.lap)
-    if found.near:
-        yield f"{found.near} of {found.splices} splices are nearer to a node than they should be"
-    if found.level:
-        yield f"{found.level} ends at supports are cut along the ground"
-    if found.stopped:
+def _omission_lines(plan: PlankPlan) -> Iterator[str]:
+    planks = plan.planks
+    if plan.stock.lap and planks.splice_count:
+        yield scarf_line(planks.splice_count, plan.stock.lap)
+    if planks.splices_near_nodes:
+        yield f"{planks.splices_near_nodes} of {planks.splice_count} splices are nearer to a node than they should be"
+    if planks.level_ends:
+        yield f"{planks.level_ends} ends at supports are cut along the ground"
+    if planks.shortened:
         yield (
-            f"{some_names(found.stopped)} {stopping(len(found.stopped))} others of their family or curl up"
-            + (f"; {some_names(found.left)} are without them" if found.left else "")
+            f"{names_and_count(planks.shortened)} {stopping_clause(len(planks.shortened))} others of their family "
+            "or curl up" + (f"; {names_and_count(planks.missed_nodes)} are without them" if planks.missed_nodes else "")
         )
-    if found.gone:
-        yield f"NOT BUILT, as others of their family stand where they would be: {some_names(found.gone)}"
+    if planks.vanished:
+        yield f"NOT BUILT, as others of their family stand where they would be: {names_and_count(planks.vanished)}"
     plates = [part for part in plan.parts if part.member and not len(part.axis)]
     if plates:
-        yield f"plates lie on the planks, without holes, and are to be screwed on: {some_names([x.id for x in plates])}"
+        yield (
+            "plates lie on the planks, without holes, and are to be screwed on: "
+            f"{names_and_count([x.id for x in plates])}"
+        )
 
 
 def _rounded_down(metres: float) -> str:

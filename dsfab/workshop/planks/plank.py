@@ -9,14 +9,14 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import PatternError
 from dsfab.members import Member
 from dsfab.workshop.development import Development, StripCourse
-from dsfab.workshop.ground import STEEP, Ground
-from dsfab.workshop.layers import END, Layering
+from dsfab.workshop.ground import STEEP_SINE, BasePlane
+from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import FlatPart, Hole, label, text_length
-from dsfab.workshop.planks.slots import SLIDE, Crossing, PlankParts, Slot, middle, spread
-from dsfab.workshop.splices import SCARF, lap_marks, lapped, splice_cuts
-from dsfab.workshop.strips import CALM, EDGE, letter_height
+from dsfab.workshop.planks.slots import SLIDE_ANGLE, Crossing, PlankParts, Slot, largest_deviation, middle_direction
+from dsfab.workshop.splices import SCARF_SLOPE, lap_marks, lapped_span, splice_cuts
+from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, UNCERTAIN_WIDTHS, letter_height
 
-Ends = tuple[tuple[float, float], tuple[float, float]]
+EdgeStations = tuple[tuple[float, float], tuple[float, float]]
 """Arc lengths of a beginning, then of an end, at the right and left edges of a plank."""
 
 
@@ -39,53 +39,55 @@ class PlankStock:
         return Layering(self.thickness, 2, self.bolt)
 
     @property
-    def past(self) -> float:
+    def overhang(self) -> float:
         """Length beyond the last node (m)."""
-        return max(3 * self.thickness, END * self.bolt)
+        return max(3 * self.thickness, END_DISTANCE * self.bolt)
 
     @property
     def lap(self) -> float:
         """Overlap of two pieces (m)."""
-        return SCARF * self.thickness if self.splice == "scarf" else 0.0
+        return SCARF_SLOPE * self.thickness if self.splice == "scarf" else 0.0
 
     @property
-    def reach(self) -> float:
+    def splice_reach(self) -> float:
         """Distance from a splice to the end of its cover or lap (m)."""
-        return self.layering.half_cover if self.splice == "cover" else max(self.lap / 2, self.past)
+        return self.layering.half_cover_length if self.splice == "cover" else max(self.lap / 2, self.overhang)
 
 
-def level_cut(layer: Development, ground: Ground, at: float, last: bool, depth: float) -> tuple[float, float] | None:
+def level_cut(
+    layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
+) -> tuple[float, float] | None:
     """Return arc lengths at the right and left edge of a level end at a support; None for others and flat ends."""
-    point = layer.course.at(np.array([at]))[0][0]
-    height = ground.height_near(point, depth)
-    way = layer.frame(np.array([at]))[1][0] * (1 if last else -1)
-    if height is None or -way @ ground.up < STEEP:
+    point = layer.course.frame_at(np.array([station]))[0][0]
+    height = ground.support_height(point, depth)
+    direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
+    if height is None or -direction @ ground.up < STEEP_SINE:
         return None
-    found = ground.meeting(layer, np.array([-depth / 2, depth / 2]), at, height)
-    return None if found is None else (float(found[0]), float(found[1]))
+    stations = ground.stations_at_height(layer, np.array([-depth / 2, depth / 2]), station, height)
+    return None if stations is None else (float(stations[0]), float(stations[1]))
 
 
-def plank_outline(layer: Development, ends: Ends, slots: Sequence[Slot], depth: float) -> Floats:
+def plank_outline(layer: Development, ends: EdgeStations, slots: Sequence[Slot], depth: float) -> Floats:
     """Return the outline (k, 2), counter-clockwise from the right edge at the beginning."""
     (a, b), (c, d) = ends
-    right = _notched(layer, (a, c), -depth / 2, [slot for slot in slots if not slot.above])
-    left = _notched(layer, (b, d), depth / 2, [slot for slot in slots if slot.above])
-    return np.concatenate([right, left[::-1]])
+    right_edge = _edge_with_slots(layer, (a, c), -depth / 2, [slot for slot in slots if not slot.above])
+    left_edge = _edge_with_slots(layer, (b, d), depth / 2, [slot for slot in slots if slot.above])
+    return np.concatenate([right_edge, left_edge[::-1]])
 
 
-def _notched(layer: Development, span: tuple[float, float], edge: float, slots: Sequence[Slot]) -> Floats:
+def _edge_with_slots(layer: Development, span: tuple[float, float], edge: float, slots: Sequence[Slot]) -> Floats:
     """Return an edge (k, 2) of a plank, at a height over its axis (m), with its slots."""
     s = layer.stations(*span)
-    found, first = list[Floats](), 0
+    lines, next_station = list[Floats](), 0
     for slot in slots:
         stretch = 1 - edge * float(np.interp(slot.s, layer.course.s, layer.course.kg))
         low, high = (slot.s + x / stretch for x in slot.mouth(edge))
-        before = s[first:][s[first:] < low]
-        first = int(np.searchsorted(s, high, side="right"))
+        before = s[next_station:][s[next_station:] < low]
+        next_station = int(np.searchsorted(s, high, side="right"))
         bottom = np.array([slot.s - slot.half, slot.s + slot.half])
-        found += [layer.flat(before, np.full(len(before), edge)), layer.flat(np.array([low]), np.array([edge]))]
-        found += [layer.flat(bottom, np.full(2, slot.y)), layer.flat(np.array([high]), np.array([edge]))]
-    return np.concatenate([*found, layer.flat(s[first:], np.full(len(s) - first, edge))])
+        lines += [layer.to_plane(before, np.full(len(before), edge)), layer.to_plane(np.array([low]), np.array([edge]))]
+        lines += [layer.to_plane(bottom, np.full(2, slot.y)), layer.to_plane(np.array([high]), np.array([edge]))]
+    return np.concatenate([*lines, layer.to_plane(s[next_station:], np.full(len(s) - next_station, edge))])
 
 
 def plank_marks(
@@ -95,20 +97,20 @@ def plank_marks(
     stops = np.array([span[0], *(slot.s for slot in slots), span[1]])
     longest = int(np.diff(stops).argmax())
     middle = (stops[longest] + stops[longest + 1]) / 2
-    at, angle = layer.at(np.array([middle]))
+    position, angle = layer.middle_line_at(np.array([middle]))
     wide = max((slot.half for slot in slots), default=0.0)
     room = (stops[longest + 1] - stops[longest]) / 2 - wide - stock.bolt
-    found = list(label(name, at[0], float(angle[0]), letters_within(name, stock, max(room, stock.bolt))))
+    marks = list(label(name, position[0], float(angle[0]), letters_within(name, stock, max(room, stock.bolt))))
     small = min(letter_height(stock.depth, stock.letters[1]), stock.depth / 5)
     for slot in slots:
         long = text_length(slot.node, small)
-        others = [one for one in slots if one is not slot and one.above != slot.above]
-        if all(abs(one.s - slot.s) > long / 2 + 1.5 * one.half for one in others):
+        opposite = [neighbour for neighbour in slots if neighbour is not slot and neighbour.above != slot.above]
+        if all(abs(neighbour.s - slot.s) > long / 2 + 1.5 * neighbour.half for neighbour in opposite):
             y = stock.depth / 4 * (-1 if slot.above else 1)
-            at, angle = layer.at(np.array([slot.s]))
-            place = at[0] + y * np.array([-np.sin(angle[0]), np.cos(angle[0])])
-            found += label(slot.node, place, float(angle[0]), small)
-    return tuple(found)
+            position, angle = layer.middle_line_at(np.array([slot.s]))
+            place = position[0] + y * np.array([-np.sin(angle[0]), np.cos(angle[0])])
+            marks += label(slot.node, place, float(angle[0]), small)
+    return tuple(marks)
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
@@ -124,44 +126,63 @@ class Plank:
     member: Member
     course: StripCourse
     stock: PlankStock
-    ends: Ends = ((0.0, 0.0), (0.0, 0.0))
+    ends: EdgeStations = ((0.0, 0.0), (0.0, 0.0))
     cuts: tuple[float, ...] = ()
-    ways: list[Floats | None] = field(default_factory=list)
+    directions: list[Floats | None] = field(default_factory=list)
     slots: list[Slot] = field(default_factory=list)
 
     def divide(
-        self, crossings: Sequence[Crossing], room: list[tuple[float, float]], ground: Ground | None, found: PlankParts
+        self,
+        crossings: Sequence[Crossing],
+        room: list[tuple[float, float]],
+        ground: BasePlane | None,
+        parts: PlankParts,
     ) -> None:
         """Divide the plank into pieces that fit on the stock and slide onto the lower planks."""
         course, stock = self.course, self.stock
-        upper = [one for one in crossings if self._is(one, 1)]
-        at, normals = np.array([one.at[1] for one in upper]), np.array([one.normal for one in upper]).reshape(-1, 3)
-        stations = np.array([one.at[k] for one in crossings for k in (0, 1) if self._is(one, k)])
-        self.ends = self._level_ends(ground, stations, found)
+        upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
+        crossing_stations, normals = (
+            np.array([crossing.at[1] for crossing in upper]),
+            np.array([crossing.normal for crossing in upper]).reshape(-1, 3),
+        )
+        stations = np.array([crossing.at[k] for crossing in crossings for k in (0, 1) if self._has_role(crossing, k)])
+        self.ends = self._level_ends(ground, stations, parts)
 
         def on_stock(begin: float, end: float) -> bool:
             return self._fits(begin, end, room)
 
         def slides(begin: float, end: float) -> bool:
-            return on_stock(begin, end) and spread(normals[(at >= begin) & (at <= end)]) <= SLIDE
+            return (
+                on_stock(begin, end)
+                and largest_deviation(normals[(crossing_stations >= begin) & (crossing_stations <= end)]) <= SLIDE_ANGLE
+            )
 
-        clear = stock.reach + 2 * stock.thickness
+        clear = stock.splice_reach + 2 * stock.thickness
         try:
-            cuts = splice_cuts((course.begin, course.end), course.rounds(stations), clear, slides, self.member.id)
+            cuts = splice_cuts(
+                (course.begin, course.end), course.repeated_stations(stations), clear, slides, self.member.id
+            )
         except PatternError:
-            cuts = splice_cuts((course.begin, course.end), course.rounds(stations), clear, on_stock, self.member.id)
-        self.cuts = cuts.at
-        found.near, found.splices = found.near + cuts.near, found.splices + len(cuts.at) - (1 if course.closed else 2)
+            cuts = splice_cuts(
+                (course.begin, course.end), course.repeated_stations(stations), clear, on_stock, self.member.id
+            )
+        self.cuts = cuts.stations
+        parts.splices_near_nodes, parts.splice_count = (
+            parts.splices_near_nodes + cuts.near_nodes,
+            parts.splice_count + len(cuts.stations) - (1 if course.closed else 2),
+        )
         for name, (begin, end) in zip(self.names, self.spans, strict=True):
-            some = normals[(at >= begin) & (at <= end)]
-            angle = spread(some)
-            if angle > SLIDE * (1 + 1e-9):
-                found.stuck[name] = angle
-            found.steep[name] = angle
-            self.ways.append(middle(some) if len(some) and angle <= SLIDE * (1 + 1e-9) else None)
+            piece_normals = normals[(crossing_stations >= begin) & (crossing_stations <= end)]
+            angle = largest_deviation(piece_normals)
+            if angle > SLIDE_ANGLE * (1 + 1e-9):
+                parts.stuck[name] = angle
+            parts.slide_angles[name] = angle
+            self.directions.append(
+                middle_direction(piece_normals) if len(piece_normals) and angle <= SLIDE_ANGLE * (1 + 1e-9) else None
+            )
 
-    def _is(self, one: Crossing, k: int) -> bool:
-        return one.members[k] == self.member.id
+    def _has_role(self, crossing: Crossing, k: int) -> bool:
+        return crossing.members[k] == self.member.id
 
     @property
     def spans(self) -> list[tuple[float, float]]:
@@ -174,107 +195,113 @@ class Plank:
         count = len(self.spans)
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
-    def way_at(self, s: float) -> Floats | None:
+    def direction_at(self, s: float) -> Floats | None:
         """Return the assembly direction of the piece at an arc length; None where slots stay as narrow as possible."""
-        return next((way for way, (a, b) in zip(self.ways, self.spans, strict=True) if a <= s <= b), None)
+        return next(
+            (direction for direction, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None
+        )
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
-        layer, (a, b) = Development(self.course, 0.0), self._lapped((begin, end))
-        x, angle = layer.at(np.linspace(a, b, 9))
+        layer, (a, b) = Development(self.course, 0.0), self._lapped_span((begin, end))
+        x, angle = layer.middle_line_at(np.linspace(a, b, 9))
         outline = plank_outline(layer, self._piece_ends((a, b)), (), self.stock.depth)
-        way = (x[-1] - x[0]) / np.linalg.norm(x[-1] - x[0])
-        p, q = float(np.ptp(outline @ way)), float(np.ptp(outline @ [-way[1], way[0]]))
+        direction = (x[-1] - x[0]) / np.linalg.norm(x[-1] - x[0])
+        p, q = float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
         fits = any((p <= long and q <= wide) or (q <= long and p <= wide) for long, wide in room)
         return fits and bool(np.ptp(angle) < np.pi)
 
-    def _lapped(self, span: tuple[float, float]) -> tuple[float, float]:
+    def _lapped_span(self, span: tuple[float, float]) -> tuple[float, float]:
         course = self.course
-        return lapped(span, (course.begin, course.end), self.stock.lap / 2, course.closed)
+        return lapped_span(span, (course.begin, course.end), self.stock.lap / 2, course.closed)
 
-    def _piece_ends(self, long: tuple[float, float]) -> Ends:
+    def _piece_ends(self, long: tuple[float, float]) -> EdgeStations:
         course, (begin, end) = self.course, self.ends
         return (
             begin if long[0] == course.begin and not course.closed else (long[0], long[0]),
             end if long[1] == course.end and not course.closed else (long[1], long[1]),
         )
 
-    def into(self, found: PlankParts) -> None:
+    def add_parts(self, parts: PlankParts) -> None:
         """Add pieces and cover plates to `parts`."""
         course, stock, layer = self.course, self.stock, Development(self.course, 0.0)
         joints = list(self.cuts[:-1] if course.closed else self.cuts[1:-1])
         holes = [self._splice_holes(joint, k) for k, joint in enumerate(joints, 1)] if stock.splice == "cover" else []
         around = course.end - course.begin
-        every = [one for some in holes for one in some]
+        every = [hole for joint_holes in holes for hole in joint_holes]
         every += [(s + around, y, name) for s, y, name in every] if course.closed else []
-        self._note(found)
+        self._record_strains(parts)
         for name, span in zip(self.names, self.spans, strict=True):
-            slots = self._slots(name, span, found)
-            begin, end = self._lapped(span)
+            slots = self._slots(name, span, parts)
+            begin, end = self._lapped_span(span)
             outline = plank_outline(layer, self._piece_ends((begin, end)), slots, stock.depth)
-            inside = [one for one in every if begin + EDGE * stock.bolt <= one[0] <= end - EDGE * stock.bolt]
-            drilled = tuple(Hole(layer.flat(np.array([s]), np.array([y]))[0], stock.bolt, n) for s, y, n in inside)
+            inside = [
+                hole
+                for hole in every
+                if begin + HOLE_EDGE_DISTANCE * stock.bolt <= hole[0] <= end - HOLE_EDGE_DISTANCE * stock.bolt
+            ]
+            drilled = tuple(Hole(layer.to_plane(np.array([s]), np.array([y]))[0], stock.bolt, n) for s, y, n in inside)
             marks = plank_marks(layer, name, (begin, end), slots, stock)
             if stock.lap:
                 marks += lap_marks(layer, span, (begin, end), stock.lap / 2, stock.letters[1])
-            axis = layer.at(layer.stations(begin, end))[0]
-            strain = found.bends[self.member.id]
+            axis = layer.middle_line_at(layer.stations(begin, end))[0]
+            strain = parts.bends[self.member.id]
             part = FlatPart(name, self.member.id, (begin, end), outline, drilled, (), marks, 0.0, strain, axis)
-            found.pieces.append(part.lying())
-        for k, (joint, some) in enumerate(zip(joints, holes, strict=False), 1):
-            found.covers.append(self._cover(f"{self.member.id}.c{k}", joint, some))
+            parts.pieces.append(part.along_x())
+        for k, (joint, joint_holes) in enumerate(zip(joints, holes, strict=False), 1):
+            parts.covers.append(self._cover(f"{self.member.id}.c{k}", joint, joint_holes))
 
-    def _note(self, found: PlankParts) -> None:
+    def _record_strains(self, parts: PlankParts) -> None:
         course, y = self.course, self.stock.depth / 2
-        past = 0.0 if course.closed else min(CALM * self.member.mean_width, (course.end - course.begin) / 3)
+        past = 0.0 if course.closed else min(UNCERTAIN_WIDTHS * self.member.mean_width, (course.end - course.begin) / 3)
         inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
         kn, tg = course.kg[inside], course.tg[inside]  # of the surface; a plank swaps them
-        found.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
-        more = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
-        found.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in more)
+        parts.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
+        elongations = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
+        parts.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in elongations)
 
-    def _slots(self, name: str, span: tuple[float, float], found: PlankParts) -> list[Slot]:
+    def _slots(self, name: str, span: tuple[float, float], parts: PlankParts) -> list[Slot]:
         """Return slots of a piece, without those that run into the previous slot on the same edge."""
-        kept = list[Slot]()
-        for slot in sorted(self.slots, key=lambda one: one.s):
+        accepted = list[Slot]()
+        for slot in sorted(self.slots, key=lambda previous: previous.s):
             if not span[0] <= slot.s <= span[1]:
                 continue
             edge = self.stock.depth / 2 * (1 if slot.above else -1)
             low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # wood between slots
-            before = [one.s + one.mouth(edge)[1] for one in kept if one.above == slot.above]
+            before = [previous.s + previous.mouth(edge)[1] for previous in accepted if previous.above == slot.above]
             if before and before[-1] > low:
-                found.crowded.append(f"{slot.node} in {name}")
+                parts.crowded.append(f"{slot.node} in {name}")
             else:
-                kept.append(slot)
-        return kept
+                accepted.append(slot)
+        return accepted
 
-    def _level_ends(self, ground: Ground | None, stations: Floats, found: PlankParts) -> Ends:
+    def _level_ends(self, ground: BasePlane | None, stations: Floats, parts: PlankParts) -> EdgeStations:
         """Return the ends at the right and left edge, level at supports unless a slot is in the way."""
         course, layer = self.course, Development(self.course, 0.0)
-        made = [(course.begin, course.begin), (course.end, course.end)]
+        ends = [(course.begin, course.begin), (course.end, course.end)]
         for k in (0, 1):
             if ground is None or course.closed:
                 continue
-            cut = level_cut(layer, ground, made[k][0], bool(k), self.stock.depth)
+            cut = level_cut(layer, ground, ends[k][0], bool(k), self.stock.depth)
             if cut and all(min(cut) > s if k else max(cut) < s for s in stations + (2 * k - 1) * self.stock.thickness):
-                made[k] = cut
-                found.level += 1
-        return made[0], made[1]
+                ends[k] = cut
+                parts.level_ends += 1
+        return ends[0], ends[1]
 
     def _splice_holes(self, joint: float, number: int) -> list[tuple[float, float, str]]:
         name = f"{self.member.id}.c{number}"
         return [(joint + x, y, name) for x, y in self.stock.layering.splice_bolts(self.stock.depth)]
 
     def _cover(self, name: str, joint: float, holes: Sequence[tuple[float, float, str]]) -> FlatPart:
-        stock, reach = self.stock, self.stock.layering.half_cover
+        stock, reach = self.stock, self.stock.layering.half_cover_length
         layer, drilled = Development(self.course, stock.thickness), list[Hole]()
         for s, y, bolt in holes:
-            P, T, N = (row[0] for row in self.course.at(np.array([s])))
-            s, y = layer.place(P + y * np.cross(N, T), N, s)
-            drilled.append(Hole(layer.flat(np.array([s]), np.array([y]))[0], stock.bolt, bolt))
-        at, angle = layer.at(np.array([joint]))
-        marks = label(name, at[0], float(angle[0]), letters_within(name, stock, 0.6 * END * stock.bolt))
+            P, T, N = (row[0] for row in self.course.frame_at(np.array([s])))
+            s, y = layer.piercing_point(P + y * np.cross(N, T), N, s)
+            drilled.append(Hole(layer.to_plane(np.array([s]), np.array([y]))[0], stock.bolt, bolt))
+        position, angle = layer.middle_line_at(np.array([joint]))
+        marks = label(name, position[0], float(angle[0]), letters_within(name, stock, 0.6 * END_DISTANCE * stock.bolt))
         span = joint - reach, joint + reach
-        outline, axis = layer.outline(*span), layer.at(layer.stations(*span))[0]
+        outline, axis = layer.outline(*span), layer.middle_line_at(layer.stations(*span))[0]
         strain = stock.thickness / 2 * float(np.abs(np.interp(joint, self.course.s, self.course.kn)))
         part = FlatPart(name, self.member.id, span, outline, tuple(drilled), (), marks, stock.thickness, strain, axis)
-        return part.lying()
+        return part.along_x()

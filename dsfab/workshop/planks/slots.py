@@ -20,32 +20,32 @@ from dsfab.members import MemberGraph
 from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import FlatPart
 
-SLIDE = float(np.radians(10.0))
+SLIDE_ANGLE = float(np.radians(10.0))
 """Largest angle (radians) between the assembly direction of a piece and the normals at its nodes.
 
 Slots open by this angle; planks are spliced where they would need more.
 """
 
 
-def spread(normals: Floats) -> float:
+def largest_deviation(normals: Floats) -> float:
     """Return the largest angle between unit vectors (q, 3) and their middle direction (radians); 0 for none."""
     if len(normals) < 2:
         return 0.0
-    return float(np.arccos(np.clip(normals @ middle(normals), -1.0, 1.0)).max())
+    return float(np.arccos(np.clip(normals @ middle_direction(normals), -1.0, 1.0)).max())
 
 
-def middle(normals: Floats) -> Floats:
+def middle_direction(normals: Floats) -> Floats:
     """Return the unit vector (3,) between the two of unit vectors (q, 3) that differ most."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
-    way = normals[i] + normals[j]
-    return np.asarray(way / np.linalg.norm(way))
+    direction = normals[i] + normals[j]
+    return np.asarray(direction / np.linalg.norm(direction))
 
 
-ORDER = ("major", "minor", "rim", "keep")
+STANDING_ORDER = ("major", "minor", "rim", "keep")
 """Families from the lowest to the uppermost for equal heights; later families are put on earlier families."""
-FIT = 2e-4
+SLOT_CLEARANCE = 2e-4
 """Clearance between a plank and each side and the bottom of a slot (m)."""
-SHARPEST = 30.0
+LEAST_DEGREES = 30.0
 """Least crossing angle of planks with slots (degrees), because a slot at less would cut most of the plank."""
 
 
@@ -70,10 +70,10 @@ class Crossing:
         lock(self, "normal", np.float64, (3,))
         lock(self, "ways", np.float64, (2, 3))
 
-    def leans(self, way: Floats) -> tuple[float, float]:
+    def slot_leans(self, direction: Floats) -> tuple[float, float]:
         """Return the openings of the lower and upper slot for a unit assembly direction (3,), per metre of height."""
-        one, two, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), way)
-        return float(one / up), float(-two / up)
+        along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
+        return float(along_lower / up), float(-along_upper / up)
 
 
 @dataclass(frozen=True)
@@ -92,16 +92,16 @@ class Slot:
 
     def mouth(self, edge: float) -> tuple[float, float]:
         """Return the begin and end of the mouth at an edge over the axis, from the slot's middle (m)."""
-        more = self.lean * abs(edge - self.y)
-        return -self.half + min(more, 0.0), self.half + max(more, 0.0)
+        widening = self.lean * abs(edge - self.y)
+        return -self.half + min(widening, 0.0), self.half + max(widening, 0.0)
 
 
 @dataclass
 class PlankCrossings:
     """Crossings with slots, and names of nodes that are too sharp for slots."""
 
-    found: list[Crossing] = field(default_factory=list)
-    sharp: list[str] = field(default_factory=list)
+    crossings: list[Crossing] = field(default_factory=list)
+    sharp_nodes: list[str] = field(default_factory=list)
 
 
 def slot_width(thickness: float, angle: float) -> float:
@@ -112,40 +112,40 @@ def slot_width(thickness: float, angle: float) -> float:
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
     """Return the families, the lowest first: they stand on the ground and carry others.    up : (3,) unit vector."""
     z = graph.sheet.surface.V @ up
-    begins: dict[str, list[float]] = {family: [] for family in ORDER}
+    begins: dict[str, list[float]] = {family: [] for family in STANDING_ORDER}
     for member in graph.members:
         if member.axis is not None and member.family in begins:
             begins[member.family].append(float(z[graph.sheet.surface.F[member.cells]].min()))
     span = max(float(np.ptp(z)), np.finfo(float).tiny)
     # heights within a twentieth of the structure's height count as equal
-    low = {family: round(float(np.median(some)) / span / 0.05) for family, some in begins.items() if some}
-    return tuple(sorted(ORDER, key=lambda family: (low.get(family, np.inf), ORDER.index(family))))
+    low = {family: round(float(np.median(heights)) / span / 0.05) for family, heights in begins.items() if heights}
+    return tuple(sorted(STANDING_ORDER, key=lambda family: (low.get(family, np.inf), STANDING_ORDER.index(family))))
 
 
 def plank_crossings(
-    graph: MemberGraph, courses: Mapping[str, StripCourse], order: Sequence[str] = ORDER
+    graph: MemberGraph, courses: Mapping[str, StripCourse], order: Sequence[str] = STANDING_ORDER
 ) -> PlankCrossings:
     """Return all nodes between two planks, by their courses; order : families from the lowest to the uppermost."""
-    found = PlankCrossings()
+    result = PlankCrossings()
     for node in graph.nodes:
         if node.kind == "grazing" or not all(name in courses for name in node.members):
             continue
         pairs = sorted(zip(node.members, node.at, strict=True), key=lambda one: order.index(graph.by_id[one[0]].family))
-        if not np.isfinite(node.at).all() or node.angle < SHARPEST:
-            found.sharp.append(node.id)
+        if not np.isfinite(node.at).all() or node.angle < LEAST_DEGREES:
+            result.sharp_nodes.append(node.id)
             continue
         (lower, s), (upper, t) = pairs
-        found.found.append(_crossing(node.id, (lower, upper), (courses[lower], courses[upper]), (s, t)))
-    return found
+        result.crossings.append(_crossing(node.id, (lower, upper), (courses[lower], courses[upper]), (s, t)))
+    return result
 
 
 def _crossing(
-    node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], at: tuple[float, float]
+    node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
     """Iterate with the plane through both tangents: P + u T + w n = Q + v U."""
-    s, t = (course.wrapped(x) for course, x in zip(courses, at, strict=True))
+    s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):  # Newton steps
-        (P, T, N), (Q, U, M) = ([x[0] for x in c.at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
+        (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
         n = (N + M) / np.linalg.norm(N + M)
         u, v, rise = np.linalg.solve(np.stack([T, -U, n], axis=1), Q - P)
         s, t = s + float(u), t + float(v)
@@ -174,13 +174,13 @@ class PlankParts:
     covers: list[FlatPart] = field(default_factory=list)
     crossings: PlankCrossings = field(default_factory=PlankCrossings)
     crowded: list[str] = field(default_factory=list)
-    steep: dict[str, float] = field(default_factory=dict)
+    slide_angles: dict[str, float] = field(default_factory=dict)
     stuck: dict[str, float] = field(default_factory=dict)
-    stopped: list[str] = field(default_factory=list)
-    gone: list[str] = field(default_factory=list)
-    left: list[str] = field(default_factory=list)
-    level: int = 0
-    near: int = 0
-    splices: int = 0
+    shortened: list[str] = field(default_factory=list)
+    vanished: list[str] = field(default_factory=list)
+    missed_nodes: list[str] = field(default_factory=list)
+    level_ends: int = 0
+    splices_near_nodes: int = 0
+    splice_count: int = 0
     longer: dict[str, float] = field(default_factory=dict)
     bends: dict[str, float] = field(default_factory=dict)

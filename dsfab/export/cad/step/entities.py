@@ -13,8 +13,8 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.cad.step.planar import FLATNESS, Polyhedron
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, differs, distinct
-from dsfab.export.writing import TRAILING_ZEROS, listed_rows, one_line, rows
+from dsfab.export.readback import ReadBack, count_error, distinct_rows
+from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line, rows
 
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
 """Red, green and blue of the pieces, in turn. The colours are muted, so that edges stay visible."""
@@ -31,22 +31,22 @@ def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: 
     shell : (f,) shell of each face; its entity is faces[i]. solids : shells of each solid, the outer one first.
     The header holds the product of the first piece; all other pieces get their own.
     """
-    new = Numbered(free)
-    styles = [_style(new, colour) for colour in COLOURS[: len(solids)]]
+    entities_after = NumberedEntities(free)
+    styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
     styled = []
     for i, (outer, *voids) in enumerate(solids):
-        item = _solid(new, faces, shell, outer, voids)
-        shape = new.add(f"ADVANCED_BREP_SHAPE_REPRESENTATION('',(#18,#{item}),#14)")
-        definition = 8 if i == 0 else product(new, piece_name(name, i, len(solids)))
-        new.add(f"SHAPE_DEFINITION_REPRESENTATION(#{definition},#{shape})")
-        styled.append(new.add(f"STYLED_ITEM('',(#{styles[i % len(styles)]}),#{item})"))
+        item = _solid(entities_after, faces, shell, outer, voids)
+        shape = entities_after.add(f"ADVANCED_BREP_SHAPE_REPRESENTATION('',(#18,#{item}),#14)")
+        definition = 8 if i == 0 else product(entities_after, piece_name(name, i, len(solids)))
+        entities_after.add(f"SHAPE_DEFINITION_REPRESENTATION(#{definition},#{shape})")
+        styled.append(entities_after.add(f"STYLED_ITEM('',(#{styles[i % len(styles)]}),#{item})"))
     listed = ",".join(f"#{k}" for k in styled)
-    new.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',({listed}),#14)")
-    yield from new.text
+    entities_after.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',({listed}),#14)")
+    yield from entities_after.text
     yield "ENDSEC;\nEND-ISO-10303-21;\n"
 
 
-class Numbered:
+class NumberedEntities:
     """List of entities with consecutive numbers from `free`."""
 
     def __init__(self, free: int) -> None:
@@ -63,18 +63,18 @@ class Numbered:
         return self.next()
 
 
-def product(new: Numbered, name: str) -> int:
+def product(entity_list: NumberedEntities, name: str) -> int:
     """Add a product with the contexts of the header; return the number of its PRODUCT_DEFINITION_SHAPE."""
-    title = quoted(name)
-    made = new.add(f"PRODUCT('{title}','{title}','',(#3))")
-    formation = new.add(f"PRODUCT_DEFINITION_FORMATION('','',#{made})")
-    definition = new.add(f"PRODUCT_DEFINITION('design','',#{formation},#6)")
-    new.add(f"PRODUCT_RELATED_PRODUCT_CATEGORY('part',$,(#{made}))")
-    return new.add(f"PRODUCT_DEFINITION_SHAPE('','',#{definition})")
+    title = step_string(name)
+    product_number = entity_list.add(f"PRODUCT('{title}','{title}','',(#3))")
+    formation = entity_list.add(f"PRODUCT_DEFINITION_FORMATION('','',#{product_number})")
+    definition = entity_list.add(f"PRODUCT_DEFINITION('design','',#{formation},#6)")
+    entity_list.add(f"PRODUCT_RELATED_PRODUCT_CATEGORY('part',$,(#{product_number}))")
+    return entity_list.add(f"PRODUCT_DEFINITION_SHAPE('','',#{definition})")
 
 
-def _style(new: Numbered, colour: tuple[float, float, float]) -> int:
-    at = new.add(f"COLOUR_RGB('',{','.join(f'{x:g}' for x in colour)})")
+def _style(entity_list: NumberedEntities, colour: tuple[float, float, float]) -> int:
+    number = entity_list.add(f"COLOUR_RGB('',{','.join(f'{x:g}' for x in colour)})")
     for body in (
         "FILL_AREA_STYLE_COLOUR('',#%d)",
         "FILL_AREA_STYLE('',(#%d))",
@@ -83,23 +83,24 @@ def _style(new: Numbered, colour: tuple[float, float, float]) -> int:
         "SURFACE_STYLE_USAGE(.BOTH.,#%d)",
         "PRESENTATION_STYLE_ASSIGNMENT((#%d))",
     ):
-        at = new.add(body % at)
-    return at
+        number = entity_list.add(body % number)
+    return number
 
 
-def _solid(new: Numbered, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
+def _solid(entity_list: NumberedEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
     """Add a solid with one outer shell and voids. The file has shells of voids facing outwards, so they are reversed
     here."""
     shells = [
-        new.add(f"CLOSED_SHELL('',({','.join(f'#{k}' for k in faces[shell == i].tolist())}))") for i in [outer, *voids]
+        entity_list.add(f"CLOSED_SHELL('',({','.join(f'#{k}' for k in faces[shell == i].tolist())}))")
+        for i in [outer, *voids]
     ]
-    inner = [new.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
+    inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
-        return new.add(f"MANIFOLD_SOLID_BREP('',#{shells[0]})")
-    return new.add(f"BREP_WITH_VOIDS('',#{shells[0]},({','.join(f'#{k}' for k in inner)}))")
+        return entity_list.add(f"MANIFOLD_SOLID_BREP('',#{shells[0]})")
+    return entity_list.add(f"BREP_WITH_VOIDS('',#{shells[0]},({','.join(f'#{k}' for k in inner)}))")
 
 
-def quoted(name: str) -> str:
+def step_string(name: str) -> str:
     """Escape a STEP string: quotes are doubled, other than ASCII becomes hexadecimal (ISO 10303-21, 6.4.3)."""
     name = name.replace("\\", "\\\\").replace("'", "''")
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
@@ -145,7 +146,7 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 #17=DIRECTION('',(1.,0.,0.));
 #18=AXIS2_PLACEMENT_3D('',#15,#16,#17);
 """
-FIRST = 19
+FIRST_FREE = 19
 """First free entity number after the header."""
 
 
@@ -153,16 +154,16 @@ def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[
     """Yield the file of a polyhedron. solids : shells of each solid, the outer one first, then voids that face
     outwards."""
     yield header(name, "solid with planar faces", len(solids))
-    texts, faces, free = planar_faces(shape, FIRST)
+    texts, faces, free = planar_faces(shape, FIRST_FREE)
     yield from texts
     yield from closing(shape.shell, solids, faces, free, name)
 
 
 def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, int]:
     """Return the text of the faces numbered from `start`, the number (f,) of each face, and the first free number."""
-    vectors = distinct(_ratios(shape))
+    vectors = distinct_rows(_ratios(shape))
     digits = _digits(shape)
-    normals = distinct(np.round(shape.normals, digits))
+    normals = distinct_rows(np.round(shape.normals, digits))
     v, d, e, f = (len(x) for x in (shape.points, vectors[0], shape.edges, shape.normals))
     s, o, n = len(shape.steps), len(shape.loops) - 1, len(normals[0])
     blocks = _blocks([v, v, d, d, e, e, s, o, o, n, f, f, f], start)
@@ -186,13 +187,13 @@ def _tables(
     yield from _table(units, "VECTOR('',#%d,1.)", dirs)
     yield from _table(lines, "LINE('',#%d,#%d)", points.start + p, units.start + vectors[1])
     yield from _table(edges, "EDGE_CURVE('',#%d,#%d,#%d,.T.)", vertices.start + p, vertices.start + q, lines)
-    way = np.where(shape.forward, "T", "F")
-    yield from _table(steps, "ORIENTED_EDGE('',*,*,#%d,.%s.)", edges.start + shape.steps, way)
+    flags = np.where(shape.forward, "T", "F")
+    yield from _table(steps, "ORIENTED_EDGE('',*,*,#%d,.%s.)", edges.start + shape.steps, flags)
     yield from _table(loops, "EDGE_LOOP('',(%s))", _Lists(steps.start, shape.loops))
     yield from _table(bounds, "FACE_%sBOUND('',#%d,.T.)", np.where(outer, "OUTER_", ""), loops)
     yield from _table(axes, f"DIRECTION('',(%.{digits}f,%.{digits}f,%.{digits}f))", *normals[0].T)
-    at = points.start + shape.origin
-    yield from _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", at, axes.start + normals[1])
+    origins = points.start + shape.origin
+    yield from _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", origins, axes.start + normals[1])
     yield from _table(planes, "PLANE('',#%d)", placements)
     yield from _table(faces, "ADVANCED_FACE('',(%s),#%d,.T.)", _Lists(bounds.start, shape.faces), planes)
 
@@ -226,7 +227,7 @@ def faceted_bytes(shape: Polyhedron) -> float:
     shorter."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
-    reference = np.log10(FIRST + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # digits of a number, and its #
+    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # digits of a number, and its #
     digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + FACETED_DIGITS + 1.5
     ratio = np.log10(np.abs(_ratios(shape)) + 1).mean() + 2.5
     point, direction = 25 + reference + 3 * digits, 20 + reference
@@ -242,8 +243,8 @@ def header(name: str, description: str, pieces: int = 1) -> str:
 
     The time is fixed, so that equal solids give equal files; ISO 10303-21 requires a time.
     """
-    title = quoted(one_line(name))
-    product = quoted(piece_name(name, 0, pieces))
+    title = step_string(one_line(name))
+    product = step_string(piece_name(name, 0, pieces))
     return _HEADER.format(
         name=title, product=product, version=__version__, tolerance=f"{FLATNESS:.1E}", description=description
     )
@@ -264,8 +265,8 @@ class _Lists:
     def __init__(self, begin: int, start: Ints) -> None:
         self.begin, self.start = begin, start
 
-    def __getitem__(self, wanted: slice) -> list[str]:
-        start = self.start[wanted.start : wanted.stop + 1].tolist()
+    def __getitem__(self, rows_range: slice) -> list[str]:
+        start = self.start[rows_range.start : rows_range.stop + 1].tolist()
         named = [f"#{self.begin + k}" for k in range(start[0], start[-1])]
         return [",".join(named[a - start[0] : b - start[0]]) for a, b in pairwise(start)]
 
@@ -285,13 +286,13 @@ def tessellated_entities(part: Part) -> Iterator[str]:
         .replace("'automotive_design',2000", "'ap242_managed_model_based_3d_engineering',2014")
         .replace("core data for automotive mechanical design processes", "managed model based 3d engineering")
     )
-    new = Numbered(FIRST)
+    entity_list = NumberedEntities(FIRST_FREE)
     for i, shells in enumerate(solids):
         used, corner = np.unique(part.F[np.isin(shell, shells)], return_inverse=True)
         title, triangles = piece_name(part.name, i, len(solids)), corner.reshape(-1, 3) + 1
-        yield from _coordinates(new, part.V[used])
-        yield from _face(new, len(used), triangles)
-        yield from _product(new, i, title)
+        yield from _coordinates(entity_list, part.V[used])
+        yield from _face(entity_list, len(used), triangles)
+        yield from _product(entity_list, i, title)
     yield "ENDSEC;\nEND-ISO-10303-21;\n"
 
 
@@ -301,35 +302,35 @@ def expected_bytes(part: Part) -> float:
     return float(1500 + 3 * (digits + 1) * len(part.V) + (3 * np.log10(len(part.V)) + 8) * len(part.F))
 
 
-def _coordinates(new: Numbered, points: Floats) -> Iterator[str]:
-    yield f"#{new.next()}=COORDINATES_LIST('',{len(points)},("
-    yield from listed_rows(f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f),\n", *points.T)
+def _coordinates(entity_list: NumberedEntities, points: Floats) -> Iterator[str]:
+    yield f"#{entity_list.next()}=COORDINATES_LIST('',{len(points)},("
+    yield from comma_separated_rows(f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f),\n", *points.T)
     yield "));\n"
 
 
-def _face(new: Numbered, count: int, triangles: Ints) -> Iterator[str]:
+def _face(entity_list: NumberedEntities, count: int, triangles: Ints) -> Iterator[str]:
     """Yield one face with all triangles, without normals or exact geometry; point i is row i of the coordinates."""
-    at = new.next()
-    yield f"#{at}=TRIANGULATED_FACE('',#{at - 1},{count},(),$,(),("
-    yield from listed_rows("(%d,%d,%d),\n", *triangles.T)
+    number = entity_list.next()
+    yield f"#{number}=TRIANGULATED_FACE('',#{number - 1},{count},(),$,(),("
+    yield from comma_separated_rows("(%d,%d,%d),\n", *triangles.T)
     yield "));\n"
 
 
-def _product(new: Numbered, i: int, title: str) -> Iterator[str]:
-    face = new.free - 1
-    shape = new.add(f"TESSELLATED_SOLID('',(#{face}),$)")
-    held = new.add(f"TESSELLATED_SHAPE_REPRESENTATION('',(#18,#{shape}),#14)")
-    definition = 8 if i == 0 else product(new, title)
-    new.add(f"SHAPE_DEFINITION_REPRESENTATION(#{definition},#{held})")
-    yield "".join(new.text)
-    new.text.clear()
+def _product(entity_list: NumberedEntities, i: int, title: str) -> Iterator[str]:
+    face = entity_list.free - 1
+    shape = entity_list.add(f"TESSELLATED_SOLID('',(#{face}),$)")
+    representation = entity_list.add(f"TESSELLATED_SHAPE_REPRESENTATION('',(#18,#{shape}),#14)")
+    definition = 8 if i == 0 else product(entity_list, title)
+    entity_list.add(f"SHAPE_DEFINITION_REPRESENTATION(#{definition},#{representation})")
+    yield "".join(entity_list.text)
+    entity_list.text.clear()
 
 
-def check(part: Part, found: dict[str, float]) -> ReadBack:
+def check(part: Part, report: dict[str, float]) -> ReadBack:
     """Return the result of reading back; raises ExportError unless OCCT reports the part's triangles and, to 0.1 %, its
     volume."""
-    if found["triangles"] != len(part.F):
-        raise differs(part, "triangles", len(part.F), int(found["triangles"]))
-    if not abs(found["volume"] - part.volume) <= READ_BACK * part.volume:
+    if report["triangles"] != len(part.F):
+        raise count_error(part, "triangles", len(part.F), int(report["triangles"]))
+    if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:
         raise ExportError(f"the triangles of {part.name!r} read back with another volume; write step = 'faceted'")
-    return ReadBack(int(found["triangles"]), "triangles", found["volume"] / part.volume - 1)
+    return ReadBack(int(report["triangles"]), "triangles", report["volume"] / part.volume - 1)

@@ -17,18 +17,18 @@ from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step import entities as tessellated
 from dsfab.export.cad.step import strategies
 from dsfab.export.cad.step.by_members.build import member_file
-from dsfab.export.cad.step.entities import entities, faceted_bytes, header, quoted
+from dsfab.export.cad.step.entities import entities, faceted_bytes, header, step_string
 from dsfab.export.cad.step.file_size import BudgetError
-from dsfab.export.cad.step.flat_sheets import Entities, curve_entity
+from dsfab.export.cad.step.flat_sheets import StepEntities, curve_entity
 from dsfab.export.cad.step.folded_sheets import planar_file
 from dsfab.export.cad.step.planar import polyhedron
 from dsfab.export.cad.step.smooth.build import smooth_file
 from dsfab.export.cad.step.soundness import smooth_use, step_fault
 from dsfab.export.cad.step.worker import step_facts
-from dsfab.export.curves import Curve, chains, check_length, halves, within
+from dsfab.export.curves import Curve, chains, check_length, curve_tolerance, halves
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, check_measure, differs, with_lines
+from dsfab.export.readback import ReadBack, check_measure, count_error, with_lines
 from dsfab.export.subprocesses import ProgramError, last_line
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine
@@ -53,30 +53,30 @@ def encode(part: Part) -> Iterator[bytes]:
     return _within_size(part, faces, size, (text.encode("ascii") for text in texts))
 
 
-def _planar(part: Part) -> tuple[int, float, Iterable[str]]:
+def _encode_planar(part: Part) -> tuple[int, float, Iterable[str]]:
     file = planar_file(part)
     return file.faces, sum(map(len, file.texts)), file.texts
 
 
-def _smooth(part: Part) -> tuple[int, float, Iterable[str]]:
+def _encode_smooth(part: Part) -> tuple[int, float, Iterable[str]]:
     """Encode a smooth file. A hurried part is refused if OCCT fails to cut it and its faceted file is small."""
     file = smooth_file(part)
     if part.hurry and part.cut and (fault := smooth_use(part).fault):
-        faces, size, _ = _faceted(part)
+        faces, size, _ = _encode_faceted(part)
         if size <= 1e6 * LIGHT and faces <= part.step_faces:
             raise ExportError(f"smooth {fault}")
     return file.faces, len(file.text), [file.text]
 
 
-def _members(part: Part) -> tuple[int, float, Iterable[str]]:
+def _encode_members(part: Part) -> tuple[int, float, Iterable[str]]:
     return member_file(part).faces, len(member_file(part).text), [member_file(part).text]
 
 
-def _tessellated(part: Part) -> tuple[int, float, Iterable[str]]:
+def _encode_tessellated(part: Part) -> tuple[int, float, Iterable[str]]:
     return 0, tessellated.expected_bytes(part), tessellated.tessellated_entities(part)
 
 
-def _faceted(part: Part) -> tuple[int, float, Iterable[str]]:
+def _encode_faceted(part: Part) -> tuple[int, float, Iterable[str]]:
     shell, solids = solids_of(part)
     voids = [i for _, *inner in solids for i in inner]
     inward = np.isin(shell, voids)
@@ -86,11 +86,11 @@ def _faceted(part: Part) -> tuple[int, float, Iterable[str]]:
 
 
 ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
-    "planar": _planar,
-    "members": _members,
-    "smooth": _smooth,
-    "faceted": _faceted,
-    "tessellated": _tessellated,
+    "planar": _encode_planar,
+    "members": _encode_members,
+    "smooth": _encode_smooth,
+    "faceted": _encode_faceted,
+    "tessellated": _encode_tessellated,
 }
 """For each strategy: number of faces that count, approximate bytes, and the text."""
 
@@ -122,25 +122,25 @@ def check(part: Part, path: Path) -> ReadBack:
             raise ExportError(f"smooth, {fault}")
         if smooth.smooth == smooth.pieces:
             return ReadBack(smooth.faces, "faces", smooth.volume / part.volume - 1)
-    found = inspection(part, path)
+    report = inspection(part, path)
     if part.step == "tessellated":
-        return tessellated.check(part, found)
+        return tessellated.check(part, report)
     solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
-    if found["solids"] != solids:
-        raise differs(part, "solids", solids, found["solids"])
-    if found["faces"] != faces:
-        raise differs(part, "faces", faces, found["faces"])
-    if not found["valid"]:
+    if report["solids"] != solids:
+        raise count_error(part, "solids", solids, report["solids"])
+    if report["faces"] != faces:
+        raise count_error(part, "faces", faces, report["faces"])
+    if not report["valid"]:
         raise ExportError(
             f"OCCT finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
             "write STL or 3MF instead"
         )
-    if not found["tessellates"]:
+    if not report["tessellates"]:
         raise ExportError(
             f"OCCT makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
         )
-    off = found["volume"] / part.volume - 1
-    return ReadBack(faces, "faces", off if part.step == "smooth" else check_measure(part, found["volume"]))
+    volume_error = report["volume"] / part.volume - 1
+    return ReadBack(faces, "faces", volume_error if part.step == "smooth" else check_measure(part, report["volume"]))
 
 
 def _require_same(part: Part, path: Path, text: str) -> None:
@@ -200,32 +200,32 @@ def encode_brep(part: Part) -> Iterator[bytes]:
     """Yield a BREP file: OCCT reads a temporary STEP file and writes it again."""
     chunks = encode(part)
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        given, path = Path(folder) / "a.step", Path(folder) / "a.brep"
-        given.write_bytes(b"".join(chunks))
+        step_path, path = Path(folder) / "a.step", Path(folder) / "a.brep"
+        step_path.write_bytes(b"".join(chunks))
         from OCP.BRepTools import BRepTools
 
-        if not BRepTools.Write_s(step_facts.read(given), str(path)):
+        if not BRepTools.Write_s(step_facts.read(step_path), str(path)):
             raise ExportError(f"OCCT could not write {part.name!r} as BREP; write STEP instead")
         yield path.read_bytes()
 
 
 def check_brep(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids, validity and volume; raises ExportError."""
-    found, solids = inspection(part, path), len(solids_of(part)[1])
-    if found["solids"] != solids:
-        raise differs(part, "solids", solids, found["solids"])
-    if not (found["valid"] and found["tessellates"]):
+    report, solids = inspection(part, path), len(solids_of(part)[1])
+    if report["solids"] != solids:
+        raise count_error(part, "solids", solids, report["solids"])
+    if not (report["valid"] and report["tessellates"]):
         raise ExportError(f"OCCT finds the BREP solid of {part.name!r} invalid; write STL or 3MF instead")
     if part.step not in ("smooth", "members"):
-        return ReadBack(found["faces"], "faces", check_measure(part, found["volume"]))
+        return ReadBack(report["faces"], "faces", check_measure(part, report["volume"]))
     if part.step == "members":
-        if not abs(found["volume"] - member_file(part).volume) <= READ_BACK * member_file(part).volume:
+        if not abs(report["volume"] - member_file(part).volume) <= READ_BACK * member_file(part).volume:
             raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
-        return ReadBack(found["faces"], "faces", found["volume"] / part.volume - 1)
+        return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)
     smooth = smooth_file(part)  # its own volume is the reference, because the mesh cuts curves short
-    if smooth.smooth == smooth.pieces and not abs(found["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
+    if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
         raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
-    return ReadBack(found["faces"], "faces", found["volume"] / part.volume - 1)
+    return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)
 
 
 COLOURS = {"major": (0.12, 0.31, 0.61), "minor": (0.70, 0.15, 0.12), "keep": (0.18, 0.49, 0.20), "rim": (0, 0.47, 0.53)}
@@ -239,48 +239,48 @@ def prepare_lines(part: Part) -> Part:
 
 def encode_lines(part: Part) -> Iterator[bytes]:
     """Yield a STEP file: one wireframe of all lines, and a layer and a colour for each family."""
-    new, layers = Entities(), dict[str, list[int]]()
+    entity_list, layers = StepEntities(), dict[str, list[int]]()
     for line, chain in zip(part.details.lines, chains(part), strict=True):
-        layers.setdefault(line.layer, []).append(_line(new, line, chain))
+        layers.setdefault(line.layer, []).append(_line(entity_list, line, chain))
     everything = ",".join(f"#{k}" for members in layers.values() for k in members)
-    curves = new.add(f"GEOMETRIC_CURVE_SET('',({everything}))")
-    shape = new.add(f"GEOMETRICALLY_BOUNDED_WIREFRAME_SHAPE_REPRESENTATION('',(#18,#{curves}),#14)")
-    new.add(f"SHAPE_DEFINITION_REPRESENTATION(#8,#{shape})")
+    curves = entity_list.add(f"GEOMETRIC_CURVE_SET('',({everything}))")
+    shape = entity_list.add(f"GEOMETRICALLY_BOUNDED_WIREFRAME_SHAPE_REPRESENTATION('',(#18,#{curves}),#14)")
+    entity_list.add(f"SHAPE_DEFINITION_REPRESENTATION(#8,#{shape})")
     styled = []
     for layer, members in layers.items():
         listed = ",".join(f"#{k}" for k in members)
-        new.add(f"PRESENTATION_LAYER_ASSIGNMENT('{quoted(layer)}','',({listed}))")
-        style = _style(new, COLOURS.get(layer.partition("-")[2], (0.0, 0.0, 0.0)))
-        styled += [new.add(f"STYLED_ITEM('',(#{style}),#{k})") for k in members]
+        entity_list.add(f"PRESENTATION_LAYER_ASSIGNMENT('{step_string(layer)}','',({listed}))")
+        style = _style(entity_list, COLOURS.get(layer.partition("-")[2], (0.0, 0.0, 0.0)))
+        styled += [entity_list.add(f"STYLED_ITEM('',(#{style}),#{k})") for k in members]
     listed = ",".join(f"#{k}" for k in styled)
-    new.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',({listed}),#14)")
-    about = f"edges and centre lines as curves within {within(part):.2g} mm of the mesh"
+    entity_list.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',({listed}),#14)")
+    about = f"edges and centre lines as curves within {curve_tolerance(part):.2g} mm of the mesh"
     yield header(part.name, about).encode("ascii")
-    yield "".join(new.text).encode("ascii")
+    yield "".join(entity_list.text).encode("ascii")
     yield b"ENDSEC;\nEND-ISO-10303-21;\n"
 
 
-def _line(new: Entities, line: StructureLine, chain: list[Curve]) -> int:
+def _line(entity_list: StepEntities, line: StructureLine, chain: list[Curve]) -> int:
     """Write a curve, or a composite of several. A closed curve becomes two, because OCCT requires it."""
-    chain = halves(chain[0]) if line.closed and len(chain) == 1 else chain
-    title = quoted(f"{line.id} {line.length:.3f} mm")
+    chain = halves(chain[0]) if line.is_closed and len(chain) == 1 else chain
+    title = step_string(f"{line.id} {line.length:.3f} mm")
     if len(chain) == 1:
-        return curve_entity(new, chain[0], chain[0].poles, title, bounded=True)
-    parts = [curve_entity(new, curve, curve.poles, "", bounded=True) for curve in chain]
-    segments = [new.add(f"COMPOSITE_CURVE_SEGMENT(.CONTINUOUS.,.T.,#{k})") for k in parts]
-    return new.add(f"COMPOSITE_CURVE('{title}',({','.join(f'#{k}' for k in segments)}),.F.)")
+        return curve_entity(entity_list, chain[0], chain[0].poles, title, bounded=True)
+    parts = [curve_entity(entity_list, curve, curve.poles, "", bounded=True) for curve in chain]
+    segments = [entity_list.add(f"COMPOSITE_CURVE_SEGMENT(.CONTINUOUS.,.T.,#{k})") for k in parts]
+    return entity_list.add(f"COMPOSITE_CURVE('{title}',({','.join(f'#{k}' for k in segments)}),.F.)")
 
 
-def _style(new: Entities, colour: tuple[float, float, float]) -> int:
-    rgb = new.add(f"COLOUR_RGB('',{','.join(f'{x:g}' for x in colour)})")
-    font = new.once("DRAUGHTING_PRE_DEFINED_CURVE_FONT('continuous')")
-    style = new.add(f"CURVE_STYLE('',#{font},POSITIVE_LENGTH_MEASURE(0.1),#{rgb})")
-    return new.add(f"PRESENTATION_STYLE_ASSIGNMENT((#{style}))")
+def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int:
+    rgb = entity_list.add(f"COLOUR_RGB('',{','.join(f'{x:g}' for x in colour)})")
+    font = entity_list.once("DRAUGHTING_PRE_DEFINED_CURVE_FONT('continuous')")
+    style = entity_list.add(f"CURVE_STYLE('',#{font},POSITIVE_LENGTH_MEASURE(0.1),#{rgb})")
+    return entity_list.add(f"PRESENTATION_STYLE_ASSIGNMENT((#{style}))")
 
 
 def check_lines_file(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of lines and their total length; raises ExportError."""
-    found = inspection(part, path)
-    if found["lines"] != len(part.details.lines):
-        raise differs(part, "lines", len(part.details.lines), found["lines"])
-    return ReadBack(found["lines"], "lines", check_length(part, found["length"]), "length")
+    report = inspection(part, path)
+    if report["lines"] != len(part.details.lines):
+        raise count_error(part, "lines", len(part.details.lines), report["lines"])
+    return ReadBack(report["lines"], "lines", check_length(part, report["length"]), "length")

@@ -12,16 +12,16 @@ from dsfab.core.messages import duration
 from dsfab.export.cad.step.entities import faceted_bytes
 from dsfab.export.cad.step.planar import polyhedron
 from dsfab.export.part import Part, open_edges
-from dsfab.surface import nearest
+from dsfab.surface import nearest_places
 from dsfab.thickening.self_intersection import intersecting_pairs
-from dsfab.thickening.skin import coarsened
+from dsfab.thickening.skin import coarsen_mesh
 
-START = 1.5
+LOADING_SECONDS = 1.5
 """Least time for reading back in seconds, because a new process loads OCCT."""
 
 
 @dataclass(frozen=True)
-class Cost:
+class StrategyCost:
     """Cost of one face: seconds to write and read back, seconds for another program to open it, and its memory."""
 
     write: float
@@ -30,12 +30,12 @@ class Cost:
 
 
 COSTS = {
-    "planar": Cost(3e-3, 1e-3, 30e3),
-    "members": Cost(5e-3, 1e-3, 30e3),
-    "smooth": Cost(2e-2, 4e-3, 30e3),
-    "faceted": Cost(1e-3, 5e-4, 9e3),
-    "simplified": Cost(1e-3, 5e-4, 9e3),
-    "tessellated": Cost(2e-5, 1e-5, 1e3),
+    "planar": StrategyCost(3e-3, 1e-3, 30e3),
+    "members": StrategyCost(5e-3, 1e-3, 30e3),
+    "smooth": StrategyCost(2e-2, 4e-3, 30e3),
+    "faceted": StrategyCost(1e-3, 5e-4, 9e3),
+    "simplified": StrategyCost(1e-3, 5e-4, 9e3),
+    "tessellated": StrategyCost(2e-5, 1e-5, 1e3),
 }
 
 
@@ -43,8 +43,8 @@ class BudgetError(ExportError):
     """A STEP file has more faces or bytes than the part allows. `size` is an estimate, 0 if unknown."""
 
     def __init__(self, part: Part, faces: int, size: float = 0.0) -> None:
-        self.part, self.way, self.faces, self.size = part, way_of(part), faces, size
-        super().__init__(f"the STEP file of {part.name!r} would have {self.much}, {self.limit}; {advice(self)}")
+        self.part, self.way, self.faces, self.size = part, strategy_of(part), faces, size
+        super().__init__(f"the STEP file of {part.name!r} would have {self.excess}, {self.limit}; {advice(self)}")
 
     @property
     def by_faces(self) -> bool:
@@ -52,13 +52,15 @@ class BudgetError(ExportError):
         return self.faces > self.part.step_faces
 
     @property
-    def made(self) -> str:
+    def strategy(self) -> str:
         """Name of the strategy, with its tolerance."""
-        within = f" within {self.part.tolerance:.2g} mm" if self.way == "simplified" and self.part.tolerance else ""
-        return self.way + within
+        tolerance_text = (
+            f" within {self.part.tolerance:.2g} mm" if self.way == "simplified" and self.part.tolerance else ""
+        )
+        return self.way + tolerance_text
 
     @property
-    def much(self) -> str:
+    def excess(self) -> str:
         """Excessive amount, as the end of "it would have ..."."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
@@ -73,32 +75,32 @@ class BudgetError(ExportError):
         return f"more than step_mb = {self.part.step_mb:g} MB"
 
     @property
-    def short(self) -> str:
+    def reason(self) -> str:
         """Reason for the refusal, without advice."""
-        return f"{self.made} it would have {self.much}, {self.limit}"
+        return f"{self.strategy} it would have {self.excess}, {self.limit}"
 
     @property
     def cost(self) -> str:
         """Cost of the strategy without a limit."""
         size = f"{self.size / 1e6:.3g} MB, " if self.size else ""
-        seconds = writing(self.part, self.way, self.faces)
-        return f"{self.made} {self.faces:,} faces ({size}about {duration(seconds)} to write and check)"
+        seconds = writing_seconds(self.part, self.way, self.faces)
+        return f"{self.strategy} {self.faces:,} faces ({size}about {duration(seconds)} to write and check)"
 
 
-def within(part: Part, faces: int, size: float = 0.0) -> None:
+def require_budget(part: Part, faces: int, size: float = 0.0) -> None:
     """Raise BudgetError if a file has more faces or bytes than the part allows."""
     if faces > part.step_faces or (part.step_mb and size > 1e6 * part.step_mb):
         raise BudgetError(part, faces, size)
 
 
-def writing(part: Part, way: str, faces: int) -> float:
+def writing_seconds(part: Part, strategy: str, faces: int) -> float:
     """Seconds to write a part with a strategy and a number of faces, and to read it back."""
     in_use = 6e-2  # seconds for each face of a file by members that the user requests: eight trial cuts and other tests
-    tried = in_use if way == "members" and not part.hurry else 0.0
-    return START + (COSTS[way].write + tried) * faces
+    tried = in_use if strategy == "members" and not part.hurry else 0.0
+    return LOADING_SECONDS + (COSTS[strategy].write + tried) * faces
 
 
-def way_of(part: Part) -> str:
+def strategy_of(part: Part) -> str:
     """Name of the part's strategy: planar, members, smooth, faceted, simplified (and then faceted) or tessellated."""
     return "simplified" if part.step == "faceted" and part.simpler else part.step
 
@@ -109,11 +111,11 @@ def advice(error: BudgetError) -> str:
     return f"write STL or 3MF instead, coarsen the mesh, simplify with step_tolerance, or raise {key}"
 
 
-def none_within(refused: Sequence[BudgetError]) -> ExportError:
+def no_strategy_error(refused: Sequence[BudgetError]) -> ExportError:
     """Error for a part whose every strategy exceeds the budget, with the cost of each and advice."""
-    last = refused[-1]
-    ways = ", ".join({one.way: one.cost for one in refused}.values())
-    return ExportError(f"every STEP file of {last.part.name!r} would be {last.limit}: {ways}; {advice(last)}")
+    final = refused[-1]
+    ways = ", ".join({error.way: error.cost for error in refused}.values())
+    return ExportError(f"every STEP file of {final.part.name!r} would be {final.limit}: {ways}; {advice(final)}")
 
 
 TRIES = 6
@@ -134,36 +136,36 @@ def simplified_part(part: Part, tolerance: float) -> Part:
     worth = 0.9  # largest share of the triangles that may remain
     stride = 1.6  # factor of manifold3d's tolerance between two tries
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
-    best: Part | None = None
+    result: Part | None = None
     for _ in range(TRIES):
         simple, moved = _tried(part, step)
         if len(simple.F) and moved <= tolerance and _sound(part, simple, crossing):
-            best, step = simple, stride * step
-        elif best is not None:
+            result, step = simple, stride * step
+        elif result is not None:
             break
         else:
-            _ask_faces(simple)
+            _require_hope(simple)
             step *= min(0.9 * tolerance / moved if moved > 0 else 1.0, 1 / stride)
-    if best is None or len(best.F) > worth * len(part.F):
+    if result is None or len(result.F) > worth * len(part.F):
         raise ExportError(
             f"{part.name!r} does not become simpler within {tolerance:.3g} mm; allow a larger step_tolerance, or "
             "coarsen the mesh"
         )
-    return best
+    return result
 
 
-def _ask_faces(simple: Part) -> None:
+def _require_hope(simple: Part) -> None:
     """Raise BudgetError if a failed try has so many faces that a smaller step cannot meet the budget."""
     hopeless = 1.2  # a try with more than 1.2 times the allowed faces ends the search
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
         if len(shape.normals) > hopeless * simple.step_faces:
-            within(simple, len(shape.normals), faceted_bytes(shape))
+            require_budget(simple, len(shape.normals), faceted_bytes(shape))
 
 
 def _tried(part: Part, step: float) -> tuple[Part, float]:
     try:
-        V, F = coarsened(part.V, part.F, step)
+        V, F = coarsen_mesh(part.V, part.F, step)
     except SolidError:
         return replace(part, F=part.F[:0]), np.inf
     simple, moved = replace(part, V=V, F=F, simpler=True), distance(part.V, part.F, V, F)
@@ -173,15 +175,15 @@ def _tried(part: Part, step: float) -> tuple[Part, float]:
 
 def _sound(part: Part, simple: Part, crossing: int) -> bool:
     """Return whether the part is closed, keeps its volume to 0.5 %, and has no more crossing triangles than before."""
-    same = abs(simple.volume / part.volume - 1) <= CHANGED_VOLUME and not open_edges(simple.F)
-    return same and len(intersecting_pairs(simple.V, simple.F)) <= crossing
+    unchanged = abs(simple.volume / part.volume - 1) <= CHANGED_VOLUME and not open_edges(simple.F)
+    return unchanged and len(intersecting_pairs(simple.V, simple.F)) <= crossing
 
 
 def distance(V: Floats, F: Ints, V2: Floats, F2: Ints) -> float:
     """Largest distance in both directions between two triangle meshes, sampled at vertices and centres of edges and
     triangles."""
-    there, back = nearest(_samples(V, F), V2, F2).squared, nearest(_samples(V2, F2), V, F).squared
-    return float(np.sqrt(max(there.max(), back.max())))
+    forth, back = nearest_places(_samples(V, F), V2, F2).squared, nearest_places(_samples(V2, F2), V, F).squared
+    return float(np.sqrt(max(forth.max(), back.max())))
 
 
 def _samples(V: Floats, F: Ints) -> Floats:

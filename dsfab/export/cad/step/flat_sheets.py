@@ -8,9 +8,9 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats, lock
 from dsfab.core.errors import ExportError
-from dsfab.export.cad.step.entities import DIGITS, DIRECTION_DIGITS, FIRST, closing, header
+from dsfab.export.cad.step.entities import DIGITS, DIRECTION_DIGITS, FIRST_FREE, closing, header
 from dsfab.export.cad.step.planar import FLATNESS
-from dsfab.export.curves import Curve, curves_through, of_few_spans
+from dsfab.export.curves import Curve, curves_through, split_at_knots
 from dsfab.export.part import Part
 from dsfab.export.writing import TRAILING_ZEROS
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
@@ -18,11 +18,11 @@ from dsfab.surface.topology import boundary_loops, edge_table, pieces
 SAME_PLACE = 1e-3
 """Millimetres within which a corner of the part is a vertex of the outline, and both skins have the same outline."""
 
-SLIMMEST = 0.1
+WIDTH_SHARE = 0.1
 """Largest tolerance of a loop over its area divided by its length, so that slits and dots keep their shape."""
 
 
-SHARE_OF_GAP = 0.25
+GAP_SHARE = 0.25
 """Largest tolerance of a loop over its distance from the next loop, so that curves never cross a member."""
 
 
@@ -31,7 +31,7 @@ class NotFlatError(ExportError):
 
 
 @dataclass(frozen=True, eq=False)
-class Outlines:
+class FlatOutlines:
     """Polylines of a flat sheet.
 
     axes   : (3, 3) unit vectors, right-handed: two in the plane, and the one across it.
@@ -53,10 +53,10 @@ class Outlines:
 
 
 @dataclass(frozen=True, eq=False)
-class Plate:
+class FlatPlate:
     """Outlines as curves: pieces[i][j] is the chain of loop j of piece i."""
 
-    outlines: Outlines
+    outlines: FlatOutlines
     pieces: tuple[tuple[tuple[Curve, ...], ...], ...]
 
     @property
@@ -70,7 +70,7 @@ class Plate:
         return max(curve.deviation for loops in self.pieces for loop in loops for curve in loop)
 
 
-def outlines_of(part: Part) -> Outlines:
+def outlines_of(part: Part) -> FlatOutlines:
     """Return the outlines of a flat solid; raises ExportError with the reason if it is no sheet between two planes."""
     corners = part.V[part.F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -82,19 +82,19 @@ def outlines_of(part: Part) -> Outlines:
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())
         if np.minimum(height[used] - low, high - height[used]).max() <= 2 * FLATNESS < high - low:
-            return _between(part, frame(axis), low, high)
+            return _skin_outlines(part, frame(axis), low, high)
     raise NotFlatError("the sheet is not flat, or not equally thick")
 
 
 def frame(across: Floats) -> Floats:
     """(3, 3) right-handed axes with `across` last; the world's axes if it is one of them."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
-    first = along - (along @ across) * across
-    first = first / np.linalg.norm(first)
-    return np.stack([first, np.cross(across, first), across]) + 0.0
+    axis = along - (along @ across) * across
+    axis = axis / np.linalg.norm(axis)
+    return np.stack([axis, np.cross(across, axis), across]) + 0.0
 
 
-def _between(part: Part, axes: Floats, low: float, high: float) -> Outlines:
+def _skin_outlines(part: Part, axes: Floats, low: float, high: float) -> FlatOutlines:
     """Return the loops of the upper skin by piece; raises ExportError if the lower one differs."""
     upper = part.V @ axes[2] > (low + high) / 2
     top, bottom = (part.F[(side[part.F]).all(axis=1)] for side in (upper, ~upper))
@@ -106,36 +106,36 @@ def _between(part: Part, axes: Floats, low: float, high: float) -> Outlines:
     if max(np.max(over.query(under.data)[0]), np.max(under.query(over.data)[0])) > SAME_PLACE:
         raise ExportError("the two skins of the sheet have different outlines")
     count, label = pieces(top, edge_table(top))
-    found = []
+    piece_loops = []
     for k in range(count):
         loops = [flat[loop] for loop in boundary_loops(top[label == k], edge_table(top[label == k]))]
-        areas = np.array([enclosed(loop) for loop in loops])
+        areas = np.array([signed_loop_area(loop) for loop in loops])
         if np.count_nonzero(areas > 0) != 1:
             raise ExportError("a piece of the sheet touches itself, so its outline is not one loop")
-        found.append(tuple(loops[i] for i in np.argsort(-areas, kind="stable")))
-    return Outlines(axes, (low, high), tuple(found))
+        piece_loops.append(tuple(loops[i] for i in np.argsort(-areas, kind="stable")))
+    return FlatOutlines(axes, (low, high), tuple(piece_loops))
 
 
-def plate(outlines: Outlines, corners: Floats, tolerance: float) -> Plate:
+def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlate:
     """Fit curves within `tolerance` (mm) to the outlines; `corners` (k, 3) stay corners at any angle.
 
     Raises ExportError if no spline follows so closely.
     """
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
-    found = []
+    piece_curves = []
     gaps = iter(gaps_between([loop for loops in outlines.pieces for loop in loops], tolerance))
     for loops in outlines.pieces:
         chains = []
         for loop in loops:
             marked = np.zeros(len(loop), bool) if tree is None else np.asarray(tree.query(loop)[0]) <= SAME_PLACE
             length = np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum()
-            close = min(tolerance, SLIMMEST * abs(enclosed(loop)) / length, SHARE_OF_GAP * next(gaps))
-            chain = curves_through(loop, marked, close)
+            loop_tolerance = min(tolerance, WIDTH_SHARE * abs(signed_loop_area(loop)) / length, GAP_SHARE * next(gaps))
+            chain = curves_through(loop, marked, loop_tolerance)
             if chain is None:
-                raise ExportError(f"no spline follows an outline of {len(loop)} points within {close:.3g} mm")
-            chains.append(tuple(short for curve in chain for short in of_few_spans(curve)))
-        found.append(tuple(chains))
-    return Plate(outlines, tuple(found))
+                raise ExportError(f"no spline follows an outline of {len(loop)} points within {loop_tolerance:.3g} mm")
+            chains.append(tuple(short for curve in chain for short in split_at_knots(curve)))
+        piece_curves.append(tuple(chains))
+    return FlatPlate(outlines, tuple(piece_curves))
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
@@ -144,29 +144,29 @@ def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> l
     Points every s along two loops are at most s farther apart than the loops. The spacing s shrinks until it is small
     against the result, but not below `least`, which is also the least result.
     """
-    gaps, far = [np.inf] * len(loops), tolerance / SHARE_OF_GAP
-    spacing, left = 8 * far, list(range(len(loops)))
-    while left and len(loops) > 1 and spacing >= least:
+    gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
+    spacing, remaining = 8 * reach_limit, list(range(len(loops)))
+    while remaining and len(loops) > 1 and spacing >= least:
         if spacing < SAME_PLACE:
-            raise ExportError(f"{len(left)} outlines touch another one")
-        trees, reach = [cKDTree(_every(loop, spacing)) for loop in loops], far + spacing
+            raise ExportError(f"{len(remaining)} outlines touch another one")
+        trees, reach = [cKDTree(_samples_along(loop, spacing)) for loop in loops], reach_limit + spacing
         boxes = np.array([[loop.min(axis=0), loop.max(axis=0)] for loop in loops])
-        again = []
-        for i in left:
+        unresolved = []
+        for i in remaining:
             apart = np.maximum(boxes[:, 0] - boxes[i, 1], boxes[i, 0] - boxes[:, 1]).max(axis=1)
-            others = np.flatnonzero((apart < far) & (np.arange(len(loops)) != i))
-            found = min(
-                (float(np.min(trees[j].query(trees[i].data, distance_upper_bound=reach)[0])) for j in others),
+            neighbours = np.flatnonzero((apart < reach_limit) & (np.arange(len(loops)) != i))
+            nearest_gap = min(
+                (float(np.min(trees[j].query(trees[i].data, distance_upper_bound=reach)[0])) for j in neighbours),
                 default=np.inf,
             )
-            gaps[i] = max(found - spacing, least)
-            if gaps[i] < far and spacing > found / 8:
-                again.append(i)
-        left, spacing = again, spacing / 8
+            gaps[i] = max(nearest_gap - spacing, least)
+            if gaps[i] < reach_limit and spacing > nearest_gap / 8:
+                unresolved.append(i)
+        remaining, spacing = unresolved, spacing / 8
     return gaps
 
 
-def _every(loop: Floats, spacing: float) -> Floats:
+def _samples_along(loop: Floats, spacing: float) -> Floats:
     along = np.roll(loop, -1, axis=0) - loop
     count = np.ceil(np.linalg.norm(along, axis=1) / spacing).astype(np.int64).clip(1)
     edge = np.repeat(np.arange(len(loop)), count)
@@ -174,20 +174,20 @@ def _every(loop: Floats, spacing: float) -> Floats:
     return np.asarray(loop[edge] + share[:, None] * along[edge])
 
 
-def enclosed(loop: Floats) -> float:
+def signed_loop_area(loop: Floats) -> float:
     """Area inside a closed polyline (k, 2), negative when clockwise."""
     p = loop - loop.mean(axis=0)
     q = np.roll(p, -1, axis=0)
     return float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum() / 2)
 
 
-class Entities:
+class StepEntities:
     """Numbered entities; equal points and directions are written once."""
 
-    def __init__(self, more: int = 0) -> None:
+    def __init__(self, extra_digits: int = 0) -> None:
         """extra_digits : decimals of points and directions beyond the usual ones."""
         self.text: list[str] = []
-        self._digits, self._direction_digits = DIGITS + more, DIRECTION_DIGITS + more
+        self._digits, self._direction_digits = DIGITS + extra_digits, DIRECTION_DIGITS + extra_digits
         self._known: dict[str, int] = {}
 
     def add(self, body: str) -> int:
@@ -199,7 +199,7 @@ class Entities:
     @property
     def free(self) -> int:
         """Number of the next entity."""
-        return FIRST + len(self.text)
+        return FIRST_FREE + len(self.text)
 
     def once(self, body: str) -> int:
         """Add an entity unless it exists, and return its number."""
@@ -227,81 +227,86 @@ class Entities:
 
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
         """Add a bound of edges; each has True if it runs forwards."""
-        oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if way else 'F'}.)") for edge, way in steps]
+        oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if forwards else 'F'}.)") for edge, forwards in steps]
         loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
         return self.add(f"{kind}('',#{loop},.T.)")
 
-    def face(self, bounds: list[int], surface: int, same: bool = True) -> int:
+    def face(self, bounds: list[int], surface: int, same_sense: bool = True) -> int:
         """Add a face. same_sense : True if its normal is that of its surface."""
-        return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same else 'F'}.)")
+        return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same_sense else 'F'}.)")
 
 
-def plate_entities(plate: Plate, name: str) -> Iterator[str]:
+def plate_entities(plate: FlatPlate, name: str) -> Iterator[str]:
     """Yield the file with a solid for each piece."""
     yield header(name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh", len(plate.pieces))
-    new, shells, faces = Entities(), list[int](), list[int]()
+    entity_list, shells, faces = StepEntities(), list[int](), list[int]()
     for i, loops in enumerate(plate.pieces):
-        made = _piece(new, plate, loops)
-        faces += made
-        shells += [i] * len(made)
-    yield "".join(new.text)
-    yield from closing(np.array(shells), [[i] for i in range(len(plate.pieces))], np.array(faces), new.free, name)
+        piece_faces = _piece(entity_list, plate, loops)
+        faces += piece_faces
+        shells += [i] * len(piece_faces)
+    yield "".join(entity_list.text)
+    yield from closing(
+        np.array(shells), [[i] for i in range(len(plate.pieces))], np.array(faces), entity_list.free, name
+    )
 
 
-def _piece(new: Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:
+def _piece(entity_list: StepEntities, plate: FlatPlate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:
     axes, heights = plate.outlines.axes, plate.outlines.height
     walls, skins = list[int](), ([], [])  # type: tuple[list[int], tuple[list[int], list[int]]]
     for j, loop in enumerate(loops):
         kind = "FACE_BOUND" if j else "FACE_OUTER_BOUND"
-        ends = [np.stack([_lifted(c.poles[:1], axes, h)[0] for c in loop]) for h in heights]
-        vertices = [[new.add(f"VERTEX_POINT('',#{new.point(p)})") for p in row] for row in ends]
+        ends = [np.stack([_in_space(c.poles[:1], axes, h)[0] for c in loop]) for h in heights]
+        vertices = [[entity_list.add(f"VERTEX_POINT('',#{entity_list.point(p)})") for p in row] for row in ends]
         posts = [
-            new.add(f"EDGE_CURVE('',#{v},#{w},#{new.line(p, axes[2])},.T.)")
+            entity_list.add(f"EDGE_CURVE('',#{v},#{w},#{entity_list.line(p, axes[2])},.T.)")
             for v, w, p in zip(*vertices, ends[0], strict=True)
         ]
         edges = list[tuple[int, int]]()
         for k, curve in enumerate(loop):
             after = (k + 1) % len(loop)
-            poles = [_lifted(curve.poles, axes, h) for h in heights]
-            lines = [curve_entity(new, curve, p) for p in poles]
+            poles = [_in_space(curve.poles, axes, h) for h in heights]
+            lines = [curve_entity(entity_list, curve, p) for p in poles]
             low, high = (
-                new.add(f"EDGE_CURVE('',#{row[k]},#{row[after]},#{line},.T.)")
+                entity_list.add(f"EDGE_CURVE('',#{row[k]},#{row[after]},#{line},.T.)")
                 for row, line in zip(vertices, lines, strict=True)
             )
             edges.append((low, high))
-            wire = new.wire([(low, True), (posts[after], True), (high, False), (posts[k], False)])
-            walls.append(new.face([wire], _wall(new, curve, poles[0], lines[0], axes[2])))
-        skins[0].append(new.wire([(low, False) for low, _ in reversed(edges)], kind))
-        skins[1].append(new.wire([(high, True) for _, high in edges], kind))
-    corner = _lifted(loops[0][0].poles[:1], axes, heights[0])[0], _lifted(loops[0][0].poles[:1], axes, heights[1])[0]
-    bottom = new.face(skins[0], new.plane(corner[0], -axes[2]))
-    return [*walls, bottom, new.face(skins[1], new.plane(corner[1], axes[2]))]
+            wire = entity_list.wire([(low, True), (posts[after], True), (high, False), (posts[k], False)])
+            walls.append(entity_list.face([wire], _wall(entity_list, curve, poles[0], lines[0], axes[2])))
+        skins[0].append(entity_list.wire([(low, False) for low, _ in reversed(edges)], kind))
+        skins[1].append(entity_list.wire([(high, True) for _, high in edges], kind))
+    corner = (
+        _in_space(loops[0][0].poles[:1], axes, heights[0])[0],
+        _in_space(loops[0][0].poles[:1], axes, heights[1])[0],
+    )
+    bottom = entity_list.face(skins[0], entity_list.plane(corner[0], -axes[2]))
+    return [*walls, bottom, entity_list.face(skins[1], entity_list.plane(corner[1], axes[2]))]
 
 
-def _lifted(points: Floats, axes: Floats, height: float) -> Floats:
+def _in_space(points: Floats, axes: Floats, height: float) -> Floats:
     return np.asarray(points @ axes[:2] + height * axes[2])
 
 
-def curve_entity(new: Entities, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
+def curve_entity(entity_list: StepEntities, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
     """Add a line (bounded: a polyline of two points) or a spline with poles (p, 3), millimetres."""
-    if curve.straight and bounded:
-        return new.add(f"POLYLINE('{title}',{references([new.point(p) for p in poles])})")
-    if curve.straight:
-        return new.line(poles[0], poles[-1] - poles[0])
+    if curve.is_straight and bounded:
+        return entity_list.add(f"POLYLINE('{title}',{references([entity_list.point(p) for p in poles])})")
+    if curve.is_straight:
+        return entity_list.line(poles[0], poles[-1] - poles[0])
     knots, times = np.unique(curve.knots, return_counts=True)
-    through = references([new.point(p) for p in poles])
+    through = references([entity_list.point(p) for p in poles])
     counts = ",".join(str(k) for k in times.tolist())
-    return new.add(
+    return entity_list.add(
         f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{curve.degree},{through},.UNSPECIFIED.,.F.,.F.,({counts}),"
         f"{step_list(knots, DIGITS)},.UNSPECIFIED.)"
     )
 
 
-def _wall(new: Entities, curve: Curve, poles: Floats, line: int, across: Floats) -> int:
-    if curve.straight:
-        return new.plane(poles[0], np.cross(poles[-1] - poles[0], across))
-    vector = new.once(f"VECTOR('',#{new.direction(across)},1.)")
-    return new.add(f"SURFACE_OF_LINEAR_EXTRUSION('',#{line},#{vector})")
+def _wall(entity_list: StepEntities, curve: Curve, poles: Floats, line: int, across: Floats) -> int:
+    if curve.is_straight:
+        return entity_list.plane(poles[0], np.cross(poles[-1] - poles[0], across))
+    vector = entity_list.once(f"VECTOR('',#{entity_list.direction(across)},1.)")
+    return entity_list.add(f"SURFACE_OF_LINEAR_EXTRUSION('',#{line},#{vector})")
 
 
 def step_list(values: Floats, digits: int) -> str:

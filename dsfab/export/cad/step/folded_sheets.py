@@ -14,28 +14,28 @@ from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step.entities import DIGITS, closing, header
 from dsfab.export.cad.step.flat_sheets import (
-    SHARE_OF_GAP,
-    SLIMMEST,
-    Entities,
+    GAP_SHARE,
+    WIDTH_SHARE,
     NotFlatError,
+    StepEntities,
     curve_entity,
-    enclosed,
     frame,
     gaps_between,
     outlines_of,
     plate,
     plate_entities,
     references,
+    signed_loop_area,
     step_list,
 )
 from dsfab.export.cad.step.planar import FLATNESS, coplanar_regions
-from dsfab.export.cad.step.smooth.edges import Key, run_key
-from dsfab.export.cad.step.smooth.layout import WALL, OutlineRun, Region, SheetOutline, both_skins, sheet_of
-from dsfab.export.curves import Curve, fitted, of_few_spans
+from dsfab.export.cad.step.smooth.edges import RunKey, run_key
+from dsfab.export.cad.step.smooth.layout import WALL, ChartRegion, OutlineRun, SheetOutline, both_skins, sheet_of
+from dsfab.export.curves import Curve, fitted_curve, split_at_knots
 from dsfab.export.part import DividedSheet, Part
 from dsfab.surface import CREASE, edge_table
 
-NARROW = 1 / 8
+LEAST_GAP_SHARE = 1 / 8
 """Least assumed gap over the tolerance: an opening nearer to a fold or another opening is followed as if it were so
 near."""
 
@@ -54,7 +54,7 @@ class Facet:
         """(k, 4) coordinates of points (k, 2, 3) of both skins in their planes."""
         return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
 
-    def lifted(self, flat: Floats) -> Floats:
+    def in_space(self, flat: Floats) -> Floats:
         """(k, 2, 3) points on both planes from coordinates (k, 4)."""
         return np.asarray(self.origin + np.einsum("ksa,sai->ksi", flat.reshape(-1, 2, 2), self.axes[:, :2]))
 
@@ -73,7 +73,7 @@ class FlatFacets:
     thickness: float
 
     @cached_property
-    def creased(self) -> bool:
+    def has_creases(self) -> bool:
         """True if creases are at least half of the length of all folds; otherwise it may be the mesh of a curved
         sheet."""
         F, upper = self.whole.F, self.skins[:, 0]
@@ -122,7 +122,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
     """Return the sheet of a solid with flat facets, mitred at its folds; None for all other solids."""
     flat = flat_facets(part)
     try:
-        return _folded(flat) if flat else None
+        return _mitred_sheet(flat) if flat else None
     except ExportError:
         return None
 
@@ -134,44 +134,44 @@ def _facets(part: Part) -> FlatFacets:
     curved = part.curved()
     if len(curved.twins):
         raise NotFlatError("the surface has one side only, so it has no two skins")
-    whole = curved.divided(np.ones((len(curved.V), 1)))
-    skins = both_skins(whole, curved.shift)
-    thickness = 2 * float(np.median(np.linalg.norm(MM_PER_M * whole.D, axis=1)))
-    facet = _facet_of(skins, whole.F, rough * thickness)
-    _ask_few(facet)
-    if float(np.max(cKDTree(part.V).query(skins[np.unique(whole.F)].reshape(-1, 3))[0])) > rough * thickness:
+    divided_sheet = curved.divided(np.ones((len(curved.V), 1)))
+    skins = both_skins(divided_sheet, curved.shift)
+    thickness = 2 * float(np.median(np.linalg.norm(MM_PER_M * divided_sheet.D, axis=1)))
+    facet = _facet_labels(skins, divided_sheet.F, rough * thickness)
+    _require_few_facets(facet)
+    if float(np.max(cKDTree(part.V).query(skins[np.unique(divided_sheet.F)].reshape(-1, 3))[0])) > rough * thickness:
         raise NotFlatError("the solid is not the sheet's")
-    return FlatFacets(whole, curved.shift, skins, facet, thickness)
+    return FlatFacets(divided_sheet, curved.shift, skins, facet, thickness)
 
 
-def _folded(flat: FlatFacets) -> FoldedSheet:
+def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
     F, facet = flat.whole.F, flat.facet
-    points, apart = _mitred(flat.skins, F, facet)
+    points, apart = _mitred_vertices(flat.skins, F, facet)
     if apart.any():
-        facet = _apart(facet, np.asarray(apart[F].any(axis=1)))
-        _ask_few(facet)
-        points = _mitred(flat.skins, F, facet)[0]
+        facet = _single_face_facets(facet, np.asarray(apart[F].any(axis=1)))
+        _require_few_facets(facet)
+        points = _mitred_vertices(flat.skins, F, facet)[0]
     outline = sheet_of(flat.whole._replace(chart=facet), flat.shift)
     facets = {k: _plane(points, F[facet == k]) for k in range(int(facet.max()) + 1)}
     return FoldedSheet(outline, facets, points, flat.thickness)
 
 
-def _ask_few(facet: Ints) -> None:
+def _require_few_facets(facet: Ints) -> None:
     faces_per_facet = 4  # least triangles for each facet: each triangle of a curved sheet is a facet of its own
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
 
-def _facet_of(skins: Floats, F: Ints, off: float) -> Ints:
+def _facet_labels(skins: Floats, F: Ints, tolerance: float) -> Ints:
     """(m,) facet of each face: faces of one facet lie in one plane on both skins."""
     table = edge_table(F)
-    both = [coplanar_regions(skins[:, s], F, table, off)[0] for s in (0, 1)]
-    return np.unique(np.stack(both, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+    skin_regions = [coplanar_regions(skins[:, s], F, table, tolerance)[0] for s in (0, 1)]
+    return np.unique(np.stack(skin_regions, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _apart(facet: Ints, chosen: Bools) -> Ints:
+def _single_face_facets(facet: Ints, selected: Bools) -> Ints:
     """(m,) facets; each chosen face becomes a facet of its own."""
-    alone = np.where(chosen, len(facet) + np.arange(len(facet)), facet)
+    alone = np.where(selected, len(facet) + np.arange(len(facet)), facet)
     return np.unique(alone, return_inverse=True)[1].reshape(-1)
 
 
@@ -184,7 +184,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
     return Facet(origin, np.stack([frame(n / np.linalg.norm(n)) for n in total]))
 
 
-def _mitred(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
+def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
     """(n, 2, 3) vertices moved by least squares into the planes of their facets; and vertices without a common point.
 
     A facet of one face has no plane of its own: its corners define it.
@@ -199,11 +199,13 @@ def _mitred(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
     for v in np.flatnonzero(np.diff(start)):
         around = [planes[int(k)] for k in pairs[start[v] : start[v + 1], 1]]
         for s in (0, 1):
-            N = np.array([one.axes[s, 2] for one in around])
-            off = np.array([one.axes[s, 2] @ (one.origin[s] - skins[v, s]) for one in around])
-            move = np.linalg.lstsq(N, off, rcond=1e-9)[0]
+            N = np.array([facet_plane.axes[s, 2] for facet_plane in around])
+            offsets = np.array(
+                [facet_plane.axes[s, 2] @ (facet_plane.origin[s] - skins[v, s]) for facet_plane in around]
+            )
+            move = np.linalg.lstsq(N, offsets, rcond=1e-9)[0]
             points[v, s] += move
-            apart[v] |= float(np.abs(N @ move - off).max()) > exact
+            apart[v] |= float(np.abs(N @ move - offsets).max()) > exact
     return points, apart
 
 
@@ -212,7 +214,7 @@ class FoldedShape:
     """A folded sheet and its walls: curves with poles (p, 4), see `Facet.flat`, by the keys of their runs."""
 
     sheet: FoldedSheet
-    walls: dict[Key, list[Curve]]
+    walls: dict[RunKey, list[Curve]]
 
     @property
     def faces(self) -> int:
@@ -227,45 +229,51 @@ class FoldedShape:
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
     """Fit the walls as curves within a tolerance (mm); raises ExportError if no spline follows."""
-    walls = dict[Key, list[Curve]]()
+    walls = dict[RunKey, list[Curve]]()
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
-        gaps = gaps_between([line[:, :2] for line in lines], tolerance, NARROW * tolerance)
+        gaps = gaps_between([line[:, :2] for line in lines], tolerance, LEAST_GAP_SHARE * tolerance)
         for loop, gap in zip(region.loops, gaps, strict=True):
             for run in loop:
                 if run.beyond == WALL:
-                    close = min(tolerance, SLIMMEST * run.width / 2, SHARE_OF_GAP * gap)
+                    run_tolerance = min(tolerance, WIDTH_SHARE * run.width / 2, GAP_SHARE * gap)
                     line = facet.flat(sheet.points[run.vertices])
-                    walls[run_key(run)[0]] = of_few_spans(_curve(line, close))
+                    walls[run_key(run)[0]] = split_at_knots(_curve(line, run_tolerance))
     return FoldedShape(sheet, walls)
 
 
-def region_lines(sheet: FoldedSheet, region: Region) -> list[Floats]:
+def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
     """(k, 4) loops of a region in the planes of its facet; the outer one is counter-clockwise.
 
     Raises ExportError unless there is exactly one outer loop.
     """
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
-    if sum(enclosed(line[:, :2]) > 0 for line in lines) != 1 or sum(enclosed(line[:, 2:]) > 0 for line in lines) != 1:
+    if (
+        sum(signed_loop_area(line[:, :2]) > 0 for line in lines) != 1
+        or sum(signed_loop_area(line[:, 2:]) > 0 for line in lines) != 1
+    ):
         raise ExportError("a facet of the sheet touches itself, so its outline is not one loop")
     return lines
 
 
-def _curve(line: Floats, close: float) -> Curve:
+def _curve(line: Floats, tolerance: float) -> Curve:
     """Fit a curve to a line (k, 4) on both skins.
 
     Points at equal shares of both lengths are opposite each other, because one skin is longer beside a fold. Straight
     edges then stay lines.
     """
     upper, lower = line[:, :2], line[:, 2:]
-    shares = [_shares(one) for one in (upper, lower)]
+    shares = [_shares(skin_line) for skin_line in (upper, lower)]
     x = np.union1d(*shares)
-    at = [[np.interp(x, share, column) for column in one.T] for share, one in zip(shares, (upper, lower), strict=True)]
-    found = fitted(np.stack([column for one in at for column in one], axis=1), close)
-    if found is None:
-        raise ExportError(f"no spline follows an outline of {len(line)} points within {close:.3g} mm")
-    return found
+    columns = [
+        [np.interp(x, share, column) for column in skin_line.T]
+        for share, skin_line in zip(shares, (upper, lower), strict=True)
+    ]
+    curve = fitted_curve(np.stack([column for skin_line in columns for column in skin_line], axis=1), tolerance)
+    if curve is None:
+        raise ExportError(f"no spline follows an outline of {len(line)} points within {tolerance:.3g} mm")
+    return curve
 
 
 def _shares(line: Floats) -> Floats:
@@ -279,7 +287,7 @@ def is_fold(run: OutlineRun) -> bool:
     return run.beyond != WALL
 
 
-Edges = tuple[int, int]
+EdgePair = tuple[int, int]
 """Edges of a run on the upper and on the lower skin."""
 
 
@@ -290,9 +298,9 @@ def folded_entities(shape: FoldedShape, name: str) -> Iterator[str]:
     writer = _Writer(shape)
     shells, faces = list[int](), list[int]()
     for region in shape.sheet.outline.regions:
-        made = writer.region(region)
-        faces += made
-        shells += [region.piece] * len(made)
+        region_faces = writer.region(region)
+        faces += region_faces
+        shells += [region.piece] * len(region_faces)
     yield "".join(writer.new.text)
     yield from closing(np.array(shells), [[i] for i in range(pieces)], np.array(faces), writer.new.free, name)
 
@@ -324,65 +332,65 @@ class _Writer:
         # Edges on inclined planes then stay within 1e-7 mm, OCCT's least tolerance. With a larger tolerance a fillet
         # that shortens an edge fails.
         extra_digits = 2
-        self.new, self.shape, self.sheet = Entities(more=extra_digits), shape, shape.sheet
-        self.vertices, self.posts, self.edges = dict[int, Edges](), dict[int, int](), dict[Key, Edges]()
+        self.new, self.shape, self.sheet = StepEntities(extra_digits=extra_digits), shape, shape.sheet
+        self.vertices, self.posts, self.edges = dict[int, EdgePair](), dict[int, int](), dict[RunKey, EdgePair]()
 
-    def region(self, region: Region) -> list[int]:
+    def region(self, region: ChartRegion) -> list[int]:
         facet, lines = self.sheet.facets[region.chart], region_lines(self.sheet, region)
-        order = sorted(range(len(lines)), key=lambda i: -enclosed(lines[i][:, :2]))
+        order = sorted(range(len(lines)), key=lambda i: -signed_loop_area(lines[i][:, :2]))
         faces, bounds = list[int](), (list[int](), list[int]())
         for i in order:
             kind = "FACE_BOUND" if bounds[0] else "FACE_OUTER_BOUND"
-            steps = list[tuple[Edges, bool]]()
+            steps = list[tuple[EdgePair, bool]]()
             for run in region.loops[i]:
                 if is_fold(run):
                     steps.append(self._fold(run))
                 else:
-                    known, walls = self._walls(run, facet)
-                    steps += [(both, True) for both in known]
+                    wall_edges, walls = self._walls(run, facet)
+                    steps += [(pair, True) for pair in wall_edges]
                     faces += walls
-            bounds[0].append(self.new.wire([(both[0], ahead) for both, ahead in steps], kind))
-            bounds[1].append(self.new.wire([(both[1], not ahead) for both, ahead in reversed(steps)], kind))
-        for s, way in ((0, 1), (1, -1)):
-            plane = self.new.plane(facet.origin[s], way * facet.axes[s, 2])
+            bounds[0].append(self.new.wire([(pair[0], ahead) for pair, ahead in steps], kind))
+            bounds[1].append(self.new.wire([(pair[1], not ahead) for pair, ahead in reversed(steps)], kind))
+        for s, sign in ((0, 1), (1, -1)):
+            plane = self.new.plane(facet.origin[s], sign * facet.axes[s, 2])
             faces.append(self.new.face(bounds[s], plane))
         return faces
 
-    def _fold(self, run: OutlineRun) -> tuple[Edges, bool]:
+    def _fold(self, run: OutlineRun) -> tuple[EdgePair, bool]:
         key, ahead = run_key(run)
         if key not in self.edges:
-            way = run.vertices[[0, -1]] if ahead else run.vertices[[-1, 0]]
-            p, q = self.sheet.points[way]
-            a, b = (self._vertex(int(v)) for v in way)
+            end_vertices = run.vertices[[0, -1]] if ahead else run.vertices[[-1, 0]]
+            p, q = self.sheet.points[end_vertices]
+            a, b = (self._vertex(int(v)) for v in end_vertices)
             self.edges[key] = self._edges(a, b, [self.new.line(p[s], q[s] - p[s]) for s in (0, 1)])
         return self.edges[key], ahead
 
-    def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[Edges], list[int]]:
+    def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[EdgePair], list[int]]:
         """Add the faces of a run of walls; return both edges of each wall, and the faces. From outside, lower edges go
         to the right."""
-        chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[Edges](), list[int]()
+        chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[EdgePair](), list[int]()
         for v in run.vertices[[0, -1]]:
             vertices.append(self._vertex(int(v)))
             posts.append(self._post(int(v)))
         for i, curve in enumerate(chain[:-1], 1):
-            points = facet.lifted(curve.poles[-1:])[0]
+            points = facet.in_space(curve.poles[-1:])[0]
             vertices.insert(i, self._new_vertex(points))
             posts.insert(i, self._new_post(vertices[i], points))
-        known, faces = list[Edges](), list[int]()
+        edge_pairs, faces = list[EdgePair](), list[int]()
         for i, curve in enumerate(chain):
-            poles = facet.lifted(curve.poles)
+            poles = facet.in_space(curve.poles)
             curves = [curve_entity(self.new, curve, poles[:, s]) for s in (0, 1)]
             upper, lower = self._edges(vertices[i], vertices[i + 1], curves)
             wire = self.new.wire([(lower, True), (posts[i + 1], True), (upper, False), (posts[i], False)])
-            faces.append(self.new.face([wire], self._ruled(curve, poles)))
-            known.append((upper, lower))
-        return known, faces
+            faces.append(self.new.face([wire], self._ruled_surface(curve, poles)))
+            edge_pairs.append((upper, lower))
+        return edge_pairs, faces
 
-    def _edges(self, a: Edges, b: Edges, curves: list[int]) -> Edges:
+    def _edges(self, a: EdgePair, b: EdgePair, curves: list[int]) -> EdgePair:
         upper, lower = (self.new.add(f"EDGE_CURVE('',#{a[s]},#{b[s]},#{curves[s]},.T.)") for s in (0, 1))
         return upper, lower
 
-    def _vertex(self, v: int) -> Edges:
+    def _vertex(self, v: int) -> EdgePair:
         if v not in self.vertices:
             self.vertices[v] = self._new_vertex(self.sheet.points[v])
         return self.vertices[v]
@@ -392,15 +400,15 @@ class _Writer:
             self.posts[v] = self._new_post(self._vertex(v), self.sheet.points[v])
         return self.posts[v]
 
-    def _new_vertex(self, points: Floats) -> Edges:
+    def _new_vertex(self, points: Floats) -> EdgePair:
         upper, lower = (self.new.add(f"VERTEX_POINT('',#{self.new.point(p)})") for p in points)
         return upper, lower
 
-    def _new_post(self, vertex: Edges, points: Floats) -> int:
+    def _new_post(self, vertex: EdgePair, points: Floats) -> int:
         (upper, lower), (p, q) = vertex, points
         return self.new.add(f"EDGE_CURVE('',#{lower},#{upper},#{self.new.line(q, p - q)},.T.)")
 
-    def _ruled(self, curve: Curve, poles: Floats) -> int:
+    def _ruled_surface(self, curve: Curve, poles: Floats) -> int:
         """Add the surface between upper and lower curves with poles (p, 2, 3); its normal points outwards."""
         upper, lower = poles[:, 0], poles[:, 1]
         across = np.cross(lower[-1] - lower[0], upper[0] - lower[0])
@@ -408,7 +416,9 @@ class _Writer:
         if np.abs((poles - lower[0]) @ normal).max() <= FLATNESS:
             return self.new.plane(lower[0], normal)
         knots, times = np.unique(curve.knots, return_counts=True)
-        rows = ",".join(references([self.new.point(p) for p in both]) for both in zip(lower, upper, strict=True))
+        rows = ",".join(
+            references([self.new.point(p) for p in pole_pair]) for pole_pair in zip(lower, upper, strict=True)
+        )
         counts = ",".join(str(k) for k in times.tolist())
         return self.new.add(
             f"B_SPLINE_SURFACE_WITH_KNOTS('',{curve.degree},1,({rows}),.UNSPECIFIED.,.F.,.F.,.F.,"

@@ -13,7 +13,7 @@ FLATNESS = 1e-5
 """Millimetres that vertices may be off a joined plane or line: the linear precision of Parasolid, 1e-8 m."""
 
 
-def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, off: float = FLATNESS) -> tuple[Ints, Floats]:
+def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
     """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
 
     tolerance : largest distance of vertices from a joined plane, millimetres.
@@ -29,13 +29,13 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, off: float = FLATNESS
     low = np.linalg.norm(vectors, axis=1) <= FLATNESS * lengths.max(axis=1)
     h, k = np.concatenate([table.pairs, table.pairs[:, ::-1]]).T  # seen from triangle h // 3: its neighbour k // 3
     tip = V[F.ravel()[k - k % 3 + (k + 2) % 3]]
-    level = np.abs(np.einsum("pi,pi->p", tip - corners[h // 3, 0], units[h // 3])) <= off
+    level = np.abs(np.einsum("pi,pi->p", tip - corners[h // 3, 0], units[h // 3])) <= tolerance
     level &= np.einsum("pi,pi->p", units[h // 3], units[k // 3]) > 0
-    there, back = np.split(level & ~low[h // 3] & ~low[k // 3], 2)
-    flat = table.pairs[there & back] // 3
+    forth, back = np.split(level & ~low[h // 3] & ~low[k // 3], 2)
+    flat = table.pairs[forth & back] // 3
     absorbed = np.stack([h, k], axis=1)[low[h // 3] & (h % 3 == lengths.argmax(axis=1)[h // 3])] // 3
     region = _components(np.concatenate([flat, absorbed]), len(F))
-    uneven = _off_plane(corners, vectors, region) > off
+    uneven = _off_plane(corners, vectors, region) > tolerance
     if uneven.any():
         region = _components(np.concatenate([flat[~uneven[region[flat[:, 0]]]], absorbed]), len(F))
     return region, group_sums(region, vectors)
@@ -60,7 +60,7 @@ def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
+class FaceOutlines:
     """Loops of half-edges: loop i has h[start[i] : start[i + 1]]."""
 
     h: Ints
@@ -79,33 +79,33 @@ class Outline:
         return onward
 
 
-def outline_of(region: Ints, other: Ints) -> Outline:
+def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Chain the half-edges between different regions (m,), with their region on the left. opposite : (3 m,) opposite
     half-edges.
 
     The successor of a half-edge is found by turning about its end through triangles of the same region, so loops never
     jump across a vertex where a region touches itself.
     """
-    kept = region[np.arange(len(other)) // 3] != region[other // 3]
-    onward = np.arange(len(other))
+    on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
+    onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(kept)  # half-edges inside a region would turn forever
-    while len(turning := turning[~kept[onward[turning]]]):
-        onward[turning] = follow[other[onward[turning]]]
-    step, passed = onward.tolist(), bytearray(len(other))
+    turning = np.flatnonzero(on_border)  # half-edges inside a region would turn forever
+    while len(turning := turning[~on_border[onward[turning]]]):
+        onward[turning] = follow[opposite[onward[turning]]]
+    step, passed = onward.tolist(), bytearray(len(opposite))
     h, start = list[int](), [0]
-    for at in np.flatnonzero(kept).tolist():
-        while not passed[at]:
-            passed[at] = True
-            h.append(at)
-            at = step[at]
+    for half_edge in np.flatnonzero(on_border).tolist():
+        while not passed[half_edge]:
+            passed[half_edge] = True
+            h.append(half_edge)
+            half_edge = step[half_edge]
         if len(h) > start[-1]:
             start.append(len(h))
-    return Outline(np.array(h, dtype=np.int64), np.array(start))
+    return FaceOutlines(np.array(h, dtype=np.int64), np.array(start))
 
 
-def simple(outline: Outline, F: Ints) -> Outline:
+def simple_loops(outline: FaceOutlines, F: Ints) -> FaceOutlines:
     """Cut the loops of faces F (m, 3) at repeated vertices, so that no loop touches itself."""
     vertex = F.ravel()[outline.h]
     visits = np.sort(outline.loop * (int(F.max()) + 1) + vertex)
@@ -116,7 +116,7 @@ def simple(outline: Outline, F: Ints) -> Outline:
     for i, (begin, end) in enumerate(zip(outline.start[:-1], outline.start[1:], strict=True)):
         h = outline.h[begin:end].tolist()
         loops.extend(cut_apart(h, vertex[begin:end].tolist()) if i in touching else [h])
-    return Outline(np.concatenate([np.array(loop) for loop in loops]), np.cumsum([0, *map(len, loops)]))
+    return FaceOutlines(np.concatenate([np.array(loop) for loop in loops]), np.cumsum([0, *map(len, loops)]))
 
 
 def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
@@ -136,20 +136,20 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
     return [*loops, path]
 
 
-def ends_of_runs(alive: Bools, outline: Outline) -> tuple[Ints, Ints]:
+def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
     """(h,) for each position, the last corner of its loop at or before it, and the first one after it; alive (h,) marks
     corners."""
-    at = np.flatnonzero(alive)
+    corner_positions = np.flatnonzero(alive)
     loop = outline.loop
-    first = np.searchsorted(at, outline.start[:-1])
-    last = np.searchsorted(at, outline.start[1:]) - 1
-    rank = np.searchsorted(at, np.arange(len(alive)), side="right") - 1
-    run = np.where(rank >= first[loop], rank, last[loop])
-    end = np.where(rank + 1 <= last[loop], rank + 1, first[loop])
-    return at[run], at[end]
+    loop_first = np.searchsorted(corner_positions, outline.start[:-1])
+    loop_last = np.searchsorted(corner_positions, outline.start[1:]) - 1
+    rank = np.searchsorted(corner_positions, np.arange(len(alive)), side="right") - 1
+    run = np.where(rank >= loop_first[loop], rank, loop_last[loop])
+    end = np.where(rank + 1 <= loop_last[loop], rank + 1, loop_first[loop])
+    return corner_positions[run], corner_positions[end]
 
 
-def positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
+def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
     """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index into `loops` of each."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
@@ -185,15 +185,15 @@ class Polyhedron:
 def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
     """Build planar faces of a closed triangle mesh with two triangles at each edge; shell (m,) labels its triangles."""
     table = edge_table(F)
-    other = np.empty(3 * len(F), dtype=np.int64)
-    other[table.pairs[:, 0]], other[table.pairs[:, 1]] = table.pairs[:, 1], table.pairs[:, 0]
+    opposite = np.empty(3 * len(F), dtype=np.int64)
+    opposite[table.pairs[:, 0]], opposite[table.pairs[:, 1]] = table.pairs[:, 1], table.pairs[:, 0]
     region, vectors = coplanar_regions(V, F, table)
-    outline = simple(outline_of(region, other), F)
+    outline = simple_loops(outline_of(region, opposite), F)
     alive = _corners(V, F, table, outline)
-    return _assembled(V, F, shell, region, vectors, table, outline, alive)
+    return _numbered_polyhedron(V, F, shell, region, vectors, table, outline, alive)
 
 
-def _corners(V: Floats, F: Ints, table: EdgeTable, outline: Outline) -> Bools:
+def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
     """(n,) vertices that the outlines need, without those inside a straight edge.
 
     A vertex can go if just two outline edges meet there, in line. Every run of such vertices must also lie on the line
@@ -206,16 +206,16 @@ def _corners(V: Floats, F: Ints, table: EdgeTable, outline: Outline) -> Bools:
     before, after = np.roll(a, 1), a[outline.next]
     before[outline.start[:-1]] = a[outline.start[1:] - 1]
     two = np.flatnonzero(~alive[a])  # the rest are corners: nearly every vertex of a curved solid
-    at, p, q = V[a[two]], V[before[two]], V[after[two]]
-    onward = np.einsum("hi,hi->h", at - p, q - at) > 0
-    alive[a[two][~onward | (_from_line(at, p, q) > FLATNESS)]] = True
+    points, p, q = V[a[two]], V[before[two]], V[after[two]]
+    onward = np.einsum("hi,hi->h", points - p, q - points) > 0
+    alive[a[two][~onward | (_from_line(points, p, q) > FLATNESS)]] = True
     while len(dead := two[~alive[a[two]]]):
         few = np.repeat(np.add.reduceat(alive[a], outline.start[:-1]) < 3, np.diff(outline.start))
         bent = dead[few[dead]]
         if not len(bent):
             run, end = ends_of_runs(alive[a], outline)
-            off = _from_line(V[a[dead]], V[a[run[dead]]], V[a[end[dead]]]) > FLATNESS
-            bent = dead[np.isin(run[dead], run[dead[off]])]
+            off_line = _from_line(V[a[dead]], V[a[run[dead]]], V[a[end[dead]]]) > FLATNESS
+            bent = dead[np.isin(run[dead], run[dead[off_line]])]
         if not len(bent):
             break
         alive[a[bent]] = True
@@ -230,16 +230,23 @@ def _from_line(p: Floats, a: Floats, b: Floats) -> Floats:
     return distances
 
 
-def _assembled(
-    V: Floats, F: Ints, shell: Ints, region: Ints, vectors: Floats, table: EdgeTable, outline: Outline, alive: Bools
+def _numbered_polyhedron(
+    V: Floats,
+    F: Ints,
+    shell: Ints,
+    region: Ints,
+    vectors: Floats,
+    table: EdgeTable,
+    outline: FaceOutlines,
+    alive: Bools,
 ) -> Polyhedron:
     """Number points, edges and faces. Arrays with a row per step are freed early, because each triangle has three
     steps."""
     face_of_loop = region[outline.h[outline.start[:-1]] // 3]
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)
-    order = np.lexsort((-_around(V, begin, start, face_of_loop, normals), face_of_loop))
-    steps = positions(start, order)[0]
+    order = np.lexsort((-_loop_areas(V, begin, start, face_of_loop, normals), face_of_loop))
+    steps = step_positions(start, order)[0]
     used, point = np.unique(begin, return_inverse=True)
     of_vertex = np.zeros(len(V), dtype=np.int64)
     of_vertex[used] = np.arange(len(used))
@@ -261,7 +268,7 @@ def _assembled(
 
 
 def _long_edges(
-    F: Ints, table: EdgeTable, outline: Outline, alive: Bools
+    F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
     """Return the first vertex of each step, the starts of the loops, and the edge, ends (e, 2) and direction of each
     step.
@@ -269,27 +276,27 @@ def _long_edges(
     Both sides identify a long edge by the smallest mesh edge in it.
     """
     a = F.ravel()[outline.h]
-    kept = alive[a]
-    run, end = ends_of_runs(kept, outline)
+    is_corner = alive[a]
+    run, end = ends_of_runs(is_corner, outline)
     smallest = np.full(len(a), len(table.ends))
     np.minimum.at(smallest, run, table.of.ravel()[outline.h])
-    start = np.concatenate([[0], np.cumsum(np.add.reduceat(kept, outline.start[:-1]))])
-    begin, finish = a[kept], a[end[kept]]
-    _, edge = np.unique(smallest[kept], return_inverse=True)
+    start = np.concatenate([[0], np.cumsum(np.add.reduceat(is_corner, outline.start[:-1]))])
+    begin, finish = a[is_corner], a[end[is_corner]]
+    _, edge = np.unique(smallest[is_corner], return_inverse=True)
     ends = np.zeros((int(edge.max()) + 1, 2), dtype=np.int64)
     ends[edge, 0], ends[edge, 1] = np.minimum(begin, finish), np.maximum(begin, finish)
     return begin, start, (edge, ends, begin < finish)
 
 
-def _around(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
+def _loop_areas(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
     """(l,) twice the area inside each loop, seen against its face's normal; 0 for the only loop of a face."""
     around = np.zeros(len(face_of_loop))
     many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
     if len(many):
         ahead = np.arange(1, len(begin) + 1)
         ahead[start[1:] - 1] = start[:-1]
-        at, loop = positions(start, many)
+        place, loop = step_positions(start, many)
         base = V[begin[start[many]]][loop]
-        swept = np.cross(V[begin[at]] - base, V[begin[ahead[at]]] - base)
+        swept = np.cross(V[begin[place]] - base, V[begin[ahead[place]]] - base)
         around[many] = np.bincount(loop, np.einsum("hi,hi->h", swept, normals[face_of_loop[many]][loop]))
     return around

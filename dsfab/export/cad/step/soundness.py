@@ -14,7 +14,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.derived import derived
 from dsfab.core.units import METRES_PER
-from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.cad.step.smooth.build import smooth_file
 from dsfab.export.cad.step.worker import use_check
 from dsfab.export.cad.step.worker.reports import StepMesh, drawn_anew, read_step
@@ -24,7 +24,7 @@ from dsfab.export.subprocesses import ProgramError, last_line
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
-FINER = 2
+REDRAWING_ROUNDS = 2
 """Number of rounds in which crossing curved faces are redrawn, each with a quarter of the deflection."""
 
 
@@ -45,14 +45,14 @@ def step_triangles(mesh: StepMesh) -> StepTriangles:
     same_place = 1e-9  # share of the size: OCCT triangulates faces one by one, so equal points differ by rounding
     size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
     grid = np.round(mesh.V / (same_place * size))
-    _, once, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
-    F = of.reshape(-1)[mesh.F]
-    whole = (np.roll(F, -1, axis=1) != F).all(axis=1)
-    return StepTriangles(mesh.V[once] * METRES_PER["mm"], F[whole], mesh.face[whole], int((~whole).sum()))
+    _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+    F = point_number.reshape(-1)[mesh.F]
+    is_proper = (np.roll(F, -1, axis=1) != F).all(axis=1)
+    return StepTriangles(mesh.V[once] * METRES_PER["mm"], F[is_proper], mesh.face[is_proper], int((~is_proper).sum()))
 
 
 def curved_soundness(
-    first: StepTriangles, deflection: float, shape: bytes, tell: Callable[[], None] = lambda: None
+    first_triangles: StepTriangles, deflection: float, shape: bytes, on_redraw: Callable[[], None] = lambda: None
 ) -> Soundness:
     """Judge a solid with curved faces by its triangles.
 
@@ -61,13 +61,19 @@ def curved_soundness(
 
     All faults except crossings come from the first triangles. Raises ExportError if OCCT takes too long.
     """
-    sound, drawn, met = soundness(first.V, first.F), first, np.zeros(0, dtype=np.int64)
-    for k in range(1, FINER + 1):
+    sound, triangles, crossing_faces = (
+        soundness(first_triangles.V, first_triangles.F),
+        first_triangles,
+        np.zeros(0, dtype=np.int64),
+    )
+    for k in range(1, REDRAWING_ROUNDS + 1):
         if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
             break
-        tell()
-        met = np.union1d(met, drawn.face[sound.crossings])  # faces of earlier rounds stay in
-        sound, drawn = _finer(sound, first, _near(first, met, deflection), deflection / 4**k, shape)
+        on_redraw()
+        crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # faces of earlier rounds stay in
+        sound, triangles = _redraw(
+            sound, first_triangles, _faces_near(first_triangles, crossing_faces, deflection), deflection / 4**k, shape
+        )
     return sound
 
 
@@ -77,57 +83,57 @@ def step_fault(path: Path, deflection: float) -> str:
     Raises ExportError if OCCT cannot read the file or takes too long.
     """
     mesh = read_step(path, deflection / METRES_PER["mm"])
-    return drawn_fault(step_triangles(mesh), deflection, mesh.shape)
+    return triangle_fault(step_triangles(mesh), deflection, mesh.shape)
 
 
-def drawn_fault(first: StepTriangles, deflection: float, shape: bytes) -> str:
+def triangle_fault(first_triangles: StepTriangles, deflection: float, shape: bytes) -> str:
     """Return the reason why drawn triangles bound no solid, see `curved_soundness`; "" for a solid."""
-    sound = curved_soundness(first, deflection, shape)
+    sound = curved_soundness(first_triangles, deflection, shape)
     if sound.sound:
         return ""
     fault = sound.faults[0]
     place = ", ".join(f"{x:.4g}" for x in fault.place)
-    return f"{fault.told.partition(':')[0]} where OCCT draws it as triangles, at ({place}) m"
+    return f"{fault.message.partition(':')[0]} where OCCT draws it as triangles, at ({place}) m"
 
 
-def _near(first: StepTriangles, faces: Ints, deflection: float) -> Ints:
+def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Ints:
     """Return faces and all faces whose boxes, each enlarged by the deflection, overlap theirs."""
-    count, corners = int(first.face.max()) + 1, first.V[first.F]
+    count, corners = int(triangles.face.max()) + 1, triangles.V[triangles.F]
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(low, first.face, corners.min(axis=1) - deflection)
-    np.maximum.at(high, first.face, corners.max(axis=1) + deflection)
-    near: Bools = np.isin(np.arange(count), faces)
+    np.minimum.at(low, triangles.face, corners.min(axis=1) - deflection)
+    np.maximum.at(high, triangles.face, corners.max(axis=1) + deflection)
+    is_near: Bools = np.isin(np.arange(count), faces)
     for k in faces:
-        near |= ((low <= high[k]) & (high >= low[k])).all(axis=1)
-    return np.flatnonzero(near)
+        is_near |= ((low <= high[k]) & (high >= low[k])).all(axis=1)
+    return np.flatnonzero(is_near)
 
 
-def _finer(
-    sound: Soundness, first: StepTriangles, faces: Ints, deflection: float, shape: bytes
+def _redraw(
+    sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
     """Redraw some faces with a smaller deflection; return the new judgement and the triangles.
 
     All faces are redrawn if the new triangles have another topology, because they then say nothing about the rest.
     """
-    drawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
-    if not np.array_equal(np.unique(drawn.face), faces) or not _alike(first, drawn):
-        drawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
-        return soundness(drawn.V, drawn.F), drawn
-    pairs = intersecting_pairs(drawn.V, drawn.F)
-    fault = fault_at("crossing", drawn.V[drawn.F[pairs[:, 0]]].mean(axis=1))
-    return replace(sound, faults=(fault,) if fault else (), crossings=pairs), drawn
+    redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
+    if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
+        redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
+        return soundness(redrawn.V, redrawn.F), redrawn
+    pairs = intersecting_pairs(redrawn.V, redrawn.F)
+    fault = fault_at("crossing", redrawn.V[redrawn.F[pairs[:, 0]]].mean(axis=1))
+    return replace(sound, faults=(fault,) if fault else (), crossings=pairs), redrawn
 
 
-def _alike(coarse: StepTriangles, fine: StepTriangles) -> bool:
+def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
     """Return whether fine triangles are an oriented manifold with the Euler number of the coarse triangles of the same
     faces.
 
     A face that OCCT omits or fails to join changes that number.
     """
-    ones = np.isin(coarse.face, fine.face)
+    selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))
-    return not crowded and not len(misoriented_edges(fine.F, edges)) and _euler(coarse.F[ones]) == _euler(fine.F)
+    return not crowded and not len(misoriented_edges(fine.F, edges)) and _euler(coarse.F[selected]) == _euler(fine.F)
 
 
 def _euler(F: Ints) -> int:
@@ -161,7 +167,7 @@ def smooth_use(part: Part) -> SampledUse:
     return sampled_use(part, file.text.encode("ascii"), file.faces, file.limits)
 
 
-def sampled_use(part: Part, file: bytes, faces: int, limits: Limits, suffix: str = ".step") -> SampledUse:
+def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
     """Cut a file once on trial: STEP text, or OCCT's binary shape with the suffix `.bin`."""
     if faces > MOST_FACES:
         return SampledUse(False)
@@ -175,16 +181,16 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
     reports it."""
     seconds = SECONDS + SECONDS_PER_FACE * faces
     try:
-        said = json.loads(last_line(use_check.__file__, str(path), "sample", seconds=seconds))
+        report = json.loads(last_line(use_check.__file__, str(path), "sample", seconds=seconds))
     except (subprocess.TimeoutExpired, ProgramError):
         return f"OCCT did not cut it within {seconds:.0f} s of the processor", []
-    if not said["halves"]:
-        return "a half of it is not valid once OCCT has cut it", said["box"]
-    missed = said["off"] > use_check.ADDS
-    return f"its halves miss {said['off']:.1e} of its volume once OCCT has cut it" if missed else "", said["box"]
+    if not report["halves"]:
+        return "a half of it is not valid once OCCT has cut it", report["box"]
+    is_lossy = report["off"] > use_check.TOGETHER_LIMIT
+    return f"its halves miss {report['off']:.1e} of its volume once OCCT has cut it" if is_lossy else "", report["box"]
 
 
-def said_of_use(text: str, seconds: float) -> dict[str, Any]:
+def use_report(text: str, seconds: float) -> dict[str, Any]:
     """Return the report of `use_check` about a file; raises the errors of `last_line`."""
     with _file(text.encode("ascii")) as path:
         return dict(json.loads(last_line(use_check.__file__, str(path), seconds=seconds)))
@@ -198,9 +204,13 @@ def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
         yield path
 
 
-def box_fault(part: Part, bounds: list[float], limits: Limits, share: float = 1e-2) -> str:
+def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: float = 1e-2) -> str:
     """Return the fault of OCCT's box around a part's file, six numbers in mm; "" if it fits. share : of the part's
     diagonal."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
-    off = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
-    return f"OCCT's box of it is {off:.3g} mm off" if off > share * size + limits.distance + limits.usual else ""
+    distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
+    return (
+        f"OCCT's box of it is {distance:.3g} mm off"
+        if distance > share * size + limits.distance + limits.usual_chord
+        else ""
+    )

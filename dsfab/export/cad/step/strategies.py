@@ -6,21 +6,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.core.errors import ExportError
-from dsfab.core.limits import FURTHER, OUTLINE
+from dsfab.core.limits import OUTLINE, SIMPLIFIED_OFF_SURFACE
 from dsfab.export.cad.step import entities
 from dsfab.export.cad.step.by_members.build import NotByMembersError, member_file
 from dsfab.export.cad.step.by_members.draft import has_too_many, member_draft, member_plan
 from dsfab.export.cad.step.entities import DIGITS, FACETED_DIGITS, faceted_bytes
 from dsfab.export.cad.step.file_size import (
     COSTS,
-    START,
+    LOADING_SECONDS,
     BudgetError,
-    none_within,
+    no_strategy_error,
+    require_budget,
     simplified_part,
+    strategy_of,
     usual_tolerance,
-    way_of,
-    within,
-    writing,
+    writing_seconds,
 )
 from dsfab.export.cad.step.flat_sheets import NotFlatError, outlines_of
 from dsfab.export.cad.step.folded_sheets import flat_facets, folded_sheet, planar_file
@@ -34,15 +34,15 @@ from dsfab.surface.topology import edge_table, half_edges
 
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
-TIGHTER = 1 / 4
+TIGHTER_SHARE = 1 / 4
 """Share of the tolerance for a second planar try, because curves may cross in a narrow place."""
 
-LONGER = 3
+QUICK_FACTOR = 3
 """Factor of the walls and layouts that `quick` tries to make smooth, because it gets no second chance. A seam close to
 an opening can make OCCT refuse a face; another layout (5 to 10 s) has its seams elsewhere. Of ten user surfaces four
 failed in the first layout; three of them were sound in the second and one in the third."""
 
-MANY = 2
+MEMBER_FACES_FACTOR = 2
 """Factor of the faces that `auto` makes by members if facets exceed the budget. The remaining strategy is smooth, which
 CAD programs fail to cut (all eight cuts of a cylinder at 45 degrees)."""
 
@@ -80,23 +80,25 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
         if flat or _may_be_planar(part):
             yield planar
             if planar.tolerance:
-                yield replace(planar, tolerance=TIGHTER * planar.tolerance)
+                yield replace(planar, tolerance=TIGHTER_SHARE * planar.tolerance)
     curved, quick = chosen and part.curved is not None and not flat, part.step == "quick"
     members = replace(part, step="members", hurry=1)
     if curved and _worth_members(part):
         yield members
     if part.step == "smooth" or curved:
-        yield replace(part, step="smooth", hurry=(LONGER if quick else 1) if curved else 0, cut=curved and not quick)
+        yield replace(
+            part, step="smooth", hurry=(QUICK_FACTOR if quick else 1) if curved else 0, cut=curved and not quick
+        )
     if part.step == "tessellated":
         yield part
     if chosen or part.step == "faceted":
         faceted = replace(part, step="faceted")
         if part.tolerance:
-            yield from _as_asked(faceted)
+            yield from _within_user_tolerance(faceted)
         else:
             yield faceted
     if chosen:
-        yield from _last(faceted, members if curved and not quick else None, quick)
+        yield from _last_attempts(faceted, members if curved and not quick else None, quick)
 
 
 def _worth_members(part: Part) -> bool:
@@ -104,18 +106,18 @@ def _worth_members(part: Part) -> bool:
 
     A smooth file takes half of the time, but CAD programs fail to cut it: of 24 half-space cuts one was valid.
     """
-    curved = _curved(part)
+    curved = _curved_sheet(part)
     if curved is None or curved.striped is None:
         return False
     return part.step == "auto" or bool(Surface(curved.V, curved.F).edges.boundary.any())
 
 
-def _striped(part: Part) -> bool:
-    curved = _curved(part)
+def _has_stripes(part: Part) -> bool:
+    curved = _curved_sheet(part)
     return curved is not None and curved.striped is not None
 
 
-def _curved(part: Part) -> Curved | None:
+def _curved_sheet(part: Part) -> Curved | None:
     """Return the sheet of a part; None if it has none that smooth STEP accepts, whose error states the reason."""
     try:
         return part.curved() if part.curved else None
@@ -123,27 +125,27 @@ def _curved(part: Part) -> Curved | None:
         return None
 
 
-def _last(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
+def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
     """Yield the remaining attempts after a faceted part was refused.
 
     members : the part with the strategy members, for slow attempts.
     quick   : stop if the first simplification is far over the budget.
     """
-    limit = 2  # times the allowed faces: further simplification does not halve a larger file
-    far = False
+    far_factor = 2  # times the allowed faces: further simplification does not halve a larger file
+    is_far = False
     if not part.tolerance:
         for simple in _simpler(part, usual_tolerance(part)):
-            far = isinstance(simple, BudgetError) and simple.faces > limit * part.step_faces
+            is_far = isinstance(simple, BudgetError) and simple.faces > far_factor * part.step_faces
             yield simple
     if members:
         if has_too_many(members):
-            yield replace(members, hurry=MANY)
+            yield replace(members, hurry=MEMBER_FACES_FACTOR)
         yield replace(part, step="smooth", cut=True)
-    if not part.tolerance and not (quick and far):
-        yield from _simpler(part, FURTHER * usual_tolerance(part))
+    if not part.tolerance and not (quick and is_far):
+        yield from _simpler(part, SIMPLIFIED_OFF_SURFACE * usual_tolerance(part))
 
 
-def _as_asked(part: Part) -> Iterator[Part | BudgetError]:
+def _within_user_tolerance(part: Part) -> Iterator[Part | BudgetError]:
     try:
         yield simpler(part, part.tolerance)
     except BudgetError as error:
@@ -187,7 +189,7 @@ def _may_be_planar(part: Part) -> bool:
     This test avoids mitring and outlines, which take seconds if each facet is one triangle.
     """
     flat = flat_facets(part)
-    return flat is None or flat.creased or part.step == "planar"
+    return flat is None or flat.has_creases or part.step == "planar"
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
@@ -200,69 +202,81 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
     if part.step == "tessellated":
         return f"STEP is tessellated: {entities.WARNING}"
     if part.step == "members":
-        return f"STEP is by members, {member_file(part).told}{_slow(refused) if part.hurry > 1 else ''}"
+        return f"STEP is by members, {member_file(part).summary}{_slow(refused) if part.hurry > 1 else ''}"
     if part.step == "smooth":
         slow = "" if part.hurry else _slow(refused)
-        return f"STEP is smooth, {smooth_file(part).told}{slow}{_not_by_members(refused)}; {_cut_told(part, refused)}"
+        return (
+            f"STEP is smooth, {smooth_file(part).summary}{slow}{_not_by_members(refused)}; "
+            f"{_cutting_sentence(part, refused)}"
+        )
     why = "; ".join(reasons(refused))
     note = f", {part.note}" if part.note else ""
     return f"STEP is faceted{note}" + (f": {why}" if why else "")
 
 
 def _slow(refused: Sequence[ExportError]) -> str:
-    over = " and ".join(reasons([one for one in refused if isinstance(one, BudgetError)]))
+    over = " and ".join(reasons([error for error in refused if isinstance(error, BudgetError)]))
     return f"; made however long it took, since {over}" if over else ""
 
 
-def _cut_told(part: Part, refused: Sequence[ExportError]) -> str:
+def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
     """Describe how CAD programs cut a smooth file, and recommend a strategy for users who cut it."""
     use = smooth_use(part)
     if use.tried and not use.fault:
         return "a half-space cut valid"
-    said = f"cutting it in CAD fails ({use.fault})" if use.fault else "cutting it in CAD may fail"
-    return f"{said}: {way_to_cut(part, refused)} to cut it there"
+    sentence = f"cutting it in CAD fails ({use.fault})" if use.fault else "cutting it in CAD may fail"
+    return f"{sentence}: {way_to_cut(part, refused)} to cut it there"
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
     """Recommend a strategy instead of smooth: members, unless the refusals exclude it."""
-    by_members = [one for one in refused if _ladder_by_members(one)]
-    over = [one for one in by_members if isinstance(one, BudgetError)]
+    by_members = [error for error in refused if _is_by_members(error)]
+    over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:
         key = "step_faces" if over[-1].by_faces else "step_mb"
         return f"raise {key} and write step = 'members'"
-    vain = any(isinstance(one, NotByMembersError) and not one.if_asked for one in by_members)
-    return "write step = 'faceted'" if vain or not _striped(part) else "write step = 'members'"
+    vain = any(isinstance(error, NotByMembersError) and not error.if_asked for error in by_members)
+    return "write step = 'faceted'" if vain or not _has_stripes(part) else "write step = 'members'"
 
 
 def _not_by_members(refused: Sequence[ExportError]) -> str:
-    why = [one.short if isinstance(one, BudgetError) else str(one) for one in refused if _ladder_by_members(one)]
+    why = [error.reason if isinstance(error, BudgetError) else str(error) for error in refused if _is_by_members(error)]
     return f"; not by members, since {why[-1].removeprefix('by members ')}" if why else ""
 
 
-def _ladder_by_members(error: ExportError) -> bool:
+def _is_by_members(error: ExportError) -> bool:
     return isinstance(error, NotByMembersError) or (isinstance(error, BudgetError) and error.way == "members")
 
 
 def reasons(refused: Sequence[ExportError]) -> list[str]:
     """Return each reason for a refusal once; "not flat" counts only if it is the only reason."""
-    others = [one for one in refused if not isinstance(one, NotFlatError)] or refused
-    return list(dict.fromkeys(one.short if isinstance(one, BudgetError) else _told(one, str(one)) for one in others))
+    remaining = [error for error in refused if not isinstance(error, NotFlatError)] or refused
+    return list(
+        dict.fromkeys(
+            error.reason if isinstance(error, BudgetError) else _reason_with_advice(error, str(error))
+            for error in remaining
+        )
+    )
 
 
-def _told(error: ExportError, why: str) -> str:
+def _reason_with_advice(error: ExportError, why: str) -> str:
     return f"{why}: ask for step = 'members'" if isinstance(error, NotByMembersError) and error.if_asked else why
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
     """Return the error if all strategies were refused, with the cost of each if the budget forbids it."""
-    over = [one for one in refused if isinstance(one, BudgetError)]
+    over = [error for error in refused if isinstance(error, BudgetError)]
     if not over:
         return refused[-1]
-    others = [one for one in refused if not isinstance(one, (BudgetError, NotFlatError))]
-    last = {_ladder_by_members(one): _told(one, str(one).split("; ")[0]) for one in others}
-    told = [f"by members, {why}" if members and "by members" not in why else why for members, why in last.items()]
-    tried = f" (tried too: {'; '.join(told)})" if told else ""
-    return ExportError(f"{none_within(over) if len({one.way for one in over}) > 1 else over[-1]}{tried}")
+    remaining = [error for error in refused if not isinstance(error, (BudgetError, NotFlatError))]
+    final_reasons = {
+        _is_by_members(error): _reason_with_advice(error, str(error).split("; ")[0]) for error in remaining
+    }
+    sentences = [
+        f"by members, {why}" if members and "by members" not in why else why for members, why in final_reasons.items()
+    ]
+    tried = f" (tried too: {'; '.join(sentences)})" if sentences else ""
+    return ExportError(f"{no_strategy_error(over) if len({error.way for error in over}) > 1 else over[-1]}{tried}")
 
 
 @dataclass(frozen=True)
@@ -295,58 +309,60 @@ def estimates(part: Part) -> tuple[Estimate, ...]:
 
     Nothing is written, and OCCT checks nothing, so a chosen strategy may still be refused.
     """
-    found, taken = dict[str, Estimate](), ""
+    by_strategy, taken = dict[str, Estimate](), ""
     for attempt in attempts(part):
-        one = _refusal(attempt) if isinstance(attempt, BudgetError) else _estimate(attempt)
-        found[one.way] = one
-        if not one.refused:
-            taken = one.way
+        estimate = _refusal(attempt) if isinstance(attempt, BudgetError) else _estimate(attempt)
+        by_strategy[estimate.way] = estimate
+        if not estimate.refused:
+            taken = estimate.way
             break
-    for way in WAYS:
-        if way not in found and (way not in ("smooth", "members") or part.curved is not None):
-            found[way] = _other(part, way)
-    return tuple(replace(found[way], chosen=way == taken) for way in WAYS if way in found)
+    for strategy in WAYS:
+        if strategy not in by_strategy and (strategy not in ("smooth", "members") or part.curved is not None):
+            by_strategy[strategy] = _requested_estimate(part, strategy)
+    return tuple(
+        replace(by_strategy[strategy], chosen=strategy == taken) for strategy in WAYS if strategy in by_strategy
+    )
 
 
 def _refusal(error: BudgetError) -> Estimate:
-    return _costs(error.part, error.way, error.faces, error.size, refused=f"{error.much}, {error.limit}")
+    return _costs(error.part, error.way, error.faces, error.size, refused=f"{error.excess}, {error.limit}")
 
 
 def _estimate(part: Part) -> Estimate:
-    way = way_of(part)
+    strategy = strategy_of(part)
     try:
         faces, size, note = SHAPES[part.step](part)
         if part.step != "tessellated":
-            within(part, faces, size)
+            require_budget(part, faces, size)
     except BudgetError as error:
         return _refusal(error)
     except ExportError as error:
-        return Estimate(way, refused=str(error))
-    return _costs(part, way, faces, size, note)
+        return Estimate(strategy, refused=str(error))
+    return _costs(part, strategy, faces, size, note)
 
 
-def _costs(part: Part, way: str, faces: int, size: float, note: str = "", refused: str = "") -> Estimate:
-    cost = COSTS[way]
-    seconds = writing(part, way, faces) - (START if way == "tessellated" else 0.0)
+def _costs(part: Part, strategy: str, faces: int, size: float, note: str = "", refused: str = "") -> Estimate:
+    cost = COSTS[strategy]
+    seconds = writing_seconds(part, strategy, faces) - (LOADING_SECONDS if strategy == "tessellated" else 0.0)
     times = (seconds, cost.open * faces)
-    return Estimate(way, faces, size, cost.memory * faces, *times, note, refused)
+    return Estimate(strategy, faces, size, cost.memory * faces, *times, note, refused)
 
 
-def _other(part: Part, way: str) -> Estimate:
-    if way == "planar":
-        planar = replace(part, step=way)
+def _requested_estimate(part: Part, strategy: str) -> Estimate:
+    if strategy == "planar":
+        planar = replace(part, step=strategy)
         return _estimate(replace(planar, tolerance=part.tolerance or default_tolerance(planar)))
-    if way != "simplified":
-        return _estimate(replace(part, step=way))
+    if strategy != "simplified":
+        return _estimate(replace(part, step=strategy))
     try:
         return _estimate(simpler(replace(part, step="faceted"), part.tolerance or usual_tolerance(part)))
     except BudgetError as error:
         return _refusal(error)
     except ExportError as error:
-        return Estimate(way, refused=str(error))
+        return Estimate(strategy, refused=str(error))
 
 
-def _planar(part: Part) -> tuple[int, float, str]:
+def _estimate_planar(part: Part) -> tuple[int, float, str]:
     file = planar_file(part)
     return file.faces, float(sum(map(len, file.texts))), f"its outline within {file.deviation:.2g} mm of the mesh"
 
@@ -356,7 +372,7 @@ def _estimate_by_members(part: Part) -> tuple[int, float, str]:
     return draft.faces, len(draft.text), ""
 
 
-def _smooth(part: Part) -> tuple[int, float, str]:
+def _estimate_smooth(part: Part) -> tuple[int, float, str]:
     if default := default_tolerance(part):
         raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
     return *first_draft(
@@ -364,22 +380,22 @@ def _smooth(part: Part) -> tuple[int, float, str]:
     ), "not checked yet: pieces that OCCT refuses are made again, which may add a third, or faceted"
 
 
-def _faceted(part: Part) -> tuple[int, float, str]:
+def _estimate_faceted(part: Part) -> tuple[int, float, str]:
     shape = polyhedron(part.V, part.F, solids_of(part)[0])
     return len(shape.normals), faceted_bytes(shape), part.note or "no deviation"
 
 
-def _tessellated(part: Part) -> tuple[int, float, str]:
+def _estimate_tessellated(part: Part) -> tuple[int, float, str]:
     note = f"no deviation; only on request: {entities.WARNING}"
     return len(part.F), entities.expected_bytes(part), note
 
 
 SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
-    "planar": _planar,
+    "planar": _estimate_planar,
     "members": _estimate_by_members,
-    "smooth": _smooth,
-    "faceted": _faceted,
-    "tessellated": _tessellated,
+    "smooth": _estimate_smooth,
+    "faceted": _estimate_faceted,
+    "tessellated": _estimate_tessellated,
 }
 """For each `Part.step`: faces, bytes and a note; raises ExportError if the strategy fails."""
 

@@ -10,18 +10,18 @@ from scipy.sparse import csr_array, vstack
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.export.cad.step.by_members.curves import ChainCurve
 from dsfab.export.cad.step.by_members.fillets import outline_and_border, turn_at, with_moved_ends
-from dsfab.export.cad.step.by_members.lines import BENT, CORNER
-from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, Loop, ends_at
+from dsfab.export.cad.step.by_members.lines import BEND_ANGLE, CORNER_ANGLE
+from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, ends_at
 from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, signed_area
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.smooth.edges import spread
+from dsfab.export.cad.step.smooth.edges import even_samples
 from dsfab.export.splines import Spline, bernstein, splines_through
 
-TOUCHING = 1 / 400
+TOUCHING_SHARE = 1 / 400
 """Distance over the thickness at which an outline touches itself: a sixth of the least distance in sound outlines."""
 
 
-def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, near: float = 0.0) -> set[int]:
+def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return the chains of a region that cross another of its chains, seen along its mean normal.
 
     The result also holds chains within `distance` mm of a corner where they do not end, with the chains that do end
@@ -35,38 +35,40 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     lines = [_samples(curves, loop, fine) for loop in net.loops[region]]
     chain = np.repeat([k for k, _ in steps], fine * np.array(spans))
     plane = axes_of(middle_normal(np.concatenate(lines)))[:2].T
-    first = np.cumsum([0, *spans[:-1]]) * fine
+    first_points = np.cumsum([0, *spans[:-1]]) * fine
     away = _not_ending(net, steps, chain)
-    found = set[int]()
-    for some in (slice(3), slice(3, 6)):
-        seen = [line[:, some] @ plane for line in lines]
+    chain_numbers = set[int]()
+    for skin in (slice(3), slice(3, 6)):
+        seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
             return set(chain.tolist())  # a narrow region whose sides have changed places
-        found.update(chain[crossing_segments(seen)].tolist())
-        corner, segment = np.nonzero(away & (_distances(seen, first) < near))
-        found.update(chain[segment].tolist())
+        chain_numbers.update(chain[crossing_segments(seen)].tolist())
+        corner, segment = np.nonzero(away & (_distances(seen, first_points) < distance))
+        chain_numbers.update(chain[segment].tolist())
         nodes = {net.ends(steps[i])[0] for i in corner.tolist()}
-        found.update(k for k, _ in steps if nodes & set(net.ends((k, True))))
-    return found
+        chain_numbers.update(k for k, _ in steps if nodes & set(net.ends((k, True))))
+    return chain_numbers
 
 
-def _not_ending(net: ChainNet, steps: Loop, chain: Ints) -> Bools:
+def _not_ending(net: ChainNet, steps: ChainLoop, chain: Ints) -> Bools:
     """(c, k) True if the chain of a segment (k,) does not end where a step (c,) begins."""
     start = np.array([net.ends(step)[0] for step in steps])
     ends = np.array([net.ends((k, True)) for k in chain.tolist()])
     return np.asarray((start[:, None, None] != ends).all(axis=2))
 
 
-def _distances(lines: list[Floats], first: Ints) -> Floats:
+def _distances(lines: list[Floats], point_numbers: Ints) -> Floats:
     """(c, k) distances of the points `point_numbers` (c,) of closed lines (., 2) from their k segments."""
     a = np.concatenate(lines)
-    way = np.concatenate([np.roll(line, -1, axis=0) for line in lines]) - a
-    off = a[first][:, None] - a
-    share = np.clip(np.einsum("cki,ki->ck", off, way) / np.maximum((way**2).sum(axis=1), 1e-300), 0, 1)
-    return np.asarray(np.linalg.norm(off - share[..., None] * way, axis=2))
+    directions = np.concatenate([np.roll(line, -1, axis=0) for line in lines]) - a
+    offsets = a[point_numbers][:, None] - a
+    share = np.clip(
+        np.einsum("cki,ki->ck", offsets, directions) / np.maximum((directions**2).sum(axis=1), 1e-300), 0, 1
+    )
+    return np.asarray(np.linalg.norm(offsets - share[..., None] * directions, axis=2))
 
 
-def _samples(curves: Mapping[int, ChainCurve], loop: Loop, fine: int) -> Floats:
+def _samples(curves: Mapping[int, ChainCurve], loop: ChainLoop, fine: int) -> Floats:
     """(k, 6) points along a loop of chains, `fine` on each cubic."""
     B = bernstein((1 - np.cos(np.pi * np.arange(fine) / fine)) / 2)
     parts = [curves[k].spans if ahead else curves[k].spans[::-1, ::-1] for k, ahead in loop]
@@ -87,59 +89,62 @@ def _side(a: Floats, b: Floats, p: Floats) -> Floats:
 
 
 def without_crossings(
-    net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], near: float = 0.0
+    net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
     """Unite regions whose outlines cross or nearly touch with the region beyond an inner chain; the same net if there
     are none."""
-    whole = net
+    result = net
     for region in regions:
-        for k in sorted(crossing_chains(net, curves, region, near)):
-            chain = whole.chains.get(k)
+        for k in sorted(crossing_chains(net, curves, region, distance)):
+            chain = result.chains.get(k)
             if chain is not None and VOID != chain.right != chain.left:
-                whole = without_chain(whole, k)
+                result = without_chain(result, k)
                 break
-    return whole
+    return result
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
     """Unite both regions of a chain under the number of its left one, if both have a single outline; else return the
     net."""
-    left, right = net.chains[k].left, net.chains[k].right
-    if len(net.loops[left]) + len(net.loops[right]) > 2:
+    kept_region, joined_region = net.chains[k].left, net.chains[k].right
+    if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
     chains, loops, cell = dict(net.chains), dict(net.loops), net.cell.copy()
-    one, two = _after(loops[left][0], (k, True)), _after(loops.pop(right)[0], (k, False))
-    loop = _without_spurs(one + two)
-    for step, ahead in two:
-        chains[step] = chains[step].beside(left, ahead)
-    for step in {step for step, _ in [*one, *two, (k, True)]} - {step for step, _ in loop}:
+    left_steps, right_steps = (
+        _rest_of_loop(loops[kept_region][0], (k, True)),
+        _rest_of_loop(loops.pop(joined_region)[0], (k, False)),
+    )
+    loop = _without_spurs(left_steps + right_steps)
+    for step, ahead in right_steps:
+        chains[step] = chains[step].with_region(kept_region, ahead)
+    for step in {step for step, _ in [*left_steps, *right_steps, (k, True)]} - {step for step, _ in loop}:
         del chains[step]
-    loops[left] = [loop]
-    cell[cell == right] = left
-    return replace(net, chains=chains, loops=loops, cell=cell, loose=net.loose - {right})
+    loops[kept_region] = [loop]
+    cell[cell == joined_region] = kept_region
+    return replace(net, chains=chains, loops=loops, cell=cell, loose=net.loose - {joined_region})
 
 
-def _after(loop: Loop, step: tuple[int, bool]) -> Loop:
-    at = loop.index(step)
-    return [*loop[at + 1 :], *loop[:at]]
+def _rest_of_loop(loop: ChainLoop, step: tuple[int, bool]) -> ChainLoop:
+    position = loop.index(step)
+    return [*loop[position + 1 :], *loop[:position]]
 
 
-def _without_spurs(loop: Loop) -> Loop:
-    found = list[tuple[int, bool]]()
+def _without_spurs(loop: ChainLoop) -> ChainLoop:
+    steps = list[tuple[int, bool]]()
     for step in loop:
-        if found and found[-1] == (step[0], not step[1]):
-            found.pop()
+        if steps and steps[-1] == (step[0], not step[1]):
+            steps.pop()
         else:
-            found.append(step)
-    while len(found) > 1 and found[0] == (found[-1][0], not found[-1][1]):
-        found = found[1:-1]
-    return found
+            steps.append(step)
+    while len(steps) > 1 and steps[0] == (steps[-1][0], not steps[-1][1]):
+        steps = steps[1:-1]
+    return steps
 
 
-SIDEWAYS = 1 / 3
+SIDEWAYS_SHARE = 1 / 3
 """Largest sideways movement of a chain over the thickness."""
 
-SAG = 1 / 400
+SAG_SHARE = 1 / 400
 """Approximate distance of chords from the straightened curve over the thickness. Fits to coarse polylines have many
 spans."""
 
@@ -147,27 +152,29 @@ PLACES = np.linspace(0, 1, 65)
 """Parameters where the curvature is measured."""
 
 
-def straightened(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
+def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """Remove hairpins and put inner chains on the simplest curves near them; thickness in millimetres."""
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
     if inner and len(lifting.sides.creases):
         crease = lifting.sides.on_creases(net.weights)
         inner = [k for k in inner if not crease[net.chains[k].points].all()]
-    fits = splines_through([spread(P[net.chains[k].points]) for k in inner], [SIDEWAYS * thickness] * len(inner))
+    fits = splines_through(
+        [even_samples(P[net.chains[k].points]) for k in inner], [SIDEWAYS_SHARE * thickness] * len(inner)
+    )
     curves = {k: curve for k, (curve, _) in zip(inner, fits, strict=True)}
     N = np.asarray(net.weights @ lifting.skins.normals)
     net = _without_hairpins(net, [k for k, curve in curves.items() if _turns_back(curve)], N)
     curves = {k: curve for k, curve in curves.items() if k in net.chains}
     if not curves:
         return net
-    between = [curve(np.linspace(0, 1, _points(curve, SAG * thickness))[1:-1]) for curve in curves.values()]
+    between = [curve(np.linspace(0, 1, _points(curve, SAG_SHARE * thickness))[1:-1]) for curve in curves.values()]
     rows = lifting.weights_at(np.concatenate(between))
     chains, start = dict(net.chains), len(P)
-    for k, some in zip(curves, between, strict=True):
-        points, new = chains[k].points, np.arange(start, start + len(some))
-        chains[k] = replace(chains[k], points=np.concatenate([points[:1], new, points[-1:]]))
-        start += len(some)
+    for k, row in zip(curves, between, strict=True):
+        points, inner_points = chains[k].points, np.arange(start, start + len(row))
+        chains[k] = replace(chains[k], points=np.concatenate([points[:1], inner_points, points[-1:]]))
+        start += len(row)
     return replace(net, weights=csr_array(vstack([net.weights, rows], format="csr")), chains=chains)
 
 
@@ -175,14 +182,14 @@ def _turns_back(curve: Spline) -> bool:
     most_spans = 4  # a chain with more spans wanders too much for the side of a patch
     detour = 1.5  # least length of a hairpin over the distance of its ends; half a circle has 1.57
     line = curve(PLACES)
-    way = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    return way > detour * float(np.linalg.norm(line[-1] - line[0])) or len(np.unique(curve.knots)) - 1 > most_spans
+    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    return length > detour * float(np.linalg.norm(line[-1] - line[0])) or len(np.unique(curve.knots)) - 1 > most_spans
 
 
-def _without_hairpins(net: ChainNet, some: Sequence[int], N: Floats) -> ChainNet:
+def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> ChainNet:
     """Remove chains if one plane sees both regions beside them. N (p, 3) normals at the net's points."""
     least_cosine = 0.5  # between the mean normal of the joined region and any of its normals
-    for k in some:
+    for k in hairpins:
         chain = net.chains.get(k)
         if chain is None or chain.left == chain.right:
             continue
@@ -197,11 +204,11 @@ def _without_hairpins(net: ChainNet, some: Sequence[int], N: Floats) -> ChainNet
 def _points(curve: Spline, sag: float) -> int:
     fewest = 9  # points of a straightened chain
     bends = np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2
-    most = float(np.linalg.norm(bends, axis=1).max())
-    return max(fewest, 1 + int(np.ceil(np.sqrt(most / (8 * sag)))))
+    largest_bend = float(np.linalg.norm(bends, axis=1).max())
+    return max(fewest, 1 + int(np.ceil(np.sqrt(largest_bend / (8 * sag)))))
 
 
-LONGEST = 2.0
+LONGEST_CHORD = 2.0
 """Largest chord of a round corner over the thickness."""
 
 
@@ -209,33 +216,33 @@ def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainN
     """Move borders along round corners so that they end steeply; thickness in millimetres."""
     rounds = 3  # chords of one corner may be several chains
     for _ in range(rounds):
-        work = _Ends(net, np.asarray(net.weights @ lifting.skins.points), thickness)
+        work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
-            work.take(node)
+            work.move_border(node)
         if not work.moves:
             break
         net = with_moved_ends(replace(net, chains=work.chains, loops=work.loops), work.moves, lifting)
     return net
 
 
-class _Ends:
+class _BorderEnds:
     """nodes : for each node the outline's chains before and after it, and the end of the border there."""
 
     def __init__(self, net: ChainNet, P: Floats, thickness: float) -> None:
         self.P, self.t = P, thickness
         self.chains, self.free = dict(net.chains), max(net.chains, default=-1) + 1
         self.loops = {region: [list(loop) for loop in loops] for region, loops in net.loops.items()}
-        at = ends_at(net)
-        self.degree = {node: len(ends) for node, ends in at.items()}
-        self.nodes = {node: three for node, ends in at.items() if (three := outline_and_border(net, ends))}
+        node_ends = ends_at(net)
+        self.degree = {node: len(ends) for node, ends in node_ends.items()}
+        self.nodes = {node: three for node, ends in node_ends.items() if (three := outline_and_border(net, ends))}
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
-    def take(self, node: int) -> None:
+    def move_border(self, node: int) -> None:
         sharp = 20.0  # least turn of the outline in degrees; moving ends at flatter corners adds 5 % to a dome's faces
         gain = 15.0  # least gain in degrees that justifies a new place
         steep = 30.0  # degrees between border and outline from which on the border's end stays in place
         before, after, (seam, end) = self.nodes[node]
-        if self.changed & {before, after, seam} or turn_at(self._beside(before, after)) < sharp:
+        if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:
             return
         line = self.chains[seam].points if end == 0 else self.chains[seam].points[::-1]
         anchor = self._anchor(line)
@@ -243,8 +250,8 @@ class _Ends:
         if now >= steep:
             return
         places = [(self._steepness(k, i, anchor), k, i) for k in (before, after) for i in self._places(k, node)]
-        best, k, i = max(places, key=self._worth, default=(0.0, -1, 0))
-        if best < now + gain or not self._moved(k, i, node, (seam, end)):
+        steepness, k, i = max(places, key=self._worth, default=(0.0, -1, 0))
+        if steepness < now + gain or not self._move(k, i, node, (seam, end)):
             return
         self.changed |= {before, after, seam}
 
@@ -257,36 +264,36 @@ class _Ends:
     def _anchor(self, line: Ints) -> Floats:
         """(3,) point of a border at one thickness from its end."""
         P = self.P[line]
-        way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(P, axis=0), axis=1))])
-        return np.array([np.interp(min(self.t, way[-1]), way, column) for column in P.T])
+        lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(P, axis=0), axis=1))])
+        return np.array([np.interp(min(self.t, lengths[-1]), lengths, column) for column in P.T])
 
-    def _beside(self, before: int, after: int) -> Floats:
+    def _points_around(self, before: int, after: int) -> Floats:
         """(3, 3) outline points before, at and after a node."""
-        one, two = self.chains[before].points, self.chains[after].points
-        return self.P[[one[-2], two[0], two[1]]]
+        points_before, points_after = self.chains[before].points, self.chains[after].points
+        return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
         """Degrees between a border and an outline at a node; a wall beside a round chain counts alone, because it is
         fixed."""
-        P = self._beside(before, after)
+        P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)
 
     def _is_round(self, k: int) -> bool:
         """Return whether a chain bends, or is as short as a chord of a round corner."""
         line = self.P[self.chains[k].points]
-        return len(_bent(line)) > 0 or float(np.linalg.norm(line[-1] - line[0])) < LONGEST * self.t
+        return len(_bent(line)) > 0 or float(np.linalg.norm(line[-1] - line[0])) < LONGEST_CHORD * self.t
 
     def _places(self, k: int, node: int) -> list[int]:
         """Points of a round chain where a border may end: bent inner points, and its other end if free."""
         points = self.chains[k].points
         long = np.linalg.norm(np.diff(self.P[points], axis=0), axis=1)
         inside = _bent(self.P[points]).tolist()
-        other = len(points) - 1 if points[0] == node else 0
+        far_end = len(points) - 1 if points[0] == node else 0
         chords = np.concatenate([[0], inside, [len(points) - 1]]).astype(int)
-        if max(long[a:b].sum() for a, b in pairwise(chords)) > LONGEST * self.t:
+        if max(long[a:b].sum() for a, b in pairwise(chords)) > LONGEST_CHORD * self.t:
             return []
-        return [*inside, other] if self._next(k, other) >= 0 else inside
+        return [*inside, far_end] if self._next(k, far_end) >= 0 else inside
 
     def _next(self, k: int, i: int) -> int:
         """Return the outline's next chain if only these two meet and it turns a little; otherwise -1."""
@@ -298,7 +305,13 @@ class _Ends:
         j = loop[(loop.index((k, True)) + (1 if i else -1)) % len(loop)][0]
         if len(loop) < 4 or j == k or self.chains[j].right != VOID or j in self.changed:
             return -1
-        return j if BENT < np.deg2rad(turn_at(self._beside(k, j) if i else self._beside(j, k))) < CORNER else -1
+        return (
+            j
+            if BEND_ANGLE
+            < np.deg2rad(turn_at(self._points_around(k, j) if i else self._points_around(j, k)))
+            < CORNER_ANGLE
+            else -1
+        )
 
     def _steepness(self, k: int, i: int, anchor: Floats) -> float:
         points = self.chains[k].points
@@ -307,20 +320,20 @@ class _Ends:
         j = self._next(k, i)
         return self._angle_at(k, j, anchor) if i else self._angle_at(j, k, anchor)
 
-    def _moved(self, k: int, i: int, node: int, border: tuple[int, int]) -> bool:
+    def _move(self, k: int, i: int, node: int, border: tuple[int, int]) -> bool:
         """Move a border's end from a node to a point of a chain; return False if that is impossible."""
         chain = self.chains[k]
         ahead = int(chain.points[0]) == node
         passed, rest = (chain.points[: i + 1], chain.points[i:]) if ahead else (chain.points[i:], chain.points[: i + 1])
         seam, end = border
-        mine, other = self.chains[seam].left, self.chains[seam].right
-        region = other if mine == chain.left else mine
+        left_region, right_region = self.chains[seam].left, self.chains[seam].right
+        region = right_region if left_region == chain.left else left_region
         loop, theirs = self._loop(chain.left, k), self._loop(region, seam)
         if region == chain.left or not loop or not theirs:
             return False
-        at = theirs.index(next(step for step in theirs if step[0] == seam))
+        position = theirs.index(next(step for step in theirs if step[0] == seam))
         self.chains[self.free] = Chain(passed, region, VOID)
-        theirs.insert(at if ahead else at + 1, (self.free, True))
+        theirs.insert(position if ahead else position + 1, (self.free, True))
         if len(rest) > 1:
             self.chains[k] = replace(chain, points=rest)
         else:
@@ -331,22 +344,22 @@ class _Ends:
         self.free += 1
         return True
 
-    def _loop(self, region: int, k: int) -> Loop:
+    def _loop(self, region: int, k: int) -> ChainLoop:
         """Loop of a region that runs through a chain exactly once, or []."""
-        some = [loop for loop in self.loops[region] for step in loop if step[0] == k]
-        return some[0] if len(some) == 1 else []
+        matches = [loop for loop in self.loops[region] for step in loop if step[0] == k]
+        return matches[0] if len(matches) == 1 else []
 
 
 def _bent(line: Floats) -> Ints:
-    way = np.diff(line, axis=0)
-    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
-    return 1 + np.flatnonzero(np.einsum("ki,ki->k", way[:-1], way[1:]) < np.cos(BENT))
+    directions = np.diff(line, axis=0)
+    directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
+    return 1 + np.flatnonzero(np.einsum("ki,ki->k", directions[:-1], directions[1:]) < np.cos(BEND_ANGLE))
 
 
-def _angle(three: Floats, weights: list[float], anchor: Floats) -> float:
+def _angle(points: Floats, weights: list[float], anchor: Floats) -> float:
     """Degrees at the middle of three points between the anchor and the weighted mean direction of both sides."""
-    ways = np.diff(three, axis=0)
+    ways = np.diff(points, axis=0)
     ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
-    along, there = weights @ ways, anchor - three[1]
-    cosine = abs(along @ there) / max(float(np.linalg.norm(along) * np.linalg.norm(there)), 1e-300)
+    along, to_anchor = weights @ ways, anchor - points[1]
+    cosine = abs(along @ to_anchor) / max(float(np.linalg.norm(along) * np.linalg.norm(to_anchor)), 1e-300)
     return float(np.degrees(np.arccos(min(1.0, cosine))))

@@ -10,15 +10,15 @@ from scipy.sparse import csr_array, vstack
 from dsfab.core.arrays import Floats
 from dsfab.export.cad.step.by_members.regions import VOID, ChainNet
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.shared.skins import Limits
-from dsfab.export.cad.step.smooth.edges import spread
+from dsfab.export.cad.step.shared.skins import SmoothLimits
+from dsfab.export.cad.step.smooth.edges import even_samples
 from dsfab.export.splines import Spline, basis, bernstein, splines_through
 
-READ = np.array([0.05, 0.35, 0.65, 0.95])
+READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])
 """Parameters of the four points that determine the poles of a cubic."""
 
-AT_READ = bernstein(READ)
-TO_POLES = np.linalg.inv(AT_READ)
+READ_MATRIX = bernstein(READ_PLACES)
+POLE_MATRIX = np.linalg.inv(READ_MATRIX)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,17 +34,17 @@ class InnerSpline:
     poles: Floats
 
     @classmethod
-    def of(cls, breaks: Floats) -> "InnerSpline":
+    def from_breaks(cls, breaks: Floats) -> "InnerSpline":
         """Return the splines for breaks from 0 to 1, memoised."""
         return _inner_spline(breaks.tobytes())
 
     @classmethod
-    def _made(cls, breaks: Floats) -> "InnerSpline":
+    def _compute(cls, breaks: Floats) -> "InnerSpline":
         count, knots = len(breaks) - 1, np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
         places = (knots[2:-4] + knots[3:-3] + knots[4:-2]) / 3
-        inside = (np.diff(breaks)[:, None] * READ + breaks[:-1, None]).ravel()
+        inside = (np.diff(breaks)[:, None] * READ_PLACES + breaks[:-1, None]).ravel()
         values = np.linalg.solve(_rows(places, knots).T, _rows(inside, knots).T).T
-        poles = np.linalg.solve(AT_READ, values.reshape(count, 4, -1))
+        poles = np.linalg.solve(READ_MATRIX, values.reshape(count, 4, -1))
         poles[0, 0] = poles[-1, -1] = 0
         return cls(breaks, places, np.asarray(poles))
 
@@ -53,27 +53,27 @@ class InnerSpline:
         """(k + 1, k, 4) contribution of each pole of each span to the value at each place."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
-        found = np.zeros((count + 1, count, 4))
+        hats = np.zeros((count + 1, count, 4))
         share = (self.places - self.breaks[span]) / np.diff(self.breaks)[span]
-        found[np.arange(count + 1), span] = bernstein(share)
-        return found
+        hats[np.arange(count + 1), span] = bernstein(share)
+        return hats
 
 
 @lru_cache(maxsize=1024)
 def _inner_spline(breaks: bytes) -> InnerSpline:
     """Memoised, because most curves share a few lists of breaks."""
-    return InnerSpline._made(np.frombuffer(breaks))
+    return InnerSpline._compute(np.frombuffer(breaks))
 
 
 def _rows(x: Floats, knots: Floats) -> Floats:
     """(k, p - 2) cubic basis functions at x (k,), without the first and the last."""
-    first, values = basis(x, knots)
+    first_pole, values = basis(x, knots)
     rows = np.zeros((len(x), len(knots) - 4))
-    np.put_along_axis(rows, first[:, None] + np.arange(4), values, axis=1)
+    np.put_along_axis(rows, first_pole[:, None] + np.arange(4), values, axis=1)
     return rows[:, 1:-1]
 
 
-BETWEEN = 2
+SAMPLES_PER_EDGE = 2
 """Samples on the skins for each mesh edge along a chain."""
 
 
@@ -95,7 +95,7 @@ class SampledChain:
         return np.asarray((self.Q[:, :3] + self.Q[:, 3:]) / 2)
 
     @cached_property
-    def way(self) -> Floats:
+    def lengths(self) -> Floats:
         """(k,) arc lengths, millimetres."""
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.middle, axis=0), axis=1))])
 
@@ -103,21 +103,23 @@ class SampledChain:
         """Return the vector from one end to the point at `reach` mm along the chain, and the unit normal at that
         end."""
         if (from_start, reach) not in self._directions:
-            x = min(reach / self.way[-1], 0.5)
-            Q, there = self.Q[0 if from_start else -1], self.at(x if from_start else 1 - x)
-            way, across = (there[:3] + there[3:]) / 2 - (Q[:3] + Q[3:]) / 2, Q[:3] - Q[3:]
-            self._directions[from_start, reach] = (way, across / np.linalg.norm(across))
+            x = min(reach / self.lengths[-1], 0.5)
+            Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)
+            vector, across = (target[:3] + target[3:]) / 2 - (Q[:3] + Q[3:]) / 2, Q[:3] - Q[3:]
+            self._directions[from_start, reach] = (vector, across / np.linalg.norm(across))
         return self._directions[from_start, reach]
 
     @cached_property
     def _directions(self) -> dict[tuple[bool, float], tuple[Floats, Floats]]:
         return {}
 
-    def at(self, x: float) -> Floats:
+    def point(self, x: float) -> Floats:
         """(6,) point at a share of the length below 1."""
-        way, to = self.way, x * self.way[-1]
-        i = int(way.searchsorted(to, side="right"))
-        return np.asarray((self.Q[i] - self.Q[i - 1]) / (way[i] - way[i - 1]) * (to - way[i - 1]) + self.Q[i - 1])
+        lengths, to = self.lengths, x * self.lengths[-1]
+        i = int(lengths.searchsorted(to, side="right"))
+        return np.asarray(
+            (self.Q[i] - self.Q[i - 1]) / (lengths[i] - lengths[i - 1]) * (to - lengths[i - 1]) + self.Q[i - 1]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,15 +134,15 @@ class ChainCurve:
     off: float = 0.0
 
     @classmethod
-    def of(cls, spline: Spline, off: float) -> "ChainCurve":
+    def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
         """Convert a line, a parabola or a cubic spline."""
         breaks = np.unique(spline.knots)
-        x = READ[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
-        at = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
-        spans = np.asarray(np.linalg.solve(AT_READ, at), dtype=np.float64)
+        x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
+        values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
+        spans = np.asarray(np.linalg.solve(READ_MATRIX, values), dtype=np.float64)
         spans[0, 0], spans[-1, -1] = spline.poles[0], spline.poles[-1]
         spans[1:, 0] = spans[:-1, 3]
-        return cls(breaks, spans, off)
+        return cls(breaks, spans, distance)
 
     def __call__(self, x: Floats) -> Floats:
         """(k, 6) points at parameters x (k,)."""
@@ -160,25 +162,25 @@ class ChainCurve:
         spans[0, 0], spans[-1, -1] = start, end
         return replace(self, spans=spans)
 
-    def reversed(self) -> "ChainCurve":
+    def backwards(self) -> "ChainCurve":
         """Return the curve in the opposite direction."""
         return ChainCurve(1 - self.breaks[::-1], self.spans[::-1, ::-1], self.off)
 
 
 def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
     """(k, 4, d) poles of parts of cubics (k, 4, d), from shares `start` to `end` (k,) of each."""
-    inside = start[:, None] + (end - start)[:, None] * READ
+    inside = start[:, None] + (end - start)[:, None] * READ_PLACES
     rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
-    return np.asarray(TO_POLES @ rows @ poles)
+    return np.asarray(POLE_MATRIX @ rows @ poles)
 
 
 def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
     """Fit curves within tolerances to polylines (k, 6), millimetres, all at once."""
-    fits = splines_through([spread(line) for line in lines], tolerances, parts=2)
-    return [ChainCurve.of(*fit) for fit in fits]
+    fits = splines_through([even_samples(line) for line in lines], tolerances, parts=2)
+    return [ChainCurve.from_spline(*fit) for fit in fits]
 
 
-def on_skins(curves: Sequence[ChainCurve], away: Callable[[Floats], Floats]) -> list[ChainCurve]:
+def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
     """Move curves onto the skins between their ends; `vectors_to_skins` returns the vectors from points (k, 6) to the
     skins.
 
@@ -186,49 +188,53 @@ def on_skins(curves: Sequence[ChainCurve], away: Callable[[Floats], Floats]) -> 
     """
     if not curves:
         return []
-    inner = [InnerSpline.of(curve.breaks) for curve in curves]
-    ways = away(np.concatenate([curve(spline.places) for curve, spline in zip(curves, inner, strict=True)]))
-    each = np.split(ways, np.cumsum([len(spline.places) for spline in inner])[:-1])
+    inner = [InnerSpline.from_breaks(curve.breaks) for curve in curves]
+    all_vectors = vectors_to_skins(
+        np.concatenate([curve(spline.places) for curve, spline in zip(curves, inner, strict=True)])
+    )
+    curve_vectors = np.split(all_vectors, np.cumsum([len(spline.places) for spline in inner])[:-1])
     return [
-        replace(curve, spans=curve.spans + spline.poles @ way)
-        for curve, spline, way in zip(curves, inner, each, strict=True)
+        replace(curve, spans=curve.spans + spline.poles @ vectors)
+        for curve, spline, vectors in zip(curves, inner, curve_vectors, strict=True)
     ]
 
 
-def sampled_chains(net: ChainNet, lifting: Lifting, limits: Limits) -> dict[int, SampledChain]:
+def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dict[int, SampledChain]:
     """Sample the chains of a net on the smooth skins, by number."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]
-    start, end = (np.concatenate([p[some] for p in points]) for some in (slice(-1), slice(1, None)))
-    one, two = net.weights[start], net.weights[end]
-    parts = [csr_array(one * (1 - t) + two * t) for t in np.arange(BETWEEN) / BETWEEN]
-    last = net.weights[np.array([p[-1] for p in points])]
-    Q = lifting.points(csr_array(vstack([*parts, last], format="csr")))
-    count, chord = len(start), limits.allowed(Q[: len(start), :3]) - limits.distance
-    inner = Q[: BETWEEN * count].reshape(BETWEEN, count, 6).transpose(1, 0, 2)
-    at, found = 0, dict[int, SampledChain]()
+    start, end = (np.concatenate([p[part] for p in points]) for part in (slice(-1), slice(1, None)))
+    start_weights, end_weights = net.weights[start], net.weights[end]
+    parts = [
+        csr_array(start_weights * (1 - t) + end_weights * t) for t in np.arange(SAMPLES_PER_EDGE) / SAMPLES_PER_EDGE
+    ]
+    last_points = net.weights[np.array([p[-1] for p in points])]
+    Q = lifting.points(csr_array(vstack([*parts, last_points], format="csr")))
+    count, chord = len(start), limits.allowed_distances(Q[: len(start), :3]) - limits.distance
+    inner = Q[: SAMPLES_PER_EDGE * count].reshape(SAMPLES_PER_EDGE, count, 6).transpose(1, 0, 2)
+    position, result = 0, dict[int, SampledChain]()
     for i, (k, p) in enumerate(zip(numbers, points, strict=True)):
-        mine = inner[at : at + len(p) - 1].reshape(-1, 6)
-        Qk = np.concatenate([mine, Q[[BETWEEN * count + i]]])
-        found[k] = SampledChain(Qk, net.chains[k].right == VOID, float(chord[at : at + len(p) - 1].min()))
-        at += len(p) - 1
-    return found
+        inner_points = inner[position : position + len(p) - 1].reshape(-1, 6)
+        Qk = np.concatenate([inner_points, Q[[SAMPLES_PER_EDGE * count + i]]])
+        result[k] = SampledChain(Qk, net.chains[k].right == VOID, float(chord[position : position + len(p) - 1].min()))
+        position += len(p) - 1
+    return result
 
 
-OFF = 1 / 10
+PARABOLA_SHARE = 1 / 10
 """Largest distance of a parabola from its cubic over the distance that a solid may be off the mesh."""
 
-TURNED = np.tan(np.deg2rad([0.5, 0.25]))
+TURN_TANGENTS = np.tan(np.deg2rad([0.5, 0.25]))
 """Tangents of the largest turn at its ends, and out of the skins, because these are smooth across borders."""
 
-NOTHING = 1e-8
+ZERO_DIFFERENCE = 1e-8
 """Millimetres of a third difference that counts as zero, because curves are cut and turned before they are written."""
 
-BOW = np.sqrt(3) / 36
+BOW_FACTOR = np.sqrt(3) / 36
 """Maximum of x (1/2 - x) (1 - x): distance of a cubic with third difference 1 from its parabola."""
 
 
-def with_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
+def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace curves by parabolas if all their cubics are nearly parabolas.
 
     distance : largest distance of a solid from its mesh, millimetres. A parabola's poles are farther out; if they
@@ -236,35 +242,37 @@ def with_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -
     """
     wide = box + distance * np.array([[-1.0], [1.0]])
     return [
-        replace(curve, spans=lowered(curve.spans, 1)) if _nearly(curve.spans, OFF * distance, wide) else curve
+        replace(curve, spans=as_parabolas(curve.spans, 1))
+        if _are_parabolas(curve.spans, PARABOLA_SHARE * distance, wide)
+        else curve
         for curve in curves
     ]
 
 
-def lowered(P: Floats, axis: int) -> Floats:
+def as_parabolas(P: Floats, axis: int) -> Floats:
     """Replace cubics, with 4 poles along an axis, by parabolas through their ends and middles, still with 4 poles."""
     P = P.swapaxes(0, axis)
     third = _third(P) / 6
     return np.stack([P[0], P[1] - third, P[2] + third, P[3]]).swapaxes(0, axis)
 
 
-def lowered_patches(P: Floats, distance: float) -> Floats:
+def patches_as_parabolas(P: Floats, distance: float) -> Floats:
     """Lower patches (ku, kv, 4, 4, 6) of a region to degree 2 in directions in which the sides are parabolas.
 
     No pole moves by more than a share of `distance`, millimetres; the sides stay.
     """
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
-        if np.abs(_third(sides.swapaxes(0, -2))).max() < NOTHING:
-            Q = lowered(P, axis)
-            if np.abs(Q - P).max() <= OFF * distance:
+        if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
+            Q = as_parabolas(P, axis)
+            if np.abs(Q - P).max() <= PARABOLA_SHARE * distance:
                 P = Q
     return P
 
 
-def fewest(P: Floats, axis: int) -> Floats:
+def fewest_poles(P: Floats, axis: int) -> Floats:
     """Return 3 poles along an axis if the cubics there are parabolas, otherwise the poles (k, 4, 6) themselves."""
     P = P.swapaxes(0, axis)
-    if len(P) == 4 and np.abs(_third(P)).max() < NOTHING:
+    if len(P) == 4 and np.abs(_third(P)).max() < ZERO_DIFFERENCE:
         P = np.stack([P[0], _middle_pole(P), P[3]])
     return P.swapaxes(0, axis)
 
@@ -279,7 +287,7 @@ def _middle_pole(P: Floats) -> Floats:
     return np.asarray((3 * (P[1] + P[2]) - (P[0] + P[3])) / 4)
 
 
-def _nearly(spans: Floats, most: float, box: Floats) -> bool:
+def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return whether cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
@@ -288,7 +296,7 @@ def _nearly(spans: Floats, most: float, box: Floats) -> bool:
     across = (P[:, :, 0] - P[:, :, 1]).sum(axis=0)[:, None]
     across = across / np.linalg.norm(across, axis=2, keepdims=True)
     third = _third(P)
-    off, out = np.linalg.norm(third, axis=2), np.abs((third * across).sum(axis=2))
+    difference, out = np.linalg.norm(third, axis=2), np.abs((third * across).sum(axis=2))
     handle = 3 * np.linalg.norm(P[[1, 3]] - P[[0, 2]], axis=3).min(axis=0)
-    turned = (off / 2 <= TURNED[0] * handle) & (out / 2 <= TURNED[1] * handle)
-    return bool((turned & (BOW * off <= most)).all())
+    turned = (difference / 2 <= TURN_TANGENTS[0] * handle) & (out / 2 <= TURN_TANGENTS[1] * handle)
+    return bool((turned & (BOW_FACTOR * difference <= tolerance)).all())

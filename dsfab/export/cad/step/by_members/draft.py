@@ -13,25 +13,25 @@ from dsfab.core.errors import ExportError
 from dsfab.core.sparse import one_blas_thread
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step.by_members.borders import (
-    TOUCHING,
+    TOUCHING_SHARE,
     crossing_chains,
-    straightened,
+    straight_net,
     with_steep_ends,
     without_crossings,
 )
-from dsfab.export.cad.step.by_members.curves import SampledChain, fewest, sampled_chains
-from dsfab.export.cad.step.by_members.fillet_edges import LongSeam, in_order, with_long_seams
+from dsfab.export.cad.step.by_members.curves import SampledChain, fewest_poles, sampled_chains
+from dsfab.export.cad.step.by_members.fillet_edges import LongSeam, with_long_seams, with_ordered_walls
 from dsfab.export.cad.step.by_members.fillets import without_fillets, without_short_walls
 from dsfab.export.cad.step.by_members.lines import NetLines
 from dsfab.export.cad.step.by_members.model import NetModel, NetPatch, net_model
-from dsfab.export.cad.step.by_members.patch_sides import REACH, LineFits, Quad, quads_of
-from dsfab.export.cad.step.by_members.patches import Covering, FaceLimits
-from dsfab.export.cad.step.by_members.region_division import divided, level
+from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, LineFits, Quad, quads_of
+from dsfab.export.cad.step.by_members.patches import FaceLimits, PatchBuilder
+from dsfab.export.cad.step.by_members.region_division import level, with_cut_ends
 from dsfab.export.cad.step.by_members.regions import (
     VOID,
+    ChainLoop,
     ChainNet,
-    Interior,
-    Loop,
+    RegionInterior,
     joined_outlines,
     net_of,
     without_lenses,
@@ -39,17 +39,17 @@ from dsfab.export.cad.step.by_members.regions import (
 from dsfab.export.cad.step.by_members.sharp_corners import flush_at_corners
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace, trimmed_face
 from dsfab.export.cad.step.by_members.trimmed_corrections import with_sampled_peaks, without_strays
-from dsfab.export.cad.step.by_members.trimmed_division import parted
+from dsfab.export.cad.step.by_members.trimmed_division import divided_faces
 from dsfab.export.cad.step.entities import closing, header
-from dsfab.export.cad.step.flat_sheets import Entities, references
+from dsfab.export.cad.step.flat_sheets import StepEntities, references
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
-from dsfab.export.cad.step.smooth.edges import FLAT
-from dsfab.export.cad.step.smooth.solid import PLANE, ROUNDING
+from dsfab.export.cad.step.smooth.edges import OUTLINE_SHARE
+from dsfab.export.cad.step.smooth.solid import PARAMETER_CONTEXT, ROUNDING
 from dsfab.export.part import Part, StripedSheet
-from dsfab.surface import connected, edge_table
+from dsfab.surface import edge_table, link_components
 
-ALONG = 7
+EDGE_DIGITS = 7
 """Decimals of coordinates of edges in mm. An edge that is a part of a patch's side has other poles than the side. OCCT
 ignores less than 1e-7 mm, and measures more at samples; a shortened edge has other samples, and a thousandth more there
 makes it invalid."""
@@ -57,60 +57,63 @@ makes it invalid."""
 NO_SEAMS: Mapping[int, LongSeam] = MappingProxyType({})
 
 
-class NetText:
+class NetWriter:
     """Writer of a model after the entities of `new`. thickness : mm. Entities that exist on both sides of a seam are
     shared."""
 
-    def __init__(self, new: Entities, model: NetModel, thickness: float) -> None:
-        self.new, self.model = new, model
-        self._put = new.once if model.seam else new.add
+    def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
+        self.new, self.model = entity_list, model
+        self._put = entity_list.once if model.seam else entity_list.add
         self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * thickness)), 2, 6))
         self._numbers = dict[tuple[float, ...], int]()
         self.vertices = [
-            [self._put(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
+            [self._put(f"VERTEX_POINT('',#{p})") for p in self._points(pair.reshape(2, 3))] for pair in model.vertices
         ]
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam] = NO_SEAMS) -> list[int]:
         """Add all faces and return their numbers. seams : extended seams by edge."""
-        found, posts = list[int](), dict[tuple[int, int], int]()
+        numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
         self._add_edges(seams, surfaces)
         for i, skin in enumerate(skins):
             loops = skin.loops if isinstance(skin, TrimmedFace) else [skin.loop]
-            both = surfaces[i] if i in surfaces else self._surfaces(skin)
-            found += [self._skin(loops, both[s], s) for s in (0, 1)]
+            surface_pair = surfaces[i] if i in surfaces else self._surfaces(skin)
+            numbers += [self._skin(loops, surface_pair[s], s) for s in (0, 1)]
         for wall in self.model.walls:
-            (first, way), (last, ahead) = wall.steps[0], wall.steps[-1]
-            start, end = self.model.edges[first], self.model.edges[last]
-            one, two = (
-                self._post(posts, v) for v in (start.start if way else start.end, end.end if ahead else end.start)
+            (first_edge, forwards), (last_edge, ahead) = wall.steps[0], wall.steps[-1]
+            start, end = self.model.edges[first_edge], self.model.edges[last_edge]
+            start_post, end_post = (
+                self._post(posts, v) for v in (start.start if forwards else start.end, end.end if ahead else end.start)
             )
-            poles = fewest(wall.poles, 0)
+            poles = fewest_poles(wall.poles, 0)
             outer, inner = (list(self._points(poles[:, s : s + 3])) for s in (0, 3))
             surface = self._surface([list(row) for row in zip(inner, outer, strict=True)])
-            below = [(self.edges[e][1], way) for e, way in wall.steps]
-            above = [(self.edges[e][0], not way) for e, way in wall.steps[::-1]]
-            wire = self.new.wire([*below, two, *above, (one[0], not one[1])], "FACE_BOUND")
-            found.append(self.new.face([wire], surface))
-        return found
+            below = [(self.edges[e][1], forwards) for e, forwards in wall.steps]
+            above = [(self.edges[e][0], not forwards) for e, forwards in wall.steps[::-1]]
+            wire = self.new.wire([*below, end_post, *above, (start_post[0], not start_post[1])], "FACE_BOUND")
+            numbers.append(self.new.face([wire], surface))
+        return numbers
 
     def _surfaces(self, skin: NetPatch | TrimmedFace) -> list[int]:
         if isinstance(skin, TrimmedFace):
-            digits = ALONG + 1 if skin.exact else ALONG - 1
+            digits = EDGE_DIGITS + 1 if skin.exact else EDGE_DIGITS - 1
             return [self._surface(self._grid(poles, digits)) for poles in (skin.outer, skin.inner)]
-        both = np.split(fewest(fewest(skin.poles, 0), 1), 2, axis=2)
-        return [self._surface(self._grid(poles, ALONG + 1) if skin.within else self._rows(poles)) for poles in both]
+        pole_pair = np.split(fewest_poles(fewest_poles(skin.poles, 0), 1), 2, axis=2)
+        return [
+            self._surface(self._grid(poles, EDGE_DIGITS + 1) if skin.within else self._rows(poles))
+            for poles in pole_pair
+        ]
 
     def _add_edges(self, seams: Mapping[int, LongSeam], surfaces: Mapping[int, list[int]]) -> None:
-        given = [seams[e].poles if e in seams else edge.poles for e, edge in enumerate(self.model.edges)]
-        self.poles = self._pole_numbers([fewest(poles, 0) for poles in given])
+        pole_list = [seams[e].poles if e in seams else edge.poles for e, edge in enumerate(self.model.edges)]
+        self.poles = self._pole_numbers([fewest_poles(poles, 0) for poles in pole_list])
         for e, (edge, two) in enumerate(zip(self.model.edges, self.poles, strict=True)):
-            on = seams[e].on if e in seams else {}
+            places = seams[e].on if e in seams else {}
             curves = [self._put(bezier(poles)) for poles in two]
-            for s in (0, 1) if on else ():
-                lines = references([self._on_surface(uv[s], surfaces[i][s]) for i, uv in on.items()])
+            for s in (0, 1) if places else ():
+                lines = references([self._on_surface(uv[s], surfaces[i][s]) for i, uv in places.items()])
                 curves[s] = self.new.add(f"SURFACE_CURVE('',#{curves[s]},{lines},.PCURVE_S1.)")
             ends = zip(self.vertices[edge.start], self.vertices[edge.end], curves, strict=True)
             self.edges.append([self._put(f"EDGE_CURVE('',#{a},#{b},#{curve},.T.)") for a, b, curve in ends])
@@ -122,41 +125,44 @@ class NetText:
             for p in (np.round(uv, digits) + 0.0).tolist()
         ]
         curve = self.new.add(bezier(points))
-        line = self.new.add(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PLANE)})")
+        line = self.new.add(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PARAMETER_CONTEXT)})")
         return self.new.add(f"PCURVE('',#{surface},#{line})")
 
-    def _skin(self, loops: list[Loop], surface: int, s: int) -> int:
+    def _skin(self, loops: list[ChainLoop], surface: int, s: int) -> int:
         wires = []
         for i, loop in enumerate(loops):
             steps = [(self.edges[e][s], ahead != bool(s)) for e, ahead in (loop[::-1] if s else loop)]
             wires.append(self.new.wire(steps, "FACE_OUTER_BOUND" if len(loops) > 1 and not i else "FACE_BOUND"))
-        return self.new.face(wires, surface, same=not s)
+        return self.new.face(wires, surface, same_sense=not s)
 
     def _rows(self, poles: Floats) -> list[list[int]]:
         """Add poles (j, k, 3) of a patch; only inner poles are rounded coarsely."""
         poles = poles.copy()
         poles[1:-1, 1:-1] = np.round(poles[1:-1, 1:-1], self.digits)
-        return self._grid(poles, ALONG)
+        return self._grid(poles, EDGE_DIGITS)
 
-    def _points(self, points: Floats, digits: int = ALONG) -> Iterator[int]:
-        known = self._numbers
+    def _points(self, points: Floats, digits: int = EDGE_DIGITS) -> Iterator[int]:
+        numbers = self._numbers
         for p in map(tuple, (np.round(points, digits) + 0.0).tolist()):
-            if p not in known:
+            if p not in numbers:
                 text = ",".join([f"{v:.{digits}f}".rstrip("0") for v in p])
-                known[p] = self.new.once(f"CARTESIAN_POINT('',({text}))")
-            yield known[p]
+                numbers[p] = self.new.once(f"CARTESIAN_POINT('',({text}))")
+            yield numbers[p]
 
     def _pole_numbers(self, lines: list[Floats]) -> list[list[list[int]]]:
-        found, at = list(self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))), 0
+        flat_numbers, position = (
+            list(self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))),
+            0,
+        )
         numbers = list[list[list[int]]]()
         for k in map(len, lines):
-            numbers.append([found[at : at + k], found[at + k : at + 2 * k]])
-            at += 2 * k
+            numbers.append([flat_numbers[position : position + k], flat_numbers[position + k : position + 2 * k]])
+            position += 2 * k
         return numbers
 
     def _grid(self, poles: Floats, digits: int) -> list[list[int]]:
-        found = list(self._points(poles.reshape(-1, 3), digits))
-        return [found[i : i + poles.shape[1]] for i in range(0, len(found), poles.shape[1])]
+        numbers = list(self._points(poles.reshape(-1, 3), digits))
+        return [numbers[i : i + poles.shape[1]] for i in range(0, len(numbers), poles.shape[1])]
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
         """Edge between both points of a vertex, and True if it runs to the outer one."""
@@ -188,20 +194,20 @@ def bezier(poles: list[int]) -> str:
     )
 
 
-KIND = "curved solid of four-sided patches by members"
+DESCRIPTION = "curved solid of four-sided patches by members"
 """Description of the file in its header."""
 
-NARROW = 1 / 4000
+GAP_SHARE = 1 / 4000
 """Wanted gap between a trimmed face and its edges over the thickness."""
 
-NARROW_MM, OF_THIN = 0.01, 1 / 1500
+NARROW_MM, THIN_GAP_SHARE = 0.01, 1 / 1500
 """Millimetres of a gap that is narrow enough, and its largest share of the thickness. In a sheet of 16 mm most trimmed
 faces needed degrees of 4 to 7 to close 0.004 mm, and a third more poles."""
 
-SHORT = 1 / 20
+SHORT_WALL_SHARE = 1 / 20
 """Length over the thickness below which a wall between two borders is removed."""
 
-LENS = 1 / 3
+LENS_SHARE = 1 / 3
 """Width over the thickness below which a region between two chains is removed."""
 
 PASSES = 3
@@ -210,11 +216,11 @@ PASSES = 3
 UNASKED = 7000
 """Most faces of a file without a request by name and with a hurry of 1: more take half a minute."""
 
-FEWER_WALLS = 3 / 4
+WALL_SHARE = 3 / 4
 """Least number of walls over the number of outline chains: in `hypar.obj` and a cylinder a fifteenth are joined."""
 
 
-BEYOND = 1 / 300
+BOX_SHARE = 1 / 300
 """Largest distance of curve poles outside the surface's box over its size. Along the rim of a vault of 12 m they were
 170 mm above it, with OCCT's box."""
 
@@ -253,83 +259,83 @@ def member_draft(part: Part, plan: SmoothPlan, fine: bool = False) -> MemberDraf
 def _draft(part: Part, plan: SmoothPlan, fine: bool) -> MemberDraft:
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
-    lifting = Lifting.of(plan.surface, plan.curved)
-    new, shells, faces, trimmed = Entities(), list[int](), list[int](), list[TrimmedFace]()
+    lifting = Lifting.from_sheet(plan.surface, plan.curved)
+    entity_list, shells, faces, trimmed = StepEntities(), list[int](), list[int](), list[TrimmedFace]()
     count = 0
     for sheet in _sheets(plan.curved.striped()):
         net = _net(sheet, lifting, plan)
         walls = sum(chain.right == VOID for chain in net.chains.values())
-        _require_few(part, 2 * len(net.loops) + int(FEWER_WALLS * walls))
-        model, surfaces = _solid(part, net, Interior(sheet, lifting, plan.limits.thickness, fine), plan)
+        _require_few(part, 2 * len(net.loops) + int(WALL_SHARE * walls))
+        model, surfaces = _solid(part, net, RegionInterior(sheet, lifting, plan.limits.thickness, fine), plan)
         model, surfaces, seams = with_long_seams(model, surfaces)
-        added = NetText(new, model, plan.limits.thickness).faces(surfaces, seams)
+        added = NetWriter(entity_list, model, plan.limits.thickness).faces(surfaces, seams)
         faces += added
         shells += [count] * len(added)
         trimmed += surfaces
         count += 1
     _require_few(part, len(faces))
-    end = closing(np.array(shells), [[i] for i in range(count)], np.array(faces), new.free, part.name)
-    text = "".join([header(part.name, KIND, count), *new.text, *end])
-    return MemberDraft(text, count, len(faces), 2 * len(trimmed), max((one.gap for one in trimmed), default=0.0))
+    end = closing(np.array(shells), [[i] for i in range(count)], np.array(faces), entity_list.free, part.name)
+    text = "".join([header(part.name, DESCRIPTION, count), *entity_list.text, *end])
+    return MemberDraft(text, count, len(faces), 2 * len(trimmed), max((face.gap for face in trimmed), default=0.0))
 
 
-_MANY = WeakSet[Part]()
+_TOO_MANY = WeakSet[Part]()
 
 
 def has_too_many(part: Part) -> bool:
     """Return whether a part was refused because of its number of faces alone."""
-    return part in _MANY
+    return part in _TOO_MANY
 
 
 def _require_few(part: Part, faces: int) -> None:
-    most = part.hurry * UNASKED
-    if part.hurry and faces > most:
-        _MANY.add(part)
+    limit = part.hurry * UNASKED
+    if part.hurry and faces > limit:
+        _TOO_MANY.add(part)
         raise ManyFacesError(
-            f"by members it would have at least {faces} faces, more than {most}, which take too long to be tried "
+            f"by members it would have at least {faces} faces, more than {limit}, which take too long to be tried "
             "unasked"
         )
 
 
 def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
-    one, two = np.concatenate([edge_table(striped.F).pairs, striped.seam]).T // 3
-    count, piece = connected(len(striped.F), one, two)
+    faces_left, faces_right = np.concatenate([edge_table(striped.F).pairs, striped.seam]).T // 3
+    count, piece = link_components(len(striped.F), faces_left, faces_right)
     cell, corner = striped.seam // 3, striped.seam % 3
     for i in range(count):
-        mine = piece == i
-        seam = 3 * (np.cumsum(mine) - 1)[cell] + corner
-        seam = seam[mine[cell[:, 0]]]
-        yield StripedSheet(striped.F[mine], striped.weights, striped.label[mine], striped.loose[mine], seam)
+        in_piece = piece == i
+        seam = 3 * (np.cumsum(in_piece) - 1)[cell] + corner
+        seam = seam[in_piece[cell[:, 0]]]
+        yield StripedSheet(striped.F[in_piece], striped.weights, striped.label[in_piece], striped.loose[in_piece], seam)
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     """Return the net of a piece. It has about one wall for each outline chain, and at least two faces for each
     region."""
     t, skins = plan.limits.thickness, lifting.skins
-    creased = lifting.sides.along if len(lifting.sides.creases) else None
+    creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
     net = without_fillets(net, lifting)
     P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
-    net = joined_outlines(without_lenses(net, P, LENS * t), P, N)
-    net = with_steep_ends(without_short_walls(net, lifting, SHORT * t), lifting, t)
-    return straightened(level(net, sheet, lifting, plan.limits), lifting, t)
+    net = joined_outlines(without_lenses(net, P, LENS_SHARE * t), P, N)
+    net = with_steep_ends(without_short_walls(net, lifting, SHORT_WALL_SHARE * t), lifting, t)
+    return straight_net(level(net, sheet, lifting, plan.limits), lifting, t)
 
 
-def _solid(part: Part, net: ChainNet, interior: Interior, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
-    remaining = 0.95  # least share of the first model's faces after regions with crossing outlines are joined
+def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
+    least_share = 0.95  # least share of the first model's faces after regions with crossing outlines are joined
     fits = _Fits(interior, plan)
     lines, model = fits.model(net)
-    _require_few(part, int(remaining * model.faces))
-    known = dict[int, bytes]()
+    _require_few(part, int(least_share * model.faces))
+    previous = dict[int, bytes]()
     for _ in range(PASSES):
         outlines = _outlines(net, lines, model)
-        new = _changed(known, outlines)
-        sound = without_crossings(net, lines.curves(new), new, TOUCHING * plan.limits.thickness)
+        changed = _changed_regions(previous, outlines)
+        sound = without_crossings(net, lines.curves(changed), changed, TOUCHING_SHARE * plan.limits.thickness)
         if sound is net:
             break
-        net, known = sound, outlines
+        net, previous = sound, outlines
         lines, model = fits.model(net)
-    net, model = _divided(net, lines, model, fits, plan)
+    net, model = _with_cut_ends(net, lines, model, fits, plan)
     faces = _trimmed_faces(net, model, interior, fits)
     bad = {region for region in model.compact if not _close(faces.get(region), plan)}
     if bad:
@@ -337,51 +343,51 @@ def _solid(part: Part, net: ChainNet, interior: Interior, plan: SmoothPlan) -> t
         _, model = fits.model(net)
         faces = _trimmed_faces(net, model, interior, fits)
     inside = partial(interior.points, net)
-    flush = flush_at_corners(model, parted(model, faces, inside, fits.lifting.away, fits.wanted))
-    model, surfaces = in_order(*flush)
+    flush = flush_at_corners(model, divided_faces(model, faces, inside, fits.lifting.vectors_to_skins, fits.wanted))
+    model, surfaces = with_ordered_walls(*flush)
     return model, with_sampled_peaks(model, surfaces)
 
 
-def _trimmed_faces(net: ChainNet, model: NetModel, interior: Interior, fits: "_Fits") -> dict[int, TrimmedFace]:
-    found, parts = dict[int, TrimmedFace](), {*net.parent, *net.parent.values()}
+def _trimmed_faces(net: ChainNet, model: NetModel, interior: RegionInterior, fits: "_Fits") -> dict[int, TrimmedFace]:
+    faces, parts = dict[int, TrimmedFace](), {*net.parent, *net.parent.values()}
     outlines = {region: model.outline(loops) for region, loops in model.trimmed.items()}
     for region, loops in model.trimmed.items():
-        if len(loops) == 1 and (known := fits.faces.get((region, outlines[region]))):
-            found[region] = replace(known, loops=loops)
-    points = interior.points(net, [region for region in model.trimmed if region not in found])
-    new = dict[int, TrimmedFace]()
+        if len(loops) == 1 and (cached := fits.faces.get((region, outlines[region]))):
+            faces[region] = replace(cached, loops=loops)
+    points = interior.points(net, [region for region in model.trimmed if region not in faces])
+    fitted = dict[int, TrimmedFace]()
     for region, inside in points.items():
         try:
-            new[region] = trimmed_face(model, model.trimmed[region], inside, fits.wanted, region in parts)
+            fitted[region] = trimmed_face(model, model.trimmed[region], inside, fits.wanted, region in parts)
         except ExportError:
             if region not in model.compact:
                 raise
-    new = without_strays(model, new, points, fits.lifting.away, fits.wanted)
-    fits.faces |= {(region, outlines[region]): face for region, face in new.items()}
-    return found | new
+    fitted = without_strays(model, fitted, points, fits.lifting.vectors_to_skins, fits.wanted)
+    fits.faces |= {(region, outlines[region]): face for region, face in fitted.items()}
+    return faces | fitted
 
 
 def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
-    near = FLAT * plan.limits.distance
-    return face is not None and face.gap <= SPLIT and face.off <= near
+    tolerance = OUTLINE_SHARE * plan.limits.distance
+    return face is not None and face.gap <= SPLIT and face.off <= tolerance
 
 
-def _divided(
+def _with_cut_ends(
     net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SmoothPlan
 ) -> tuple[ChainNet, NetModel]:
     """Cut ends off members, unless an outline then crosses itself."""
-    regions, known = set(model.trimmed), _outlines(net, lines, model)
+    regions, previous = set(model.trimmed), _outlines(net, lines, model)
     for _ in range(PASSES):
-        whole = divided(net, sorted(regions), fits.lifting, NARROW * plan.limits.thickness)
-        if whole is net:
+        divided_net = with_cut_ends(net, sorted(regions), fits.lifting, GAP_SHARE * plan.limits.thickness)
+        if divided_net is net:
             break
-        lines, found = fits.model(whole)
-        new = _changed(known, _outlines(whole, lines, found))
-        curves = lines.curves(new)
-        crossed = [region for region in new if crossing_chains(whole, curves, region)]
-        wrong = {whole.parent.get(region, region) for region in crossed} & regions
+        lines, divided_model = fits.model(divided_net)
+        changed = _changed_regions(previous, _outlines(divided_net, lines, divided_model))
+        curves = lines.curves(changed)
+        crossed = [region for region in changed if crossing_chains(divided_net, curves, region)]
+        wrong = {divided_net.parent.get(region, region) for region in crossed} & regions
         if not wrong:
-            return whole, found
+            return divided_net, divided_model
         regions -= wrong
     return net, model
 
@@ -395,51 +401,51 @@ def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, byte
     }
 
 
-def _changed(known: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
-    return [region for region, outline in outlines.items() if known.get(region) != outline]
+def _changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
+    return [region for region, outline in outlines.items() if previous.get(region) != outline]
 
 
 class _Fits:
     """Lines and models of nets. Samples of unchanged chains and trimmed faces of unchanged outlines are memoised."""
 
-    def __init__(self, interior: Interior, plan: SmoothPlan) -> None:
-        self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH * plan.limits.thickness
+    def __init__(self, interior: RegionInterior, plan: SmoothPlan) -> None:
+        self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH_SHARE * plan.limits.thickness
         skins = np.stack([plan.limits.V.min(axis=0), plan.limits.V.max(axis=0)])
         box = _wide_box(skins)
-        self.fits = LineFits(plan.limits.distance, box, skins, self.lifting.away, interior.fine)
-        beyond_mesh = plan.gate.beyond if interior.fine else None
-        self.wanted = FaceLimits(_narrow(plan.limits.thickness), plan.limits.distance, box, beyond_mesh)
-        self.covering = Covering(self.lifting.away, self.wanted)
+        self.fits = LineFits(plan.limits.distance, box, skins, self.lifting.vectors_to_skins, interior.fine)
+        beyond_mesh = plan.gate.excess_distances if interior.fine else None
+        self.wanted = FaceLimits(_wanted_gap(plan.limits.thickness), plan.limits.distance, box, beyond_mesh)
+        self.covering = PatchBuilder(self.lifting.vectors_to_skins, self.wanted)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
         self.faces = dict[tuple[int, bytes], TrimmedFace]()
-        self.quads = dict[int, tuple[list[Loop], list[SampledChain], Quad | None]]()
+        self.quads = dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()
         self.patched = set[int]()
 
     def model(self, net: ChainNet) -> tuple[NetLines, NetModel]:
-        new = {k: chain for k, chain in net.chains.items() if self.points.get(k) is not chain.points}
-        if new:
-            self.chains |= sampled_chains(replace(net, chains=new), self.lifting, self.limits)
-            self.points |= {k: chain.points for k, chain in new.items()}
+        changed = {k: chain for k, chain in net.chains.items() if self.points.get(k) is not chain.points}
+        if changed:
+            self.chains |= sampled_chains(replace(net, chains=changed), self.lifting, self.limits)
+            self.points |= {k: chain.points for k, chain in changed.items()}
         chains = {k: self.chains[k] for k in net.chains}
-        quads, others = self._quads(net, chains)
+        quads, other_regions = self._quads(net, chains)
         lines = self.fits.lines(net, chains, quads, self.reach)
-        return lines, net_model(lines, chains, quads, others, self.covering, self.patched)
+        return lines, net_model(lines, chains, quads, other_regions, self.covering, self.patched)
 
     def _quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
         """Return quads and other regions as `quads_of`; regions with unchanged chains are memoised."""
         for region, loops in net.loops.items():
             around = [chains[k] for loop in loops for k, _ in loop]
-            known = self.quads.get(region)
-            if known is None or known[0] != loops or any(a is not b for a, b in zip(known[1], around, strict=True)):
-                found, _ = quads_of(replace(net, loops={region: loops}), chains, self.reach)
-                self.quads[region] = loops, around, found[0] if found else None
+            cached = self.quads.get(region)
+            if cached is None or cached[0] != loops or any(a is not b for a, b in zip(cached[1], around, strict=True)):
+                regular, _ = quads_of(replace(net, loops={region: loops}), chains, self.reach)
+                self.quads[region] = loops, around, regular[0] if regular else None
         quads = {region: self.quads[region][2] for region in net.loops}
         return [quad for quad in quads.values() if quad], [region for region, quad in quads.items() if not quad]
 
 
-def _narrow(thickness: float) -> float:
-    return max(NARROW * thickness, min(NARROW_MM, OF_THIN * thickness))
+def _wanted_gap(thickness: float) -> float:
+    return max(GAP_SHARE * thickness, min(NARROW_MM, THIN_GAP_SHARE * thickness))
 
 
 def _wide_box(skins: Floats) -> Floats:
-    return np.asarray(skins + BEYOND * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))
+    return np.asarray(skins + BOX_SHARE * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

@@ -13,30 +13,30 @@ from dsfab.export.cad.step.by_members.model import (
     NetModel,
     NetPatch,
     NetWall,
+    backwards,
     filled_corners,
     half_turn,
     outlines,
-    turned,
-    way,
+    wall_direction,
 )
 from dsfab.export.cad.step.by_members.patches import places
-from dsfab.export.cad.step.by_members.regions import Loop
+from dsfab.export.cad.step.by_members.regions import ChainLoop
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
-NEARLY = 1e-6
+FACE_TOLERANCE = 1e-6
 """Largest distance in mm of faces from the continuation of a seam."""
 
-ALONG = np.linspace(0, 1, 17)
+PLACES = np.linspace(0, 1, 17)
 """Parameters where that distance is measured."""
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
     """(2, 4, 2) poles of curves (4, 6) in parameters of both surfaces of a trimmed face; None if they leave it."""
-    if np.abs(face.gaps(bernstein(ALONG) @ poles)).max() > NEARLY:
+    if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
-    both = zip((face.outer, face.inner), face.axes, np.split(poles, 2, axis=1), strict=True)
-    return np.stack([places(*each) for each in both])
+    skins = zip((face.outer, face.inner), face.axes, np.split(poles, 2, axis=1), strict=True)
+    return np.stack([places(*skin) for skin in skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
@@ -48,9 +48,9 @@ def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Flo
     for axis in (0, 1):
         for fixed in (0, 1):
             side = P[:, -fixed] if axis == 0 else P[-fixed]
-            first, last = (_parameter(side, edge[-end]) for end in (0, 1))
+            begin, finish = (_parameter(side, edge[-end]) for end in (0, 1))
             uv = np.full((2, 2), float(fixed))
-            uv[:, axis] = first - share[0] * (last - first), last + share[1] * (last - first)
+            uv[:, axis] = begin - share[0] * (finish - begin), finish + share[1] * (finish - begin)
             if _is_on(P, uv, poles):
                 return np.stack([uv, uv])
     return None
@@ -58,10 +58,10 @@ def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Flo
 
 def _parameter(side: Floats, point: Floats) -> float:
     steps = 5  # of Newton's method, from the nearest sample
-    x = float(ALONG[np.argmin(np.linalg.norm(bernstein(ALONG) @ side - point, axis=1))])
+    x = float(PLACES[np.argmin(np.linalg.norm(bernstein(PLACES) @ side - point, axis=1))])
     for _ in range(steps):
-        here, ahead = (bernstein(np.array([x])) @ side)[0], 3 * (_quadratic(x) @ np.diff(side, axis=0))
-        x += float((point - here) @ ahead) / max(float(ahead @ ahead), 1e-300)
+        point_on_side, ahead = (bernstein(np.array([x])) @ side)[0], 3 * (_quadratic(x) @ np.diff(side, axis=0))
+        x += float((point - point_on_side) @ ahead) / max(float(ahead @ ahead), 1e-300)
     return x if abs(x - round(x)) > 1e-10 else float(round(x))
 
 
@@ -70,31 +70,31 @@ def _quadratic(x: float) -> Floats:
 
 
 def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
-    at = uv[0] + ALONG[:, None] * (uv[1] - uv[0])
-    points = np.einsum("ka,kb,abi->ki", bernstein(at[:, 0]), bernstein(at[:, 1]), P)
-    return bool(np.abs(points - bernstein(ALONG) @ poles).max() < NEARLY)
+    places_on_patch = uv[0] + PLACES[:, None] * (uv[1] - uv[0])
+    points = np.einsum("ka,kb,abi->ki", bernstein(places_on_patch[:, 0]), bernstein(places_on_patch[:, 1]), P)
+    return bool(np.abs(points - bernstein(PLACES) @ poles).max() < FACE_TOLERANCE)
 
 
-CLEAR = 1 / 6
+FILLET_SHARE = 1 / 6
 """Radius over the thickness of a fillet for which a seam is extended, times the tangent of half the turn."""
 
 MARGIN = 0.1
 """Share of the extension by which surfaces extend farther."""
 
-WIDE = 1 / 100
+WIDER_SHARE = 1 / 100
 """Extension of a patch over the thickness, beside a seam that continues a wall's edge. OCCT extends the seam nearly
 along that edge and needs places on the patch for it."""
 
-ROUND = 1 / 8
+LARGE_FILLET_SHARE = 1 / 8
 """Radius over the thickness of a fillet for which the patch beyond such a seam is extended. OCCT extends the patch
 itself, along tangents. The gap to the end of the fillet becomes the tolerance of the extended seam; above 1e-4 mm the
 seam runs backwards, and the solid is invalid."""
 
-GAP = 3e-5
+TANGENT_GAP = 3e-5
 """Millimetres of that gap. With a smaller gap the tolerance is ten times the seam's, 1e-6 mm, but the extended seam was
 off the other patch by up to 2e-6 mm, because the wall's edge has another parameter."""
 
-OFF = 1e-5
+POLE_OFFSET = 1e-5
 """Millimetres by which a pole of such a seam is moved if a trimmed face is beyond, which is wide enough. The extended
 seam was off by up to 1.4e-5 mm, and its tolerance is then 4e-5 mm."""
 
@@ -114,18 +114,18 @@ class LongSeam:
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
     """Poles (4, 6) of extended seams by edge: those that alone end at a filled corner."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
-    return {e: poles for e, (_, poles) in _longer(model, bent).items()}
+    return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
-def _longer(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
+def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
     """By edge: shares (2,) of extension before its start and after its end, and poles (4, 6) of the extended curves."""
-    most = 3.0  # times its own length: a polynomial is unreliable farther out
+    longest = 3.0  # times its own length: a polynomial is unreliable farther out
     shares = dict[int, Floats]()
     for corner in corners:
         share = shares.setdefault(corner.seam, np.zeros(2))
-        far = _share if corner.straight is None else _share_to_gap
-        share[corner.end] = far(model.edges[corner.seam].poles, corner.end, corner.half)
-    shares = {e: share for e, share in shares.items() if 0 < share.max() <= most}
+        share_function = _share if corner.straight is None else _share_to_gap
+        share[corner.end] = share_function(model.edges[corner.seam].poles, corner.end, corner.half)
+    shares = {e: share for e, share in shares.items() if 0 < share.max() <= longest}
     if not shares:
         return {}
     P, share = np.stack([model.edges[e].poles for e in shares]), np.stack(list(shares.values()))
@@ -134,9 +134,9 @@ def _longer(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple
 
 
 def _share(poles: Floats, end: int, half: float) -> float:
-    radius = CLEAR * float(np.linalg.norm(poles[-end, :3] - poles[-end, 3:]))
-    way = poles[-end] - poles[-2 if end else 1]
-    slow = min(float(np.linalg.norm(part)) for part in np.split(way, 2))
+    radius = FILLET_SHARE * float(np.linalg.norm(poles[-end, :3] - poles[-end, 3:]))
+    handle = poles[-end] - poles[-2 if end else 1]
+    slow = min(float(np.linalg.norm(part)) for part in np.split(handle, 2))
     return radius * half / max(3 * slow, 1e-300)
 
 
@@ -146,12 +146,14 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
-    found = list[float]()
+    shares = list[float]()
     for P in np.split(ahead, 2, axis=1):
         speed = 3 * float(np.linalg.norm(P[1] - P[0]))
         bend = 6 * abs(float((P[2] - 2 * P[1] + P[0]) @ across)) / max(thick * speed**2, 1e-300)
-        found.append((ROUND * thick * half - np.sqrt(2 * GAP / max(bend, 1e-300))) / max(speed, 1e-300))
-    return max(0.0, *found) / (1 + MARGIN)
+        shares.append(
+            (LARGE_FILLET_SHARE * thick * half - np.sqrt(2 * TANGENT_GAP / max(bend, 1e-300))) / max(speed, 1e-300)
+        )
+    return max(0.0, *shares) / (1 + MARGIN)
 
 
 def with_long_seams(
@@ -169,15 +171,17 @@ def with_long_seams(
     for seam in seams.values():
         for i, uv in seam.on.items():
             needed.setdefault(i, []).append(uv)
-    for i, some in needed.items():
-        boxes[i] = _box(np.concatenate([*some, *([boxes[i]] if i in boxes else [])], axis=1))
+    for i, places_needed in needed.items():
+        boxes[i] = _box(np.concatenate([*places_needed, *([boxes[i]] if i in boxes else [])], axis=1))
     patches, faces = list(model.patches), list(faces)
     for i, box in boxes.items():
         if i < len(patches):
-            patches[i] = replace(patches[i], poles=_over(patches[i].poles, box[0]), within=True)
+            patches[i] = replace(patches[i], poles=_reparametrised(patches[i].poles, box[0]), within=True)
         else:
             face = faces[i - len(patches)]
-            outer, inner = (_over(poles, part) for poles, part in zip((face.outer, face.inner), box, strict=True))
+            outer, inner = (
+                _reparametrised(poles, part) for poles, part in zip((face.outer, face.inner), box, strict=True)
+            )
             faces[i - len(patches)] = replace(face, outer=outer, inner=inner, exact=True)
     moved = {
         e: replace(seam, on={i: (uv - boxes[i][:, :1]) / np.diff(boxes[i], axis=1) for i, uv in seam.on.items()})
@@ -189,20 +193,22 @@ def with_long_seams(
 def _with_tolerance(model: NetModel, corners: list[FilledCorner], loops: dict[int, set[int]]) -> list[NetEdge]:
     edges = list(model.edges)
     for corner in corners:
-        trimmed = [mine for i, mine in loops.items() if i >= len(model.patches) and corner.seam in mine]
-        if corner.straight is not None and any(corner.straight not in mine for mine in trimmed):
+        trimmed = [
+            face_edges for i, face_edges in loops.items() if i >= len(model.patches) and corner.seam in face_edges
+        ]
+        if corner.straight is not None and any(corner.straight not in face_edges for face_edges in trimmed):
             poles = edges[corner.seam].poles.copy()
             across = poles[0, :3] - poles[0, 3:]
-            poles[2 - corner.end] += OFF * np.tile(across / np.linalg.norm(across), 2)
+            poles[2 - corner.end] += POLE_OFFSET * np.tile(across / np.linalg.norm(across), 2)
             edges[corner.seam] = replace(edges[corner.seam], poles=poles)
     return edges
 
 
 def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner]) -> dict[int, set[int]]:
-    some = {e for corner in corners for e in (corner.seam, *corner.beside)}
+    corner_edges = {e for corner in corners for e in (corner.seam, *corner.beside)}
     loops = [patch.loop for patch in model.patches] + [[step for loop in face.loops for step in loop] for face in faces]
-    found = {i: some.intersection([e for e, _ in loop]) for i, loop in enumerate(loops)}
-    return {i: mine for i, mine in found.items() if mine}
+    face_edges = {i: corner_edges.intersection([e for e, _ in loop]) for i, loop in enumerate(loops)}
+    return {i: edges for i, edges in face_edges.items() if edges}
 
 
 def _beside_straight(
@@ -210,12 +216,12 @@ def _beside_straight(
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
     """By patch at seams that continue a wall's edge: a box beside both, and places (2, 2, 2) beyond the seam."""
     straight = [corner for corner in corners if corner.straight is not None]
-    longer, boxes, needed = _longer(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
+    longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
-        for i in (i for i, mine in loops.items() if corner.seam in mine):
+        for i in (i for i, face_edges in loops.items() if corner.seam in face_edges):
             if corner.straight in loops[i]:
                 if i < len(model.patches):
-                    boxes[i] = _wide(model.patches[i])
+                    boxes[i] = _wider_box(model.patches[i])
             elif corner.seam in longer and i < len(model.patches):
                 uv = _places(model, faces, i, corner.seam, *longer[corner.seam])
                 if uv is not None:
@@ -223,13 +229,13 @@ def _beside_straight(
     return boxes, needed
 
 
-def _wide(patch: NetPatch) -> Floats:
+def _wider_box(patch: NetPatch) -> Floats:
     """(2, 2, 2) box slightly larger than a patch."""
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
-    more = WIDE * thick / np.maximum(long, WIDE * thick)
-    return np.tile(np.stack([-more, 1 + more]), (2, 1, 1))
+    margin = WIDER_SHARE * thick / np.maximum(long, WIDER_SHARE * thick)
+    return np.tile(np.stack([-margin, 1 + margin]), (2, 1, 1))
 
 
 def _on_both(
@@ -237,19 +243,19 @@ def _on_both(
 ) -> dict[int, LongSeam]:
     """Extended seams that lie on both faces, and the walls' edges beside them, which lie on one."""
     bent = [corner for corner in corners if corner.straight is None]
-    longer = _longer(model, bent)
+    longer = _extensions(model, bent)
     bent = [corner for corner in bent if corner.seam in longer]
-    mine = {e for corner in bent for e in (corner.seam, *corner.beside)}
-    curves = {e: longer.get(e, (np.zeros(2), model.edges[e].poles)) for e in mine}
-    found = {e: LongSeam(poles, {}) for e, (_, poles) in curves.items()}
+    involved = {e for corner in bent for e in (corner.seam, *corner.beside)}
+    curves = {e: longer.get(e, (np.zeros(2), model.edges[e].poles)) for e in involved}
+    long_seams = {e: LongSeam(poles, {}) for e, (_, poles) in curves.items()}
     for i, around in loops.items():
-        for e in around & mine:
+        for e in around & involved:
             uv = _places(model, faces, i, e, *curves[e])
             if uv is not None:
-                found[e].on[i] = uv
-    sound = [corner for corner in bent if len(found[corner.seam].on) == 2]
-    kept = {e for corner in sound for e in (corner.seam, *corner.beside)}
-    return {e: seam for e, seam in found.items() if e in kept and seam.on}
+                long_seams[e].on[i] = uv
+    sound = [corner for corner in bent if len(long_seams[corner.seam].on) == 2]
+    sound_edges = {e for corner in sound for e in (corner.seam, *corner.beside)}
+    return {e: seam for e, seam in long_seams.items() if e in sound_edges and seam.on}
 
 
 def _places(model: NetModel, faces: list[TrimmedFace], i: int, e: int, share: Floats, poles: Floats) -> Floats | None:
@@ -268,27 +274,27 @@ def _box(uv: Floats) -> Floats:
     return np.stack([(1 + MARGIN) * low, 1 + (1 + MARGIN) * (high - 1)], axis=1)
 
 
-def _over(poles: Floats, box: Floats) -> Floats:
+def _reparametrised(poles: Floats, box: Floats) -> Floats:
     for axis in (0, 1):
         if box[0, axis] != 0 or box[1, axis] != 1:
-            poles = _part(poles.swapaxes(0, axis), box[0, axis], box[1, axis]).swapaxes(0, axis)
+            poles = _polynomial_part(poles.swapaxes(0, axis), box[0, axis], box[1, axis]).swapaxes(0, axis)
     return poles
 
 
-def _part(P: Floats, low: float, high: float) -> Floats:
-    count, found = len(P) - 1, list[Floats]()
+def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
+    count, parts = len(P) - 1, list[Floats]()
     for j in range(count + 1):
         Q = P
         for x in [low] * (count - j) + [high] * j:
             Q = (1 - x) * Q[:-1] + x * Q[1:]
-        found.append(Q[0])
-    return np.stack(found)
+        parts.append(Q[0])
+    return np.stack(parts)
 
 
 CLEAR_EDGE = 1 / 7
 """Radius over the thickness of the largest fillet that ends before the nearest cut of a wall's edge."""
 
-FAR = 4.0
+LONGEST_SHARE = 4.0
 """Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends the
 edge out and back to the end of the fillet, and searches that place with few samples. If the fillet takes less than 1.5
 % of the edge, it may find the far end: 5 of 700 mm failed, and 2 of 180 mm."""
@@ -297,26 +303,29 @@ DENSE = np.linspace(0, 1, 129)
 """Parameters where an edge is compared with its trimmed face."""
 
 
-def in_order(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
+def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Order the walls around each outline with edges along them, as OCCT needs for fillets.
 
     An outline begins where it is smoothest. If it has only corners, its first and last corner belong to the first wall,
     and an edge of it ends at each: a wall with a single edge gets two.
     """
     work, walls = CutEdges(model), list[NetWall]()
-    beside = {e: face for face in faces for loop in face.loops for e, _ in loop}
+    face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
-        walls += _directed(outline, model, beside, work)
+        walls += _directed_walls(outline, model, face_of_edge, work)
     for corner in filled_corners(model):
         if corner.straight is not None and not corner.end:
             work.cut(corner.seam, True, [], True)
     return work.model(walls), [replace(face, loops=[work.loop(loop) for loop in face.loops]) for face in faces]
 
 
-def _directed(
-    outline: list[NetWall], model: NetModel, beside: dict[int, TrimmedFace], work: "CutEdges"
+def _directed_walls(
+    outline: list[NetWall], model: NetModel, face_of_edge: dict[int, TrimmedFace], work: "CutEdges"
 ) -> list[NetWall]:
-    cosines = [float(way(wall, model, True) @ way(outline[i - 1], model, False)) for i, wall in enumerate(outline)]
+    cosines = [
+        float(wall_direction(wall, model, True) @ wall_direction(outline[i - 1], model, False))
+        for i, wall in enumerate(outline)
+    ]
     begin = int(np.argmax(cosines))
     walls = [*outline[begin:], *outline[:begin]]
     turns = [half_turn(x) for x in (*cosines[begin:], *cosines[:begin], cosines[begin])]
@@ -325,7 +334,7 @@ def _directed(
             corners = turns[i] if j == 0 else 0.0, turns[i + 1] if j == len(wall.steps) - 1 else 0.0
             against = i == 0 and corners[0] > 0
             ending = against, i + 1 < len(walls) and corners[1] > 0
-            stops = _stops(model.poles((e, ahead)), beside.get(e), corners, ending)
+            stops = _stops(model.poles((e, ahead)), face_of_edge.get(e), corners, ending)
             work.cut(e, ahead, stops or ([0.5] if against and len(wall.steps) == 1 else []), against)
     return walls
 
@@ -340,25 +349,27 @@ def _stops(
     without a corner.
     """
     exact = 1e-6  # millimetres of a gap that OCCT ignores
-    thick, long = (float(np.linalg.norm(way)) for way in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
+    thick, long = (
+        float(np.linalg.norm(vector)) for vector in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3])
+    )
     share = thick / max(long, 1e-300)
-    first, last = (CLEAR_EDGE * share * half for half in corners)
-    between = (first < DENSE) & (last < DENSE[::-1]) & (DENSE > 0) & (DENSE < 1)
+    clear_start, clear_end = (CLEAR_EDGE * share * half for half in corners)
+    between = (clear_start < DENSE) & (clear_end < DENSE[::-1]) & (DENSE > 0) & (DENSE < 1)
     gaps = np.zeros((len(DENSE), 2)) if face is None else np.abs(face.gaps(bernstein(DENSE) @ poles))
     gaps[:, gaps.max(axis=0) < exact] = 0
-    found = set[float]()
+    shares = set[float]()
     for at_end in np.flatnonzero(corners):
-        there = gaps[::-1] if at_end else gaps
-        largest = np.asarray((np.maximum(there, there[0]) >= np.maximum.accumulate(there)).all(axis=1))
-        most = min(FAR * share * min(corners[at_end], 1.0), 1.0) if ending[at_end] else 1.0
-        inside = (between[::-1] if at_end else between) & (most >= DENSE)
+        end_gaps = gaps[::-1] if at_end else gaps
+        largest = np.asarray((np.maximum(end_gaps, end_gaps[0]) >= np.maximum.accumulate(end_gaps)).all(axis=1))
+        farthest = min(LONGEST_SHARE * share * min(corners[at_end], 1.0), 1.0) if ending[at_end] else 1.0
+        inside = (between[::-1] if at_end else between) & (farthest >= DENSE)
         places = np.flatnonzero(inside & largest)
-        if most < 1 and not len(places):
+        if farthest < 1 and not len(places):
             places = np.flatnonzero(inside)
-        if len(places) and not (most == 1 and largest[-1]):
-            found.add(float((DENSE[::-1] if at_end else DENSE)[places[-1]]))
-    near = len(found) == 2 and max(found) - min(found) < CLEAR_EDGE * share
-    return [float(np.mean(list(found)))] if near else sorted(found)
+        if len(places) and not (farthest == 1 and largest[-1]):
+            shares.add(float((DENSE[::-1] if at_end else DENSE)[places[-1]]))
+    is_close = len(shares) == 2 and max(shares) - min(shares) < CLEAR_EDGE * share
+    return [float(np.mean(list(shares)))] if is_close else sorted(shares)
 
 
 class CutEdges:
@@ -366,7 +377,7 @@ class CutEdges:
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
-        self.forwards = dict[int, Loop]()
+        self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
         """Cut an edge at shares in its direction. All parts keep that direction, but the first one runs against it if
@@ -379,21 +390,21 @@ class CutEdges:
         inside = range(len(self.vertices), len(self.vertices) + len(stops))
         self.vertices += list(parts[1:, 0])
         nodes, numbers = [start, *inside, end], [e, *range(len(self.edges), len(self.edges) + len(stops))]
-        made = [NetEdge(a, b, part) for a, b, part in zip(nodes, nodes[1:], parts, strict=False)]
+        new_edges = [NetEdge(a, b, part) for a, b, part in zip(nodes, nodes[1:], parts, strict=False)]
         if against:
-            made[0] = NetEdge(nodes[1], start, parts[0, ::-1])
-        self.edges[e], self.edges[len(self.edges) :] = made[0], made[1:]
+            new_edges[0] = NetEdge(nodes[1], start, parts[0, ::-1])
+        self.edges[e], self.edges[len(self.edges) :] = new_edges[0], new_edges[1:]
         along = [(k, i > 0 or not against) for i, k in enumerate(numbers)]
-        self.forwards[e] = along if ahead else turned(along)
+        self.forwards[e] = along if ahead else backwards(along)
 
     def model(self, walls: Iterable[NetWall]) -> NetModel:
         """Return the model with walls in the given order."""
-        return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).over(self.loop)
+        return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).with_loops(self.loop)
 
-    def loop(self, loop: Loop) -> Loop:
+    def loop(self, loop: ChainLoop) -> ChainLoop:
         """Return a loop with the replaced edges."""
-        found: Loop = []
+        result: ChainLoop = []
         for e, ahead in loop:
             steps = self.forwards.get(e, [(e, True)])
-            found += steps if ahead else turned(steps)
-        return found
+            result += steps if ahead else backwards(steps)
+        return result

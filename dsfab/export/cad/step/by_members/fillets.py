@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from dsfab.core.arrays import Floats, Ints
-from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, Loop, ends_at, outline_through
+from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, ends_at, outline_through
 from dsfab.export.cad.step.shared.lifting import Lifting
 
 
@@ -20,31 +20,31 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
     }
     if not ends:
         return net
-    between = [_between(P, net.chains[k].points, both) for k, both in ends.items()]
+    between = [_moved_points(P, net.chains[k].points, end_points) for k, end_points in ends.items()]
     rows = lifting.weights_at(np.concatenate(between))
     chains, start = dict(net.chains), len(P)
-    for (k, both), some in zip(ends.items(), between, strict=True):
-        points = np.concatenate([both[:1], np.arange(start, start + len(some)), both[1:]])
-        chains[k], start = replace(chains[k], points=points), start + len(some)
+    for (k, end_points), inner_points in zip(ends.items(), between, strict=True):
+        points = np.concatenate([end_points[:1], np.arange(start, start + len(inner_points)), end_points[1:]])
+        chains[k], start = replace(chains[k], points=points), start + len(inner_points)
     return replace(net, weights=csr_array(vstack([net.weights, rows], format="csr")), chains=chains)
 
 
-def _between(P: Floats, points: Ints, ends: list[int]) -> Floats:
+def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
     """(k, 3) points in mm along a chain with moved ends."""
     fewest = 5  # points of a chain with moved ends
     line = P[points]
-    way = _way(line)
+    lengths = _lengths(line)
     start, end = P[ends[0]] - line[0], P[ends[1]] - line[-1]
     x = np.linspace(0, 1, max(len(points), fewest))
-    at = np.stack([np.interp(x * way[-1], way, c) for c in line.T], axis=1)
-    return np.asarray((at + (1 - x)[:, None] * start + x[:, None] * end)[1:-1])
+    points_on_line = np.stack([np.interp(x * lengths[-1], lengths, c) for c in line.T], axis=1)
+    return np.asarray((points_on_line + (1 - x)[:, None] * start + x[:, None] * end)[1:-1])
 
 
-def _way(line: Floats) -> Floats:
+def _lengths(line: Floats) -> Floats:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
 
 
-def without_short_walls(net: ChainNet, lifting: Lifting, most: float) -> ChainNet:
+def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove walls shorter than `shortest` mm between the ends of two borders, which then end in one place.
 
     Such walls leave an arc's end at any angle: where members of four feet meet their rim, eight of twelve edges were
@@ -52,25 +52,25 @@ def without_short_walls(net: ChainNet, lifting: Lifting, most: float) -> ChainNe
     """
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
-    chains, moves, at = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
-    loops = {region: [list(loop) for loop in some] for region, some in net.loops.items()}
+    chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
+    loops = {region: [list(loop) for loop in region_loops] for region, region_loops in net.loops.items()}
     for k, chain in net.chains.items():
-        if chain.right != VOID or _way(P[chain.points])[-1] >= most:
+        if chain.right != VOID or _lengths(P[chain.points])[-1] >= shortest:
             continue
-        before, after = (outline_and_border(net, at[int(chain.points[i])]) for i in (0, -1))
-        mine = next(loop for loop in loops[chain.left] if (k, True) in loop)
-        if not before or not after or len(mine) <= fewest_sides:
+        before, after = (outline_and_border(net, node_ends[int(chain.points[i])]) for i in (0, -1))
+        wall_loop = next(loop for loop in loops[chain.left] if (k, True) in loop)
+        if not before or not after or len(wall_loop) <= fewest_sides:
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first = turned[0] < turned[1]  # the straighter end gives way
-        other, border = (before[0], before[2]) if first else (after[1], after[2])
-        if other not in chains or chains[other].left == chain.left or border in moves:
+        first_gives_way = turned[0] < turned[1]  # the straighter end gives way
+        joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
+        if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue
-        both = [chains[other].points, chain.points][:: 1 if first else -1]
-        chains[other] = replace(chains[other], points=np.concatenate([both[0], both[1][1:]]))
-        moves[border] = int(chain.points[-1 if first else 0])
-        mine.remove((k, True))
+        point_rows = [chains[joined_wall].points, chain.points][:: 1 if first_gives_way else -1]
+        chains[joined_wall] = replace(chains[joined_wall], points=np.concatenate([point_rows[0], point_rows[1][1:]]))
+        moves[border] = int(chain.points[-1 if first_gives_way else 0])
+        wall_loop.remove((k, True))
         del chains[k]
     return with_moved_ends(replace(net, chains=chains, loops=loops), moves, lifting)
 
@@ -78,7 +78,10 @@ def without_short_walls(net: ChainNet, lifting: Lifting, most: float) -> ChainNe
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
     """Return the outline's chains that end and begin at a node, and the end of its only border there; None
     otherwise."""
-    outline, borders = outline_through(net, ends), [one for one in ends if net.chains[one[0]].right != VOID]
+    outline, borders = (
+        outline_through(net, ends),
+        [chain_end for chain_end in ends if net.chains[chain_end[0]].right != VOID],
+    )
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
 
@@ -96,8 +99,8 @@ def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> C
     """
     work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
     for arc in arcs:
-        for way in (-1, 1):
-            work.take(arc, way)
+        for direction in (-1, 1):
+            work.take_neighbour(arc, direction)
     return with_moved_ends(replace(net, chains=work.chains, loops=work.loops), work.moves, lifting)
 
 
@@ -109,18 +112,18 @@ class _Arcs:
         ends = [int(chain.points[i]) for chain in net.chains.values() for i in (0, -1)]
         self.degree = np.bincount(ends, minlength=len(P))
 
-    def take(self, arc: int, way: int) -> None:
+    def take_neighbour(self, arc: int, direction: int) -> None:
         """Take the chain after an arc (way = 1) or before it (-1)."""
         chain = self.chains[arc]
         loop = self._loop(chain.left, (arc, True))
-        border, ahead = loop[(loop.index((arc, True)) + way) % len(loop)]
-        mine = self._loop(self._beyond((border, ahead)), (border, not ahead))
-        if len(mine) < 4:
+        border, ahead = loop[(loop.index((arc, True)) + direction) % len(loop)]
+        beyond_loop = self._loop(self._region_beyond((border, ahead)), (border, not ahead))
+        if len(beyond_loop) < 4:
             return
-        at, node = mine.index((border, not ahead)), -1 if way > 0 else 0
-        rest, wall = (mine[(at + i * way) % len(mine)] for i in (1, 2))
+        position, node = beyond_loop.index((border, not ahead)), -1 if direction > 0 else 0
+        rest, wall = (beyond_loop[(position + i * direction) % len(beyond_loop)] for i in (1, 2))
         points = self.chains[rest[0]].points
-        walls = self._beyond(rest) == VOID == self._beyond(wall)
+        walls = self._region_beyond(rest) == VOID == self._region_beyond(wall)
         if (
             not walls
             or rest[0] in self.arcs
@@ -128,28 +131,28 @@ class _Arcs:
             or self._length(points) > self._length(chain.points)
         ):
             return
-        both = [chain.points, points[1:]] if way > 0 else [points, chain.points[1:]]
-        self.chains[arc] = replace(chain, points=np.concatenate(both))
-        self.moves[border, 0 if ahead == (way > 0) else -1] = int(points[node])
-        mine.remove(rest)
+        point_rows = [chain.points, points[1:]] if direction > 0 else [points, chain.points[1:]]
+        self.chains[arc] = replace(chain, points=np.concatenate(point_rows))
+        self.moves[border, 0 if ahead == (direction > 0) else -1] = int(points[node])
+        beyond_loop.remove(rest)
         del self.chains[rest[0]]
 
-    def _loop(self, region: int, step: tuple[int, bool]) -> Loop:
+    def _loop(self, region: int, step: tuple[int, bool]) -> ChainLoop:
         return next((loop for loop in self.loops.get(region, []) if step in loop), [])
 
-    def _beyond(self, step: tuple[int, bool]) -> int:
+    def _region_beyond(self, step: tuple[int, bool]) -> int:
         chain = self.chains[step[0]]
         return chain.right if step[1] else chain.left
 
     def _length(self, points: Ints) -> float:
-        return float(_way(self.P[points])[-1])
+        return float(_lengths(self.P[points])[-1])
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
     """Take every fillet into the neighbouring regions; other loose regions stay."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
-        work.take(region)
+        work.take_region(region)
     return with_whole_arcs(work.result(), work.arcs, lifting)
 
 
@@ -171,68 +174,70 @@ class _Fillets:
                 self.at.setdefault(p, []).append(k)
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
-    def take(self, region: int) -> None:
+    def take_region(self, region: int) -> None:
         flat_detour = 4.0  # the same where only two members are behind: fair walls hold part of the arc
         # Largest length along the members behind a fillet over its arc: 1.27 of a right angle, 1.65 of 60 degrees, 3 of
         # a square.
         detour = 2.2
         if len(self.loops[region]) != 1:
             return
-        inner, arc = _inner_and_arc(self.loops[region][0], self._others(region))
+        inner, arc = _inner_and_arc(self.loops[region][0], self._neighbours(region))
         if not inner or not arc:
             return
         points = np.concatenate([self._points(step)[:-1] for step in arc] + [self._points(arc[-1])[-1:]])
         behind = [int(self._points(step)[-1]) for step in inner[:-1]]
         if any(p in self.place or p in self.outline for p in behind):
             return
-        most = detour if len(inner) > 2 else flat_detour
-        if sum(self._length(self._points(step)) for step in inner) > most * self._length(points):
+        limit = detour if len(inner) > 2 else flat_detour
+        if sum(self._length(self._points(step)) for step in inner) > limit * self._length(points):
             return
-        others = [self._other(step) for step in inner]
-        if self._to_crossing(region, inner, arc, others):
+        neighbours = [self._neighbour(step) for step in inner]
+        if self._to_crossing(region, inner, arc, neighbours):
             return
-        if len(inner) == 1 or len(set(others)) == 1:
+        if len(inner) == 1 or len(set(neighbours)) == 1:
             halves = [points]
         else:
-            points, at = self._middle(points)
-            halves = [points[at:], points[: at + 1]]
-            self.place |= dict.fromkeys(behind, int(points[at]))
-        self._hand_over(inner, others, halves)
+            points, middle = self._middle(points)
+            halves = [points[middle:], points[: middle + 1]]
+            self.place |= dict.fromkeys(behind, int(points[middle]))
+        self._hand_over(inner, neighbours, halves)
         for k, _ in arc:
             del self.chains[k]
         del self.loops[region]
         self.loose.discard(region)
 
-    def _to_crossing(self, region: int, inner: Loop, arc: Loop, others: list[int]) -> bool:
-        crossing = self._crossing(inner, others)
+    def _to_crossing(self, region: int, inner: ChainLoop, arc: ChainLoop, neighbours: list[int]) -> bool:
+        crossing = self._crossing(inner, neighbours)
         if crossing is None or crossing in self.loose:
             return False
         corners = ((0, self._points(inner[0])[[-1, 0]]), (-1, self._points(inner[-1])[[0, -1]]))
         moves = [
-            (self._border(int(c), others[i], crossing), int(c), int(end))
+            (self._border(int(c), neighbours[i], crossing), int(c), int(end))
             for i, (c, end) in corners
-            if others[i] != crossing
+            if neighbours[i] != crossing
         ]
         if any(border < 0 for border, _, _ in moves):
             return False
-        own = [(k, not ahead) for (k, ahead), other in zip(inner, others, strict=True) if other == crossing]
-        first = own[0] if own else self._leaving(moves[0][0], moves[0][1])
-        loop = next((some for some in self.loops[crossing] if first in some), None)
+        crossing_steps = [
+            (k, not ahead) for (k, ahead), neighbour in zip(inner, neighbours, strict=True) if neighbour == crossing
+        ]
+        first_step = crossing_steps[0] if crossing_steps else self._leaving(moves[0][0], moves[0][1])
+        loop = next((candidate for candidate in self.loops[crossing] if first_step in candidate), None)
         if loop is None:
             return False
-        at = loop.index(first)
+        position = loop.index(first_step)
         points = np.concatenate([self._points(step)[:-1] for step in arc] + [self._points(arc[-1])[-1:]])
         self.chains[self.free] = Chain(points, crossing, VOID)
-        loop[at : at + len(own)] = [(self.free, True)]
+        loop[position : position + len(crossing_steps)] = [(self.free, True)]
         self.arcs.append(self.free)
         self.free += 1
         self.moved |= {(border, c): end for border, c, end in moves}
-        self._forget(region, inner, arc, others)
+        self._remove(region, inner, arc, neighbours)
         return True
 
-    def _forget(self, region: int, inner: Loop, arc: Loop, others: list[int]) -> None:
-        for (k, ahead), other in zip(inner, others, strict=True):
-            for loop in self.loops[other]:
+    def _remove(self, region: int, inner: ChainLoop, arc: ChainLoop, neighbours: list[int]) -> None:
+        for (k, ahead), neighbour in zip(inner, neighbours, strict=True):
+            for loop in self.loops[neighbour]:
                 if (k, not ahead) in loop:
                     loop.remove((k, not ahead))
         for k, _ in [*inner, *arc]:
@@ -240,33 +245,38 @@ class _Fillets:
         del self.loops[region]
         self.loose.discard(region)
 
-    def _crossing(self, inner: Loop, others: list[int]) -> int | None:
+    def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
         """Return the region behind a fillet that borders on both members beside it, or is by far the smaller one."""
         smaller = 0.6  # the region with a border shorter than this share of the other's border is the crossing
-        if len(inner) == 3 and len(set(others)) == 3:
-            return others[1]
-        if len(inner) != 2 or others[0] == others[1]:
+        if len(inner) == 3 and len(set(neighbours)) == 3:
+            return neighbours[1]
+        if len(inner) != 2 or neighbours[0] == neighbours[1]:
             return None
         corner = int(self._points(inner[0])[-1])
-        beside = [self.chains[k] for k in self._ending(corner) if k not in (inner[0][0], inner[1][0])]
-        if len(beside) == 1:
-            small, large = sorted(others, key=self._around)
-            return small if self._around(small) < smaller * self._around(large) else None
-        behind = [({c.left, c.right} - {other}) for c in beside for other in others if other in (c.left, c.right)]
-        same = len(beside) == 2 and len(behind) == 2 and behind[0] == behind[1] and VOID not in behind[0]
-        return behind[0].pop() if same else None
+        adjacent = [self.chains[k] for k in self._ending(corner) if k not in (inner[0][0], inner[1][0])]
+        if len(adjacent) == 1:
+            small, large = sorted(neighbours, key=self._border_length)
+            return small if self._border_length(small) < smaller * self._border_length(large) else None
+        behind = [
+            ({c.left, c.right} - {neighbour})
+            for c in adjacent
+            for neighbour in neighbours
+            if neighbour in (c.left, c.right)
+        ]
+        is_common = len(adjacent) == 2 and len(behind) == 2 and behind[0] == behind[1] and VOID not in behind[0]
+        return behind[0].pop() if is_common else None
 
-    def _around(self, region: int) -> float:
+    def _border_length(self, region: int) -> float:
         return sum(self._length(self._points(step)) for loop in self.loops[region] for step in loop)
 
     def _border(self, corner: int, member: int, crossing: int) -> int:
         """Return the only chain between two regions that ends at a corner, or -1."""
-        some = [
+        candidates = [
             k
             for k in self._ending(corner)
             if {self.chains[k].left, self.chains[k].right} == {member, crossing} and (k, corner) not in self.moved
         ]
-        return some[0] if len(some) == 1 else -1
+        return candidates[0] if len(candidates) == 1 else -1
 
     def _ending(self, point: int) -> list[int]:
         return [k for k in self.at.get(point, []) if k in self.chains]
@@ -274,25 +284,25 @@ class _Fillets:
     def _leaving(self, k: int, point: int) -> tuple[int, bool]:
         return k, int(self.chains[k].points[0]) == point
 
-    def _hand_over(self, inner: Loop, others: list[int], halves: list[Ints]) -> None:
+    def _hand_over(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
         """Give the parts of an arc, the last one first, to the first and the last region behind it."""
-        for i, ((k, ahead), other) in enumerate(zip(inner, others, strict=True)):
-            new: Loop = []
+        for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
+            replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None
             if half is not None:
-                self.chains[self.free] = Chain(half, other, VOID)
-                new = [(self.free, True)]
+                self.chains[self.free] = Chain(half, neighbour, VOID)
+                replacement = [(self.free, True)]
                 self.free += 1
-            for loop in self.loops[other]:
+            for loop in self.loops[neighbour]:
                 if (k, not ahead) in loop:
-                    at = loop.index((k, not ahead))
-                    loop[at : at + 1] = new
+                    position = loop.index((k, not ahead))
+                    loop[position : position + 1] = replacement
             del self.chains[k]
 
-    def _others(self, region: int) -> list[int]:
-        return [self._other(step) for step in self.loops[region][0]]
+    def _neighbours(self, region: int) -> list[int]:
+        return [self._neighbour(step) for step in self.loops[region][0]]
 
-    def _other(self, step: tuple[int, bool]) -> int:
+    def _neighbour(self, step: tuple[int, bool]) -> int:
         chain = self.chains[step[0]]
         return chain.right if step[1] else chain.left
 
@@ -305,21 +315,21 @@ class _Fillets:
 
     def _middle(self, points: Ints) -> tuple[Ints, int]:
         """Insert the middle of an arc into its points; return the points and its index."""
-        way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1))])
-        half = way[-1] / 2
-        i = int(np.clip(np.searchsorted(way, half) - 1, 0, len(points) - 2))
-        t = (half - way[i]) / (way[i + 1] - way[i])
+        lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1))])
+        half = lengths[-1] / 2
+        i = int(np.clip(np.searchsorted(lengths, half) - 1, 0, len(points) - 2))
+        t = (half - lengths[i]) / (lengths[i + 1] - lengths[i])
         self.middles.append((int(points[i]), int(points[i + 1]), float(t)))
         self.P[self.count] = (1 - t) * self.P[points[i]] + t * self.P[points[i + 1]]
         self.count += 1
         return np.insert(points, i + 1, self.count - 1), i + 1
 
     def result(self) -> ChainNet:
-        one, two, t = (
+        starts, ends, t = (
             (np.array(x) for x in zip(*self.middles, strict=True)) if self.middles else (np.zeros(0, int),) * 3
         )
         weights = self.net.weights
-        rows = [weights, weights[one].multiply(1 - t[:, None]) + weights[two].multiply(t[:, None])]
+        rows = [weights, weights[starts].multiply(1 - t[:, None]) + weights[ends].multiply(t[:, None])]
         net = replace(
             self.net,
             weights=csr_array(vstack(rows, format="csr")),
@@ -335,9 +345,9 @@ class _Fillets:
         return with_moved_ends(net, {end: point for end, point in moves.items() if point >= 0}, self.lifting)
 
 
-def _inner_and_arc(loop: Loop, others: list[int]) -> tuple[Loop, Loop]:
+def _inner_and_arc(loop: ChainLoop, neighbours: list[int]) -> tuple[ChainLoop, ChainLoop]:
     """Return the steps along other regions and along the void; empty unless each is one run."""
-    void = [other == VOID for other in others]
+    void = [neighbour == VOID for neighbour in neighbours]
     starts = [i for i in range(len(loop)) if not void[i] and void[i - 1]]
     if len(starts) != 1:
         return [], []

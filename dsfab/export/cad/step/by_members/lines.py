@@ -12,20 +12,20 @@ from scipy.spatial.distance import cdist
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import ExportError
-from dsfab.export.cad.step.by_members.curves import BETWEEN, ChainCurve, SampledChain, on_skins, parts_of
-from dsfab.export.cad.step.by_members.regions import VOID, ChainNet, Loop, ends_at, outline_through, turns
+from dsfab.export.cad.step.by_members.curves import SAMPLES_PER_EDGE, ChainCurve, SampledChain, on_skins, parts_of
+from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, ends_at, outline_through, turns
 
-Part = tuple[int, float, float]
+LinePart = tuple[int, float, float]
 """Part of a line: its number, and the parameters where the part begins and ends."""
 
-End = tuple[int, int]
+ChainEnd = tuple[int, int]
 """A chain, with 0 for its first point or -1 for its last."""
 
 
-SHORTEST = 1 / 16
+SHORTEST_SPAN = 1 / 16
 """Least share of a line's parameters for the parts of a divided cubic. Ends of lines may lie outside of the box."""
 
-OFF_MIDDLE = 1 / 4
+MIDDLE_SHARE = 1 / 4
 """Largest distance of a division from the middle of a cubic, as a share of it, if a chain ends there."""
 
 
@@ -33,52 +33,56 @@ OFF_MIDDLE = 1 / 4
 class ChainLine:
     """Chains in a row as one curve. at : (k + 1,) parameters where its chains end."""
 
-    steps: Loop
+    steps: ChainLoop
     curve: ChainCurve
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
         """Return pairs of parameters where VOID is on one side; the material is on the left from the first to the
         second."""
-        found = list[tuple[float, float]]()
+        intervals = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
                 continue
             if ahead:
-                start, found = (found[-1][0], found[:-1]) if found and found[-1][1] == a else (a, found)
-                found.append((start, b))
+                start, intervals = (
+                    (intervals[-1][0], intervals[:-1]) if intervals and intervals[-1][1] == a else (a, intervals)
+                )
+                intervals.append((start, b))
             else:
-                end, found = (found[-1][1], found[:-1]) if found and found[-1][0] == a else (a, found)
-                found.append((b, end))
-        return found
+                end, intervals = (
+                    (intervals[-1][1], intervals[:-1]) if intervals and intervals[-1][0] == a else (a, intervals)
+                )
+                intervals.append((b, end))
+        return intervals
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
         """Divide its cubics until all poles lie in a box (2, 3), because CAD programs draw boxes around poles."""
-        return self._divided(lambda a, b, P: _within(P, box))
+        return self._divide(lambda a, b, P: _is_inside(P, box))
 
-    def halved(self, spans: Bools) -> "ChainLine":
+    def with_halved_spans(self, spans: Bools) -> "ChainLine":
         """Halve the cubics that `spans` (k,) marks."""
         ends = pairwise(self.curve.breaks.tolist())
-        some = {both for both, is_one in zip(ends, spans.tolist(), strict=True) if is_one}
-        return self._divided(lambda a, b, P: (float(a), float(b)) not in some)
+        marked = {span for span, is_one in zip(ends, spans.tolist(), strict=True) if is_one}
+        return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
-    def _divided(self, whole: Callable[[float, float, Floats], bool]) -> "ChainLine":
+    def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
         """Divide cubics until `may_stay` accepts them or they are short, each at its middle or at the end of a chain
         near it."""
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
             a, b, P = todo.pop()
-            if whole(a, b, P) or b - a < SHORTEST:
+            if may_stay(a, b, P) or b - a < SHORTEST_SPAN:
                 breaks.append(b)
                 spans.append(P)
                 continue
-            near = self.at[np.abs(self.at - (a + b) / 2) < OFF_MIDDLE * (b - a)]
-            x = near[np.argmin(np.abs(near - (a + b) / 2))] if len(near) else (a + b) / 2
+            near_ends = self.at[np.abs(self.at - (a + b) / 2) < MIDDLE_SHARE * (b - a)]
+            x = near_ends[np.argmin(np.abs(near_ends - (a + b) / 2))] if len(near_ends) else (a + b) / 2
             share = (x - a) / (b - a)
-            one, two = parts_of(np.stack([P, P]), np.array([0.0, share]), np.array([share, 1.0]))
-            one[0], two[3], two[0] = P[0], P[3], one[3]
-            todo += [(x, b, two), (a, x, one)]
+            lower, upper = parts_of(np.stack([P, P]), np.array([0.0, share]), np.array([share, 1.0]))
+            lower[0], upper[3], upper[0] = P[0], P[3], lower[3]
+            todo += [(x, b, upper), (a, x, lower)]
         if len(spans) == len(self.curve.spans):
             return self
         return replace(self, curve=replace(self.curve, breaks=np.array(breaks), spans=np.stack(spans)))
@@ -90,12 +94,12 @@ class NetLines:
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
-        self.place = dict[int, Part]()
+        self.place = dict[int, LinePart]()
         for i, line in enumerate(lines):
             for (k, ahead), (a, b) in zip(line.steps, pairwise(line.at.tolist()), strict=True):
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
-    def along(self, step: tuple[int, bool]) -> Part:
+    def line_part(self, step: tuple[int, bool]) -> LinePart:
         """Line of a step of a loop, with the parameters from which to which the step runs."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
@@ -108,22 +112,24 @@ class NetLines:
             node_of(self.net, end_of(steps[-1])),
         ]
 
-    def parts(self, some: Sequence[Part]) -> Floats:
+    def parts(self, parts: Sequence[LinePart]) -> Floats:
         """(k, 4, 6) poles of parts of lines without a break inside, in their direction."""
-        if not some:
+        if not parts:
             return np.zeros((0, 4, 6))
-        i, a, b = (np.array(column) for column in zip(*some, strict=True))
-        spans, line, first, last = self._spans
-        span = np.searchsorted(first + 2 * line, (a + b) / 2 + 2 * i, side="right") - 1
-        long = last[span] - first[span]
-        return parts_of(spans[span], (a - first[span]) / long, (b - first[span]) / long)
+        i, a, b = (np.array(column) for column in zip(*parts, strict=True))
+        spans, line, starts, stops = self._spans
+        span = np.searchsorted(starts + 2 * line, (a + b) / 2 + 2 * i, side="right") - 1
+        long = stops[span] - starts[span]
+        return parts_of(spans[span], (a - starts[span]) / long, (b - starts[span]) / long)
 
     @cached_property
     def _spans(self) -> tuple[Floats, Ints, Floats, Floats]:
         curves = [line.curve for line in self.lines]
         line = np.repeat(np.arange(len(curves)), [len(curve.spans) for curve in curves])
-        first, last = (np.concatenate([curve.breaks[some] for curve in curves]) for some in (np.s_[:-1], np.s_[1:]))
-        return np.concatenate([curve.spans for curve in curves]), line, first, last
+        starts, stops = (
+            np.concatenate([curve.breaks[selection] for curve in curves]) for selection in (np.s_[:-1], np.s_[1:])
+        )
+        return np.concatenate([curve.spans for curve in curves]), line, starts, stops
 
     def curve(self, k: int) -> ChainCurve:
         """Curve of a chain."""
@@ -132,17 +138,17 @@ class NetLines:
     @cached_property
     def _curves(self) -> dict[int, ChainCurve]:
         """Curves of all chains, computed at once, because one by one they take three times as long."""
-        stops, parts = dict[int, Floats](), list[Part]()
+        stops, parts = dict[int, Floats](), list[LinePart]()
         for k, (i, a, b) in self.place.items():
             stops[k] = self.lines[i].curve.stops(min(a, b), max(a, b))
             parts += [(i, x, y) for x, y in pairwise(stops[k].tolist())]
-        found, at, poles = dict[int, ChainCurve](), 0, self.parts(parts)
+        result, position, poles = dict[int, ChainCurve](), 0, self.parts(parts)
         for k, (i, a, b) in self.place.items():
             x = stops[k]
-            spans, at = poles[at : at + len(x) - 1], at + len(x) - 1
+            spans, position = poles[position : position + len(x) - 1], position + len(x) - 1
             curve = ChainCurve((x - x[0]) / (x[-1] - x[0]), spans, self.lines[i].curve.off)
-            found[k] = curve if a < b else curve.reversed()
-        return found
+            result[k] = curve if a < b else curve.backwards()
+        return result
 
     def curves(self, regions: Iterable[int]) -> dict[int, ChainCurve]:
         """Curves of all chains around regions, by number."""
@@ -152,14 +158,16 @@ class NetLines:
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
     """Move ends of lines onto the lines on which they end."""
-    at = _points_on(lines)
+    node_points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
         nodes, curve = ends_of(lines.net, line), line.curve
-        if at.keys().isdisjoint(nodes):
+        if node_points.keys().isdisjoint(nodes):
             moved.append(line)
             continue
-        start, end = (at.get(node, pole) for node, pole in zip(nodes, curve.spans[[0, -1], [0, -1]], strict=True))
+        start, end = (
+            node_points.get(node, pole) for node, pole in zip(nodes, curve.spans[[0, -1], [0, -1]], strict=True)
+        )
         moved.append(replace(line, curve=curve.with_ends(start, end)))
     return NetLines(lines.net, moved)
 
@@ -169,7 +177,7 @@ def with_twins(lines: NetLines) -> NetLines:
 
     Raises ExportError if the chains on both sides differ.
     """
-    net, found, twins = lines.net, list(lines.lines), dict[int, int]()
+    net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
     for points, i in seam.items():
         j = seam.get(tuple(net.twins[p] for p in points))
@@ -177,9 +185,9 @@ def with_twins(lines: NetLines) -> NetLines:
             raise ExportError("the sheet is not divided alike on both sides of where its one side was cut open")
         twins[i] = j
         if i < j:
-            curve = found[i].curve
-            found[j] = replace(found[j], curve=replace(curve, spans=np.roll(curve.spans, 3, axis=2)))
-    return NetLines(net, found, twins)
+            curve = result[i].curve
+            result[j] = replace(result[j], curve=replace(curve, spans=np.roll(curve.spans, 3, axis=2)))
+    return NetLines(net, result, twins)
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
@@ -187,56 +195,56 @@ def _points_on(lines: NetLines) -> dict[int, Floats]:
 
     The ends of a line move nodes that lie on it, and these nodes may be ends of further lines: a linear system.
     """
-    net, on = lines.net, list[tuple[int, int, float]]()
+    net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
-        on += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
-    if not on:
+        inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
+    if not inner_nodes:
         return {}
-    number = {node: r for r, (node, _, _) in enumerate(on)}
-    right, A = np.zeros((len(on), 6)), lil_array((len(on), len(on)))
+    number = {node: r for r, (node, _, _) in enumerate(inner_nodes)}
+    right, A = np.zeros((len(inner_nodes), 6)), lil_array((len(inner_nodes), len(inner_nodes)))
     A.setdiag(1.0)
-    for r, (_, i, x) in enumerate(on):
+    for r, (_, i, x) in enumerate(inner_nodes):
         curve, ends = lines.lines[i].curve, ends_of(net, lines.lines[i])
         right[r] = curve(np.array([x]))[0]
         for node, share, pole in zip(ends, (1 - x, x), curve.spans[[0, -1], [0, -1]], strict=True):
             if node in number:
                 A[r, number[node]] -= share
                 right[r] -= share * pole
-    points = np.asarray(spsolve(csc_array(A), right)).reshape(len(on), 6)
+    points = np.asarray(spsolve(csc_array(A), right)).reshape(len(inner_nodes), 6)
     return {node: points[r] for node, r in number.items()}
 
 
 def ends_of(net: ChainNet, line: ChainLine) -> tuple[int, int]:
     """Nodes at the ends of a line."""
-    (first, ahead), last = line.steps[0], line.steps[-1]
-    return node_of(net, (first, 0 if ahead else -1)), node_of(net, end_of(last))
+    (first_chain, ahead), last_step = line.steps[0], line.steps[-1]
+    return node_of(net, (first_chain, 0 if ahead else -1)), node_of(net, end_of(last_step))
 
 
-def node_of(net: ChainNet, end: End) -> int:
+def node_of(net: ChainNet, end: ChainEnd) -> int:
     """Node at an end of a chain."""
     return int(net.chains[end[0]].points[end[1]])
 
 
-def end_of(step: tuple[int, bool]) -> End:
+def end_of(step: tuple[int, bool]) -> ChainEnd:
     """End of a chain where a step arrives."""
     return step[0], -1 if step[1] else 0
 
 
-def _within(P: Floats, box: Floats) -> bool:
+def _is_inside(P: Floats, box: Floats) -> bool:
     points = P.reshape(8, 3)
     return bool((points >= box[0]).all() and (points <= box[1]).all())
 
 
-CORNER = np.deg2rad(50.0)
+CORNER_ANGLE = np.deg2rad(50.0)
 """Turn between two chains of an outline from which on there is a corner."""
 
-BENT = np.deg2rad(10.0)
+BEND_ANGLE = np.deg2rad(10.0)
 """Turn at a vertex from which on an outline is round, see `regions.ROUND`."""
 
-FLATTEST = np.cos(np.deg2rad(25.0))
+FLATTEST_COSINE = np.cos(np.deg2rad(25.0))
 """Cosine of the least angle between an arc and a border that ends with it; patches in narrower wedges are folded."""
 
-WIDEST = np.cos(np.deg2rad(80.0))
+WIDEST_COSINE = np.cos(np.deg2rad(80.0))
 """Cosine of the largest angle between an arc's chord and its direction at an end."""
 
 DENSE = np.linspace(0, 1, 65)
@@ -253,21 +261,21 @@ class ArcsOnSkins:
     def __call__(self, arcs: Mapping[int, ChainCurve], chains: Mapping[int, SampledChain]) -> dict[int, ChainCurve]:
         """Return the arcs on the skins, by chain."""
         poles = {k: arc.spans.tobytes() for k, arc in arcs.items()}
-        new = [k for k in arcs if not self._same(k, chains[k], poles[k])]
-        for k, curve in zip(new, on_skins([arcs[k] for k in new], self.away), strict=True):
-            self.known[k] = chains[k], poles[k], replace(curve, off=_off(chains[k].Q, curve))
+        changed = [k for k in arcs if not self._is_cached(k, chains[k], poles[k])]
+        for k, curve in zip(changed, on_skins([arcs[k] for k in changed], self.away), strict=True):
+            self.known[k] = chains[k], poles[k], replace(curve, off=_largest_distance(chains[k].Q, curve))
         return {k: self.known[k][2] for k in arcs}
 
-    def _same(self, k: int, chain: SampledChain, poles: bytes) -> bool:
+    def _is_cached(self, k: int, chain: SampledChain, poles: bytes) -> bool:
         return k in self.known and self.known[k][0] is chain and self.known[k][1] == poles
 
 
 def with_arcs(
     lines: NetLines,
     chains: Mapping[int, SampledChain],
-    within: Mapping[int, float],
+    tolerances: Mapping[int, float],
     rounded: Collection[int],
-    on: ArcsOnSkins,
+    arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
     """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : the chains of round
     corners."""
@@ -275,26 +283,29 @@ def with_arcs(
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
-        arcs = on(corners.arcs(), chains)
-        wrong = {k for k, arc in arcs.items() if arc.off > within[k]}
-        arcs = {k: arc for k, arc in arcs.items() if k not in wrong}
-        if not wrong:
+        arcs = arcs_on_skins(corners.arcs(), chains)
+        rejected = {k for k, arc in arcs.items() if arc.off > tolerances[k]}
+        arcs = {k: arc for k, arc in arcs.items() if k not in rejected}
+        if not rejected:
             break
-        corners.round -= wrong
-    at = {lines.place[k][0]: arc for k, arc in arcs.items()}
-    return NetLines(lines.net, [_replaced(line, at[i]) if i in at else line for i, line in enumerate(lines.lines)])
+        corners.round -= rejected
+    arc_of_line = {lines.place[k][0]: arc for k, arc in arcs.items()}
+    return NetLines(
+        lines.net,
+        [_line_with_arc(line, arc_of_line[i]) if i in arc_of_line else line for i, line in enumerate(lines.lines)],
+    )
 
 
-def _replaced(line: ChainLine, arc: ChainCurve) -> ChainLine:
-    return replace(line, curve=arc if line.steps[0][1] else arc.reversed())
+def _line_with_arc(line: ChainLine, arc: ChainCurve) -> ChainLine:
+    return replace(line, curve=arc if line.steps[0][1] else arc.backwards())
 
 
-def _off(Q: Floats, curve: ChainCurve) -> float:
+def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
     line = curve(DENSE)
     return max(float(cdist(Q[:, s : s + 3], line[:, s : s + 3]).min(axis=1).max()) for s in (0, 3))
 
 
-def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], within: Mapping[int, float]) -> set[int]:
+def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
     """Return outline chains with a bent vertex inside, and chords of arcs within tolerances (mm, by chain)."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(
@@ -302,18 +313,22 @@ def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], within: Mapp
     )
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
     bent = dict(zip(outlines, _bends([chains[k] for k in outlines]), strict=True))
-    found = set[int]()
+    round_numbers = set[int]()
     for k in outlines:
-        two, line = [angles.get(int(net.chains[k].points[i]), 0.0) for i in (0, -1)], chains[k]
-        chord = min(two) > BENT and max(two) < CORNER and float(line.way[-1]) * sum(two) / 16 <= within[k]
+        turns_at_ends, line = [angles.get(int(net.chains[k].points[i]), 0.0) for i in (0, -1)], chains[k]
+        chord = (
+            min(turns_at_ends) > BEND_ANGLE
+            and max(turns_at_ends) < CORNER_ANGLE
+            and float(line.lengths[-1]) * sum(turns_at_ends) / 16 <= tolerances[k]
+        )
         if chord or bent[k]:
-            found.add(k)
-    return found
+            round_numbers.add(k)
+    return round_numbers
 
 
 def _nodes(net: ChainNet, ends: Mapping[int, list[tuple[int, int]]]) -> dict[int, tuple[int, int]]:
     """Nodes of outlines with exactly one chain that ends there and one that begins."""
-    return {node: two for node, some in ends.items() if (two := outline_through(net, some))}
+    return {node: pair for node, chain_ends in ends.items() if (pair := outline_through(net, chain_ends))}
 
 
 class _Corners:
@@ -330,21 +345,21 @@ class _Corners:
 
     def arcs(self) -> dict[int, ChainCurve]:
         """Return the chains of round corners as arcs; without a common direction at a node a chain keeps its own."""
-        found = dict[int, ChainCurve]()
+        result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
             if arc is not None:
-                found[k] = arc
-        return found
+                result[k] = arc
+        return result
 
     def _arc(self, k: int, start: Floats | None, end: Floats | None) -> ChainCurve | None:
         if start is None and end is None:
             return None
         if k not in self.made or self.made[k][0] is not start or self.made[k][1] is not end:
             P, Q = self.curves[k].spans[[0, -1]]
-            one = _scaled(P[1] - P[0]) if start is None else start
-            two = _scaled(Q[3] - Q[2]) if end is None else end
-            self.made[k] = start, end, _arc(P[0], Q[3], one, two)
+            start_direction = _scaled_direction(P[1] - P[0]) if start is None else start
+            end_direction = _scaled_direction(Q[3] - Q[2]) if end is None else end
+            self.made[k] = start, end, _arc_between(P[0], Q[3], start_direction, end_direction)
         return self.made[k][2]
 
     def _chord(self, k: int) -> tuple[Floats, Floats]:
@@ -364,31 +379,33 @@ class _Corners:
         return self.known[kind]
 
     def _way(self, node: int, before: int, after: int) -> Floats | None:
-        one, two = self._end_ways(before, after)
-        if _middle(one) @ _middle(two) < np.cos(CORNER):
+        way_before, way_after = self._end_ways(before, after)
+        if _mean_direction(way_before) @ _mean_direction(way_after) < np.cos(CORNER_ANGLE):
             return None
-        way = two if before in self.round else one
+        direction = way_after if before in self.round else way_before
         if before in self.round and after in self.round:
-            way = self._on_circle(before, after)
+            direction = self._on_circle(before, after)
         seams = [(k, end) for k, end in self.ends[node] if self.net.chains[k].right != VOID]
-        steep = all(abs(_middle(way) @ self._seam_way(seam, end)) < FLATTEST for seam, end in seams)
-        return way if steep else None
+        steep = all(
+            abs(_mean_direction(direction) @ self._seam_way(seam, end)) < FLATTEST_COSINE for seam, end in seams
+        )
+        return direction if steep else None
 
     def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
         """(6,) twice: directions of two chains where the second begins."""
         P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
-        return _scaled(P[3] - P[2]), _scaled(Q[1] - Q[0])
+        return _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
 
     def _on_circle(self, before: int, after: int) -> Floats:
         """(6,) tangent where two consecutive chains meet, of the circle through their ends."""
         (a, b), (_, c) = self._chord(before), self._chord(after)
-        one, two = (float(np.linalg.norm(_middle(way))) for way in (b - a, c - b))
-        return _scaled((b - a) * two / one + (c - b) * one / two)
+        length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
+        return _scaled_direction((b - a) * length_after / length_before + (c - b) * length_before / length_after)
 
     def _seam_way(self, k: int, end: int) -> Floats:
         """(3,) direction of a chain at an end."""
         P = self.lines.curve(k).spans[end]
-        return _unit(_middle(P[1] - P[0]) if end == 0 else _middle(P[2] - P[3]))
+        return _unit(_mean_direction(P[1] - P[0]) if end == 0 else _mean_direction(P[2] - P[3]))
 
 
 def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
@@ -403,41 +420,41 @@ def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
 
 def _bends(chains: Sequence[SampledChain]) -> list[bool]:
     """Whether chains have a vertex inside that bends like a round corner, seen along the sheet's normal."""
-    parts = [chain.Q[::BETWEEN] for chain in chains]
+    parts = [chain.Q[::SAMPLES_PER_EDGE] for chain in chains]
     if not parts:
         return []
-    Q, of = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    way = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
-    inside = np.flatnonzero(of[2:] == of[:-2])  # index of the vertex before each inner vertex
-    cosines = turns(way[inside], way[inside + 1], (Q[:, :3] - Q[:, 3:])[inside + 1])
-    bent = set(of[inside[cosines < np.cos(BENT)]].tolist())
+    Q, chain_number = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    directions = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
+    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # index of the vertex before each inner vertex
+    cosines = turns(directions[inside], directions[inside + 1], (Q[:, :3] - Q[:, 3:])[inside + 1])
+    bent = set(chain_number[inside[cosines < np.cos(BEND_ANGLE)]].tolist())
     return [i in bent for i in range(len(parts))]
 
 
-def _arc(start: Floats, end: Floats, one: Floats, two: Floats) -> ChainCurve | None:
+def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
     """Arc between two points (6,) with directions (6,); None if it would turn too far.
 
     Handles are those of the cubic nearest to a circle with this chord and turn: chord / (3 cos^2(turn/4)).
     """
-    chord, ways = _middle(end - start), (_middle(one), _middle(two))
+    chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
-    if min(float(way @ chord) for way in ways) < WIDEST * long:
+    if min(float(direction @ chord) for direction in directions) < WIDEST_COSINE * long:
         return None
-    turn = float(np.arccos(np.clip(ways[0] @ ways[1], -1, 1)))
+    turn = float(np.arccos(np.clip(directions[0] @ directions[1], -1, 1)))
     handle = long / (3 * np.cos(turn / 4) ** 2)
-    poles = np.stack([start, start + handle * one, end - handle * two, end])
+    poles = np.stack([start, start + handle * start_direction, end - handle * end_direction, end])
     return ChainCurve(np.array([0.0, 1.0]), poles[None])
 
 
-def _middle(way: Floats) -> Floats:
+def _mean_direction(direction: Floats) -> Floats:
     """(3,) mean of both skins."""
-    return np.asarray((way[:3] + way[3:]) / 2)
+    return np.asarray((direction[:3] + direction[3:]) / 2)
 
 
-def _scaled(way: Floats) -> Floats:
+def _scaled_direction(direction: Floats) -> Floats:
     """(6,) scaled so that the mean of both skins has length 1 mm."""
-    return np.asarray(way / np.linalg.norm(_middle(way)))
+    return np.asarray(direction / np.linalg.norm(_mean_direction(direction)))
 
 
-def _unit(way: Floats) -> Floats:
-    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-300))
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300))

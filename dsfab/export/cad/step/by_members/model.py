@@ -8,10 +8,10 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.export.cad.step.by_members.curves import SampledChain
-from dsfab.export.cad.step.by_members.lines import NetLines, Part
-from dsfab.export.cad.step.by_members.patch_sides import Grid, Quad, Stations
-from dsfab.export.cad.step.by_members.patches import Covering
-from dsfab.export.cad.step.by_members.regions import Loop, mean_width
+from dsfab.export.cad.step.by_members.lines import LinePart, NetLines
+from dsfab.export.cad.step.by_members.patch_sides import Quad, SideGrid, SideStations
+from dsfab.export.cad.step.by_members.patches import PatchBuilder
+from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
 MOST_CELLS = 2
 """Most patches of a compact region. A region that needs more, such as a crossing with round corners, is trimmed."""
@@ -31,7 +31,7 @@ class NetWall:
     """Ruled face between the skins. steps : consecutive edges with the material on the left.    poles : (4, 6) of all
     together."""
 
-    steps: Loop
+    steps: ChainLoop
     poles: Floats
 
 
@@ -43,7 +43,7 @@ class NetPatch:
     within : True if the surface extends beyond an edge.
     """
 
-    loop: Loop
+    loop: ChainLoop
     poles: Floats
     within: bool = False
 
@@ -61,7 +61,7 @@ class NetModel:
     edges: list[NetEdge] = field(default_factory=list)
     walls: list[NetWall] = field(default_factory=list)
     patches: list[NetPatch] = field(default_factory=list)
-    trimmed: dict[int, list[Loop]] = field(default_factory=dict)
+    trimmed: dict[int, list[ChainLoop]] = field(default_factory=dict)
     compact: frozenset[int] = frozenset()
     seam: bool = False
 
@@ -70,7 +70,7 @@ class NetModel:
         """Number of faces of the solid."""
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
-    def outline(self, loops: Iterable[Loop]) -> bytes:
+    def outline(self, loops: Iterable[ChainLoop]) -> bytes:
         """Poles along loops of edges as bytes: equal for equal curves, whatever the edge numbers."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
@@ -79,18 +79,18 @@ class NetModel:
         e, ahead = step
         return self.edges[e].poles[:: 1 if ahead else -1]
 
-    def vertex(self, step: tuple[int, bool], first: bool) -> int:
+    def vertex(self, step: tuple[int, bool], at_start: bool) -> int:
         """Vertex where a step begins (`at_start`) or ends."""
         edge = self.edges[step[0]]
-        return edge.start if step[1] == first else edge.end
+        return edge.start if step[1] == at_start else edge.end
 
-    def over(self, loop: Callable[[Loop], Loop]) -> "NetModel":
+    def with_loops(self, loop: Callable[[ChainLoop], ChainLoop]) -> "NetModel":
         """Return the model with each loop of edges replaced by `loop` of it."""
         return replace(
             self,
             walls=[replace(wall, steps=loop(wall.steps)) for wall in self.walls],
             patches=[replace(patch, loop=loop(patch.loop)) for patch in self.patches],
-            trimmed={region: [loop(each) for each in loops] for region, loops in self.trimmed.items()},
+            trimmed={region: [loop(region_loop) for region_loop in loops] for region, loops in self.trimmed.items()},
         )
 
 
@@ -98,8 +98,8 @@ def net_model(
     lines: NetLines,
     chains: Mapping[int, SampledChain],
     quads: Iterable[Quad],
-    others: Iterable[int],
-    covering: Covering,
+    other_regions: Iterable[int],
+    covering: PatchBuilder,
     patched: Collection[int] = (),
 ) -> NetModel:
     """Build the model of a net.
@@ -107,24 +107,24 @@ def net_model(
     covering : builds patches; a region whose patches are bad is trimmed.    patched : quads that are divided into
     patches, whatever their number.
     """
-    stations, some = Stations(lines, chains), list(quads)
+    stations, quad_list = SideStations(lines, chains), list(quads)
     compact = frozenset(
         quad.region
-        for quad in some
+        for quad in quad_list
         if quad.region not in patched and stations.cells(quad) > MOST_CELLS and _compact(quad, chains)
     )
-    rest = [quad for quad in some if quad.region not in compact]
+    rest = [quad for quad in quad_list if quad.region not in compact]
     model = NetModel(compact=compact, seam=len(lines.twins) > 0)
-    return _Assembly(stations, rest, [*others, *sorted(compact)], covering, model).model
+    return _ModelAssembly(stations, rest, [*other_regions, *sorted(compact)], covering, model).model
 
 
-class _Assembly:
+class _ModelAssembly:
     def __init__(
         self,
-        stations: Stations,
+        stations: SideStations,
         quads: list[Quad],
-        others: list[int],
-        covering: Covering,
+        other_regions: list[int],
+        covering: PatchBuilder,
         model: NetModel,
     ) -> None:
         self.lines = lines = stations.lines
@@ -133,21 +133,23 @@ class _Assembly:
         self.node = dict[int, int]()
         self.place = list[dict[float, int]]()
         self.edges = list[list[int]]()
-        stops = [sorted(some | stations.stops[lines.twins.get(i, i)]) for i, some in enumerate(stations.stops)]
-        poles = lines.parts([(i, a, b) for i, some in enumerate(stops) for a, b in pairwise(some)])
-        each = np.split(poles, np.cumsum([len(some) - 1 for some in stops])[:-1])
-        for i, (some, P) in enumerate(zip(stops, each, strict=True)):
-            self._line(i, some, P)
+        stops = [
+            sorted(line_stops | stations.stops[lines.twins.get(i, i)]) for i, line_stops in enumerate(stations.stops)
+        ]
+        poles = lines.parts([(i, a, b) for i, line_stops in enumerate(stops) for a, b in pairwise(line_stops)])
+        line_poles = np.split(poles, np.cumsum([len(line_stops) - 1 for line_stops in stops])[:-1])
+        for i, (line_stops, P) in enumerate(zip(stops, line_poles, strict=True)):
+            self._line(i, line_stops, P)
         self._walls()
         patches = covering([quad.region for quad in quads], self._sides(grids))
-        for quad, grid, found in zip(quads, grids, patches, strict=True):
-            if found is None:
-                others.append(quad.region)
+        for quad, grid, patch_poles in zip(quads, grids, patches, strict=True):
+            if patch_poles is None:
+                other_regions.append(quad.region)
             else:
-                self._add(found, grid)
-        for region in others:
+                self._add(patch_poles, grid)
+        for region in other_regions:
             self.model.trimmed[region] = [
-                [e for step in loop for e in self._steps(lines.along(step))] for loop in lines.net.loops[region]
+                [e for step in loop for e in self._steps(lines.line_part(step))] for loop in lines.net.loops[region]
             ]
 
     def _vertex(self, point: Floats) -> int:
@@ -172,14 +174,14 @@ class _Assembly:
         self.place.append({x: n for n, x in enumerate(stops)})
         self.edges.append([self._edge(a, b, P) for (a, b), P in zip(pairwise(vertices), poles, strict=True)])
 
-    def _steps(self, part: Part) -> Loop:
+    def _steps(self, part: LinePart) -> ChainLoop:
         i, a, b = part
-        first, last = self.place[i][min(a, b)], self.place[i][max(a, b)]
-        some = self.edges[i][first:last]
-        return [(e, True) for e in some] if a < b else [(e, False) for e in some[::-1]]
+        begin, finish = self.place[i][min(a, b)], self.place[i][max(a, b)]
+        edge_numbers = self.edges[i][begin:finish]
+        return [(e, True) for e in edge_numbers] if a < b else [(e, False) for e in edge_numbers[::-1]]
 
     def _walls(self) -> None:
-        parts = list[Part]()
+        parts = list[LinePart]()
         for i, line in enumerate(self.lines.lines):
             for a, b in line.outlines(self.lines.net):
                 inside = [x for x in line.curve.breaks.tolist() if min(a, b) < x < max(a, b)]
@@ -187,38 +189,43 @@ class _Assembly:
         for part, P in zip(parts, self.lines.parts(parts), strict=True):
             self.model.walls.append(NetWall(self._steps(part), P))
 
-    def _sides(self, grids: list[Grid]) -> list[list[Floats]]:
+    def _sides(self, grids: list[SideGrid]) -> list[list[Floats]]:
         """(k, 4, 6) poles of each side of regions, in the order of their grids."""
-        poles, at = self.lines.parts([part for four in grids for side in four for part in side]), 0
-        found = list[list[Floats]]()
+        poles, position = self.lines.parts([part for four in grids for side in four for part in side]), 0
+        result = list[list[Floats]]()
         for four in grids:
-            ends = np.cumsum([at, *map(len, four)]).tolist()
-            found.append([poles[a:b] for a, b in pairwise(ends)])
-            at = ends[-1]
-        return found
+            ends = np.cumsum([position, *map(len, four)]).tolist()
+            result.append([poles[a:b] for a, b in pairwise(ends)])
+            position = ends[-1]
+        return result
 
-    def _add(self, P: Floats, grid: Grid) -> None:
-        bottom, right, top, left = ([self._steps(part) for part in side] for side in grid)
-        along, up = self._inner(P, bottom, right, top, left)
+    def _add(self, P: Floats, grid: SideGrid) -> None:
+        bottom_side, right_side, top_side, left_side = ([self._steps(part) for part in side] for side in grid)
+        along, up = self._inner(P, bottom_side, right_side, top_side, left_side)
         for i in range(P.shape[0]):
             for j in range(P.shape[1]):
-                loop = [*along[i][j], *up[i + 1][j], *turned(along[i][j + 1]), *turned(up[i][j])]
+                loop = [*along[i][j], *up[i + 1][j], *backwards(along[i][j + 1]), *backwards(up[i][j])]
                 self.model.patches.append(NetPatch(loop, P[i, j]))
 
     def _inner(
-        self, P: Floats, bottom: list[Loop], right: list[Loop], top: list[Loop], left: list[Loop]
-    ) -> tuple[list[list[Loop]], list[list[Loop]]]:
+        self,
+        P: Floats,
+        bottom_side: list[ChainLoop],
+        right_side: list[ChainLoop],
+        top_side: list[ChainLoop],
+        left_side: list[ChainLoop],
+    ) -> tuple[list[list[ChainLoop]], list[list[ChainLoop]]]:
         """Return the edges of all cells: along [i][j] below cell (i, j), and up [i][j] on its left."""
         ku, kv = P.shape[:2]
         vertex: Ints = np.zeros((ku + 1, kv + 1), dtype=np.int64)
-        for j, side in ((0, bottom), (kv, top)):
+        for j, side in ((0, bottom_side), (kv, top_side)):
             vertex[:, j] = self._stations(side)
-        vertex[0, :], vertex[ku, :] = self._stations(left), self._stations(right)
+        vertex[0, :], vertex[ku, :] = self._stations(left_side), self._stations(right_side)
         for i in range(1, ku):
             for j in range(1, kv):
                 vertex[i, j] = self._vertex(P[i, j, 0, 0])
-        along: list[list[Loop]] = [[bottom[i], *([] for _ in range(kv - 1)), top[i]] for i in range(ku)]
-        up: list[list[Loop]] = [left, *([] for _ in range(ku - 1)), right]
+        along: list[list[ChainLoop]] = [[bottom_side[i], *([] for _ in range(kv - 1)), top_side[i]] for i in range(ku)]
+        up: list[list[ChainLoop]] = [left_side, *([] for _ in range(ku - 1)), right_side]
         for i in range(ku):
             for j in range(1, kv):
                 along[i][j] = [(self._edge(int(vertex[i, j]), int(vertex[i + 1, j]), P[i, j, :, 0]), True)]
@@ -226,26 +233,26 @@ class _Assembly:
             up[i] = [[(self._edge(int(vertex[i, j]), int(vertex[i, j + 1]), P[i, j, 0]), True)] for j in range(kv)]
         return along, up
 
-    def _stations(self, side: list[Loop]) -> list[int]:
+    def _stations(self, side: list[ChainLoop]) -> list[int]:
         return [*(self.model.vertex(steps[0], True) for steps in side), self.model.vertex(side[-1][-1], False)]
 
 
-def turned(loop: Loop) -> Loop:
+def backwards(loop: ChainLoop) -> ChainLoop:
     """Return a loop in the opposite direction."""
     return [(e, not ahead) for e, ahead in loop[::-1]]
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    most = 10.0  # outline over mean width: 8 of a square, 9 of two squares, 10.7 of three in a row
+    limit = 10.0  # outline over mean width: 8 of a square, 9 of two squares, 10.7 of three in a row
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
-    return sum(float(chains[k].way[-1]) for k, _ in steps) <= most * mean_width(line)
+    return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
 
 
-SMOOTH = np.cos(np.deg2rad(10.0))
+SMOOTH_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the turn between two walls up to which no corner needs a fillet."""
 
-STRAIGHT = np.cos(0.01)
+STRAIGHT_COSINE = np.cos(0.01)
 """Cosine of the angle up to which OCCT (8.0) takes a seam for the continuation of a wall's edge."""
 
 
@@ -275,39 +282,41 @@ def filled_corners(model: NetModel) -> list[FilledCorner]:
     if model.seam:
         return []
     walls = {e for wall in model.walls for e, _ in wall.steps}
-    corners, at = _corners(model), dict[int, list[tuple[int, int]]]()
+    corners, seam_ends = _corners(model), dict[int, list[tuple[int, int]]]()
     for e, edge in enumerate(model.edges):
         for end, v in enumerate((edge.start, edge.end)):
             if v in corners and e not in walls:
-                at.setdefault(v, []).append((e, end))
-    found = list[FilledCorner]()
-    for v, ((e, end), *others) in at.items():
+                seam_ends.setdefault(v, []).append((e, end))
+    result = list[FilledCorner]()
+    for v, ((e, end), *further) in seam_ends.items():
         half, before, after = corners[v]
-        one, two = _end_way(model, before, False), _end_way(model, after, True)
+        way_before, way_after = _end_direction(model, before, False), _end_direction(model, after, True)
         across = model.vertices[v][:3] - model.vertices[v][3:]
-        if not others and np.cross(one, two) @ across < 0:
-            seam = _end_way(model, (e, not end), True)
-            straight = [step[0] for step, w in ((before, one), (after, -two)) if seam @ w > STRAIGHT]
-            beside = before[0], after[0]
-            found.append(FilledCorner(v, e, end, half, beside, straight[0] if straight else None))
-    return found
+        if not further and np.cross(way_before, way_after) @ across < 0:
+            seam = _end_direction(model, (e, not end), True)
+            straight = [
+                step[0] for step, w in ((before, way_before), (after, -way_after)) if seam @ w > STRAIGHT_COSINE
+            ]
+            wall_edges = before[0], after[0]
+            result.append(FilledCorner(v, e, end, half, wall_edges, straight[0] if straight else None))
+    return result
 
 
 def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[int, bool]]]:
     """By corner vertex: tangent of half the turn, and the edges before and after it."""
-    found = dict[int, tuple[float, tuple[int, bool], tuple[int, bool]]]()
+    result = dict[int, tuple[float, tuple[int, bool], tuple[int, bool]]]()
     for outline in outlines(model):
         for i, wall in enumerate(outline):
             before, after = outline[i - 1].steps[-1], wall.steps[0]
-            half = half_turn(float(_end_way(model, before, False) @ _end_way(model, after, True)))
+            half = half_turn(float(_end_direction(model, before, False) @ _end_direction(model, after, True)))
             if half > 0:
-                found[model.vertex(after, True)] = half, before, after
-    return found
+                result[model.vertex(after, True)] = half, before, after
+    return result
 
 
 def half_turn(cosine: float) -> float:
     """Tangent of half the turn at a corner, the factor of a fillet's radius; 0 for a smooth corner."""
-    return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < SMOOTH else 0.0
+    return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < SMOOTH_COSINE else 0.0
 
 
 def outlines(model: NetModel) -> list[list[NetWall]]:
@@ -315,22 +324,22 @@ def outlines(model: NetModel) -> list[list[NetWall]]:
     begin = dict[int, list[NetWall]]()
     for wall in model.walls:
         begin.setdefault(model.vertex(wall.steps[0], True), []).append(wall)
-    found = list[list[NetWall]]()
-    for some in begin.values():
-        while some:
-            found.append([some.pop(0)])
-            while after := begin.get(model.vertex(found[-1][-1].steps[-1], False)):
-                found[-1].append(after.pop(0))
-    return found
+    rows = list[list[NetWall]]()
+    for starting in begin.values():
+        while starting:
+            rows.append([starting.pop(0)])
+            while after := begin.get(model.vertex(rows[-1][-1].steps[-1], False)):
+                rows[-1].append(after.pop(0))
+    return rows
 
 
-def way(wall: NetWall, model: NetModel, first: bool) -> Floats:
+def wall_direction(wall: NetWall, model: NetModel, at_start: bool) -> Floats:
     """(3,) direction of a wall where it begins (`at_start`) or ends."""
-    return _end_way(model, wall.steps[0 if first else -1], first)
+    return _end_direction(model, wall.steps[0 if at_start else -1], at_start)
 
 
-def _end_way(model: NetModel, step: tuple[int, bool], first: bool) -> Floats:
+def _end_direction(model: NetModel, step: tuple[int, bool], at_start: bool) -> Floats:
     """(3,) direction of a step where it begins (`at_start`) or ends."""
     P = model.poles(step)[:, :3]
-    ahead = P[1] - P[0] if first else P[3] - P[2]
+    ahead = P[1] - P[0] if at_start else P[3] - P[2]
     return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-300))

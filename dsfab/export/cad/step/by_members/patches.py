@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import comb
 
 from dsfab.core.arrays import Bools, Floats, cross
-from dsfab.export.cad.step.by_members.curves import InnerSpline, lowered_patches
+from dsfab.export.cad.step.by_members.curves import InnerSpline, patches_as_parabolas
 from dsfab.export.splines import bernstein
 
 
@@ -23,8 +23,8 @@ def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 def height_rows(uv: Floats, degree: int) -> Floats:
     """(k, (degree + 1)^2) Bernstein products at parameters (k, 2) in the unit square."""
-    both = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
-    return np.asarray(both.reshape(len(uv), -1))
+    products = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
+    return np.asarray(products.reshape(len(uv), -1))
 
 
 def rows_at(uv: Floats) -> Callable[[int], Floats]:
@@ -32,15 +32,15 @@ def rows_at(uv: Floats) -> Callable[[int], Floats]:
     return cache(partial(height_rows, uv))
 
 
-def raised(poles: Floats, degree: int) -> Floats:
+def raised_poles(poles: Floats, degree: int) -> Floats:
     """(degree + 1, degree + 1) poles of the same surface in a higher degree."""
     while (n := len(poles)) <= degree:
-        poles = _higher(n) @ poles @ _higher(n).T
+        poles = _degree_matrix(n) @ poles @ _degree_matrix(n).T
     return poles
 
 
 @cache
-def _higher(n: int) -> Floats:
+def _degree_matrix(n: int) -> Floats:
     """(n + 1, n) matrix that raises the degree of a curve with n poles by one."""
     share = np.arange(n + 1)[:, None] / n
     return np.asarray(share * np.eye(n + 1, n, -1) + (1 - share) * np.eye(n + 1, n))
@@ -88,7 +88,7 @@ class FaceLimits:
     beyond_mesh: Callable[[Floats], Floats] | None = None
 
 
-def farthest(
+def largest_excess(
     surfaces: Sequence[tuple[Floats, Floats]],
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
@@ -106,88 +106,93 @@ def farthest(
 def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Floats:
     """(k, 3) points of a surface with poles (p + 1, p + 1, 3) inside closed lines (., 3)."""
     points = ROWS(len(poles) - 1) @ poles.reshape(-1, 3)
-    return np.asarray(points[enclosed(points @ axes[:2].T, [line @ axes[:2].T for line in lines])])
+    return np.asarray(points[points_inside(points @ axes[:2].T, [line @ axes[:2].T for line in lines])])
 
 
-def enclosed(points: Floats, lines: Sequence[Floats]) -> Bools:
+def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
     """(k,) points (k, 2) of a plane inside an odd number of closed lines (., 2)."""
     x, y = points.T
-    found = np.zeros(len(points), dtype=bool)
+    is_inside = np.zeros(len(points), dtype=bool)
     for line in lines:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
         above = ay > y[:, None]
         i, j = np.nonzero(above != np.roll(above, -1, axis=1))  # only the few crossing segments need the exact test
-        beside = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
-        found ^= np.bincount(i[beside], minlength=len(points)) % 2 == 1
-    return found
+        is_left = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
+        is_inside ^= np.bincount(i[is_left], minlength=len(points)) % 2 == 1
+    return is_inside
 
 
-SHARE_PLACES = np.linspace(0, 1, 5)
+FOLD_PLACES = np.linspace(0, 1, 5)
 """Parameters in both directions where a patch is tested for folds."""
 
 
-def coons(bottom: Floats, right: Floats, top: Floats, left: Floats) -> Floats:
+def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_poles: Floats) -> Floats:
     """(ku, kv, 4, 4, d) poles of Coons patches between spans.
 
     bottom_poles, top_poles : (ku, 4, d) from left to right.    left_poles, right_poles : (kv, 4, d) upwards.
     """
-    b, t = bottom[:, None, :, None, :], top[:, None, :, None, :]
-    lt, rt = left[None, :, None, :, :], right[None, :, None, :, :]
-    u = _shares(bottom, top)[:, None, :, None, None]
-    v = _shares(left, right)[None, :, None, :, None]
-    a, c, e, f = bottom[0, 0], bottom[-1, -1], top[0, 0], top[-1, -1]
+    b, t = bottom_poles[:, None, :, None, :], top_poles[:, None, :, None, :]
+    lt, rt = left_poles[None, :, None, :, :], right_poles[None, :, None, :, :]
+    u = _shares(bottom_poles, top_poles)[:, None, :, None, None]
+    v = _shares(left_poles, right_poles)[None, :, None, :, None]
+    a, c, e, f = bottom_poles[0, 0], bottom_poles[-1, -1], top_poles[0, 0], top_poles[-1, -1]
     corners = (1 - u) * (1 - v) * a + u * (1 - v) * c + (1 - u) * v * e + u * v * f
     P: Floats = np.asarray((1 - v) * b + v * t + (1 - u) * lt + u * rt - corners)
-    P[:, 0, :, 0], P[:, -1, :, -1] = bottom, top
-    P[0, :, 0], P[-1, :, -1] = left, right
+    P[:, 0, :, 0], P[:, -1, :, -1] = bottom_poles, top_poles
+    P[0, :, 0], P[-1, :, -1] = left_poles, right_poles
     return P
 
 
-def pulled(grids: Sequence[Floats], away: Callable[[Floats], Floats]) -> list[Floats]:
+def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
     """Move the insides of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and cells remain continuous.
 
     vectors_to_skins : returns the vectors from points (k, d) to the skins.
     """
-    both = [
-        (InnerSpline.of(_way(P[:, 0, :, 0], P[:, -1, :, -1])), InnerSpline.of(_way(P[0, :, 0], P[-1, :, -1])))
+    spline_pairs = [
+        (
+            InnerSpline.from_breaks(_break_shares(P[:, 0, :, 0], P[:, -1, :, -1])),
+            InnerSpline.from_breaks(_break_shares(P[0, :, 0], P[-1, :, -1])),
+        )
         for P in grids
     ]
-    at = list[Floats]()
-    for P, (u, v) in zip(grids, both, strict=True):
+    place_points = list[Floats]()
+    for P, (u, v) in zip(grids, spline_pairs, strict=True):
         along = np.tensordot(u.hats, P, axes=([1, 2], [0, 2]))
-        at.append(np.tensordot(v.hats, along, axes=([1, 2], [1, 2])))
-    ways = away(np.concatenate([points.reshape(-1, points.shape[2]) for points in at]))
-    ends = np.cumsum([points.shape[0] * points.shape[1] for points in at])
-    found = list[Floats]()
-    for P, (u, v), points, some in zip(grids, both, at, np.split(ways, ends[:-1]), strict=True):
-        along = np.tensordot(u.poles, some.reshape(points.shape), axes=([2], [1]))
-        found.append(P + np.tensordot(v.poles, along, axes=([2], [2])).transpose(2, 0, 3, 1, 4))
-    return found
+        place_points.append(np.tensordot(v.hats, along, axes=([1, 2], [1, 2])))
+    all_vectors = vectors_to_skins(np.concatenate([points.reshape(-1, points.shape[2]) for points in place_points]))
+    ends = np.cumsum([points.shape[0] * points.shape[1] for points in place_points])
+    result = list[Floats]()
+    for P, (u, v), points, vectors in zip(
+        grids, spline_pairs, place_points, np.split(all_vectors, ends[:-1]), strict=True
+    ):
+        along = np.tensordot(u.poles, vectors.reshape(points.shape), axes=([2], [1]))
+        result.append(P + np.tensordot(v.poles, along, axes=([2], [2])).transpose(2, 0, 3, 1, 4))
+    return result
 
 
-def _shares(one: Floats, other: Floats) -> Floats:
+def _shares(side: Floats, opposite: Floats) -> Floats:
     """(k, 4) mean position of each pole along two opposite sides."""
-    way = _way(one, other)
-    return np.asarray(way[:-1, None] + np.diff(way)[:, None] * np.arange(4) / 3)
+    break_shares = _break_shares(side, opposite)
+    return np.asarray(break_shares[:-1, None] + np.diff(break_shares)[:, None] * np.arange(4) / 3)
 
 
-def _way(one: Floats, other: Floats) -> Floats:
+def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
     """(k + 1,) mean positions of breaks along two opposite sides."""
-    way = np.zeros(len(one) + 1)
-    for side in (one, other):
+    shares = np.zeros(len(side_spans) + 1)
+    for side in (side_spans, opposite_spans):
         long = np.cumsum(np.linalg.norm(side[:, -1, :3] - side[:, 0, :3], axis=1))
-        way[1:] += long / long[-1] / 2
-    return way
+        shares[1:] += long / long[-1] / 2
+    return shares
 
 
 def least_jacobian(P: Floats) -> float:
     """Least ratio of a normal's component along the mean normal to the largest one, for patches (..., 4, 4, 3); < 0 if
     folded."""
     P = P.reshape(-1, 4, 4, 3)
-    y = 1 - SHARE_PLACES
-    B = np.stack([y**3, 3 * SHARE_PLACES * y**2, 3 * SHARE_PLACES**2 * y, SHARE_PLACES**3], axis=1)
-    C = np.stack([y**2, 2 * SHARE_PLACES * y, SHARE_PLACES**2], axis=1)
+    y = 1 - FOLD_PLACES
+    B = np.stack([y**3, 3 * FOLD_PLACES * y**2, 3 * FOLD_PLACES**2 * y, FOLD_PLACES**3], axis=1)
+    C = np.stack([y**2, 2 * FOLD_PLACES * y, FOLD_PLACES**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
     dv = np.einsum("xa,yb,kabi->kxyi", B, C, np.diff(P, axis=2))
     N = cross(du.reshape(-1, 3), dv.reshape(-1, 3)).reshape(du.shape)
@@ -196,11 +201,11 @@ def least_jacobian(P: Floats) -> float:
     return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
 
 
-ASKED = np.linspace(0, 1, 7)
+TEST_PLACES = np.linspace(0, 1, 7)
 """Parameters in both directions where the distance of a patch from the mesh is measured."""
 
 
-class Covering:
+class PatchBuilder:
     """Builder of patches, memoised by region and its curves, because a net changes several times in few places.
 
     away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits their middles.
@@ -216,32 +221,44 @@ class Covering:
         sides : bottom, right, top and left of each, see `coons`.
         """
         poles = [[side.tobytes() for side in four] for four in sides]
-        new = [i for i, (r, now) in enumerate(zip(regions, poles, strict=True)) if self.known.get(r, ((),))[0] != now]
-        for i, P in zip(new, self._made([sides[i] for i in new]), strict=True):
+        changed = [
+            i for i, (r, now) in enumerate(zip(regions, poles, strict=True)) if self.known.get(r, ((),))[0] != now
+        ]
+        for i, P in zip(changed, self._build([sides[i] for i in changed]), strict=True):
             self.known[regions[i]] = poles[i], P
         return [self.known[region][1] for region in regions]
 
-    def _made(self, sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
+    def _build(self, sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
         if not sides:
             return []
-        patches = [lowered_patches(P, self.limits.off) for P in pulled([coons(*four) for four in sides], self.away)]
-        far = (_strays(patches, self.away) > self.limits.off) | (_beyond_mesh(patches, self.limits) > 0)
-        return [None if is_far or _folded(P) else P for P, is_far in zip(patches, far, strict=True)]
+        patches = [
+            patches_as_parabolas(P, self.limits.off)
+            for P in patches_on_skins([coons(*four) for four in sides], self.away)
+        ]
+        too_far = (_stray_distances(patches, self.away) > self.limits.off) | (_beyond_mesh(patches, self.limits) > 0)
+        return [None if is_far or _is_folded(P) else P for P, is_far in zip(patches, too_far, strict=True)]
 
 
-def _folded(P: Floats) -> bool:
-    least = 0.1  # relative Jacobian; a region with a worse patch is trimmed instead
-    return least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < least
+def _is_folded(P: Floats) -> bool:
+    least_ratio = 0.1  # relative Jacobian; a region with a worse patch is trimmed instead
+    return least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < least_ratio
 
 
-def _strays(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
+def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
     """(k,) largest distance of the middles of patches from the skins, which wave on coarse meshes."""
     if not patches:
         return np.zeros(0)
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
-    off = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
-    return np.array([some.max() for some in np.split(off, np.cumsum([len(some) for some in middles])[:-1])])
+    distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
+    return np.array(
+        [
+            region_distances.max()
+            for region_distances in np.split(
+                distances, np.cumsum([len(region_distances) for region_distances in middles])[:-1]
+            )
+        ]
+    )
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
@@ -252,6 +269,6 @@ def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])
-    points = np.einsum("xa,yb,kabi->kxyi", bernstein(ASKED), bernstein(ASKED), np.concatenate(poles))
+    points = np.einsum("xa,yb,kabi->kxyi", bernstein(TEST_PLACES), bernstein(TEST_PLACES), np.concatenate(poles))
     beyond = limits.beyond_mesh(points.reshape(-1, 3)).reshape(len(points), -1).max(axis=1)
-    return np.array([some.max() for some in np.split(beyond, ends[:-1])])
+    return np.array([region_excess.max() for region_excess in np.split(beyond, ends[:-1])])

@@ -11,15 +11,15 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, cross
 from dsfab.export.cad.step.by_members.curves import sampled_chains
-from dsfab.export.cad.step.by_members.patch_sides import REACH, quads_of
-from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, Loop, mean_width, vector_area
+from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, quads_of
+from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, mean_width, vector_area
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.part import StripedSheet
-from dsfab.surface import connected, edge_table, half_edges
+from dsfab.surface import edge_table, half_edges, link_components
 
 
-def divided(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
+def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
     """Cut the ends off regions with two long walls, as regions of their own.
 
     An end narrower than `width` mm stays with the member.
@@ -34,14 +34,14 @@ def divided(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: floa
             continue
         loop = loops[region][0]
         i, j = walls
-        whole = vector_area(P[_points(net, loop)])
+        region_area = vector_area(P[_points(net, loop)])
         turned = [*loop[i:], *loop[:i]]
         ends = [turned[1 : j - i], turned[j - i + 1 :]]
-        member: Loop = [turned[0]]
+        member: ChainLoop = [turned[0]]
         for wall, end in zip((turned[0], turned[j - i]), ends, strict=True):
             if member[-1] != wall:
                 member.append(wall)
-            if len(end) == 1 or _narrow(net, end, P, width, whole):
+            if len(end) == 1 or _narrow(net, end, P, width, region_area):
                 member += end
                 continue
             a, b = net.ends(end[0])[0], net.ends(end[-1])[1]
@@ -53,7 +53,7 @@ def divided(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: floa
             loops[free] = [[*end, (k, False)]]
             cell[free] = cell.get(region, region)
             for e, ahead in end:
-                chains[e] = chains[e].beside(free, ahead)
+                chains[e] = chains[e].with_region(free, ahead)
             free += 1
         loops[region] = [member]
     if not lines:
@@ -63,7 +63,7 @@ def divided(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: floa
     return replace(net, weights=weights, chains=chains, loops=loops, parent=cell)
 
 
-def _long_walls(net: ChainNet, loops: list[Loop], P: Floats) -> tuple[int, int] | None:
+def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
     """Positions of two walls in a region's only loop that are longer than their distance and not adjacent; None
     otherwise."""
     long = 1.5  # least length of both walls of a member over the distance between them
@@ -79,13 +79,13 @@ def _long_walls(net: ChainNet, loops: list[Loop], P: Floats) -> tuple[int, int] 
     return (i, j) if min(length[i], length[j]) > long * apart > 0 else None
 
 
-def _narrow(net: ChainNet, end: Loop, P: Floats, width: float, whole: Floats) -> bool:
+def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
     """Return whether a line between the ends of a row of chains cuts off a narrow piece, or one on the wrong side."""
     line = P[_points(net, end)]
-    return mean_width(line) < width or float(vector_area(line) @ whole) < 0
+    return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
 
-def _points(net: ChainNet, loop: Loop) -> Ints:
+def _points(net: ChainNet, loop: ChainLoop) -> Ints:
     return np.concatenate([net.chains[k].points[:: 1 if ahead else -1] for k, ahead in loop])
 
 
@@ -97,41 +97,41 @@ def _length(P: Floats, net: ChainNet, step: tuple[int, bool]) -> float:
     return float(np.linalg.norm(np.diff(P[net.chains[step[0]].points], axis=0), axis=1).sum())
 
 
-LEVEL = 0.75
+LEAST_COSINE = 0.75
 """Least cosine between the mean normal of a region and any of its normals. Trimmed faces need 0.35, but with that limit
 a few were 2 mm off their edges."""
 
 
-def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: Limits) -> ChainNet:
+def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
     """Divide regions that bend too much, if they have one outline and nodes. The net's first points are those of the
     sheet."""
     most_seams = 200  # of one sheet
-    work = _Seams(net, sheet, lifting, limits.thickness)
-    bends = {r: work.least(r) for r, loops in net.loops.items() if len(loops) == 1}
-    todo = {r: x for r, x in bends.items() if x < LEVEL and not _is_member(work, r, lifting, limits)}
+    work = _BendSeams(net, sheet, lifting, limits.thickness)
+    bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
+    todo = {r: x for r, x in bends.items() if x < LEAST_COSINE and not _is_member(work, r, lifting, limits)}
     for _ in range(most_seams):
         if not todo:
             break
         region = min(todo, key=todo.__getitem__)
         del todo[region]
-        if (new := work.divide(region)) >= 0:
-            todo |= {r: least for r in (region, new) if (least := work.least(r)) < LEVEL}
+        if (added_region := work.divide(region)) >= 0:
+            todo |= {r: least for r in (region, added_region) if (least := work.least_cosine(r)) < LEAST_COSINE}
     return work.net
 
 
-def _is_member(work: "_Seams", region: int, lifting: Lifting, limits: Limits) -> bool:
-    if region in work.net.loose or work.stout(region):
+def _is_member(work: "_BendSeams", region: int, lifting: Lifting, limits: SmoothLimits) -> bool:
+    if region in work.net.loose or work.is_stout(region):
         return False
     chains = {k: work.net.chains[k] for k, _ in work.net.loops[region][0]}
     alone = replace(work.net, chains=chains, loops={region: work.net.loops[region]})
-    return bool(quads_of(alone, sampled_chains(alone, lifting, limits), REACH * limits.thickness)[0])
+    return bool(quads_of(alone, sampled_chains(alone, lifting, limits), REACH_SHARE * limits.thickness)[0])
 
 
-class _Seams:
+class _BendSeams:
     """Net whose regions are divided one after another."""
 
-    def __init__(self, net: ChainNet, sheet: StripedSheet, lifting: Lifting, near: float) -> None:
-        self.near = near
+    def __init__(self, net: ChainNet, sheet: StripedSheet, lifting: Lifting, wall_distance: float) -> None:
+        self.near = wall_distance
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
@@ -139,7 +139,7 @@ class _Seams:
         long = np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
         self.N = N / long * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
-    def least(self, region: int) -> float:
+    def least_cosine(self, region: int) -> float:
         cells = np.flatnonzero(self.net.cell == region)
         if not len(cells):
             return 1.0
@@ -149,13 +149,13 @@ class _Seams:
         mean = N.sum(axis=0)
         return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
 
-    def stout(self, region: int) -> bool:
+    def is_stout(self, region: int) -> bool:
         stout_limit = 32.0  # squared outline over area: 16 of a square, 29 of five squares in a row
         area = np.linalg.norm(self.N[self.net.cell == region], axis=1).sum() / 2
         outline = sum(self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0])
         return bool(outline**2 < stout_limit * area)
 
-    def _spread(self, cells: Ints) -> float:
+    def _normal_spread(self, cells: Ints) -> float:
         """Spread of the normals of cells: sum of their areas minus length of the area vector."""
         N = self.N[cells]
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
@@ -172,59 +172,65 @@ class _Seams:
         seam_cost = 0.1  # of a seam as long as the root of the area, where the whole bend of the region costs 1
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
-        whole, size = self._spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())
-        best, least = None, most_left
-        for way, long in _ways(self.F[cells], self.P, nodes, self.near):
-            right = _on_the_right(self.F[cells], way)
-            left = self._spread(cells[right]) + self._spread(cells[~right])
-            if (worth := left / whole + seam_cost * long / size) < least:
-                best, least = (way, cells[right]), worth
-        return best
+        whole_spread, size = self._normal_spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())
+        result, least = None, most_left
+        for path, long in _paths(self.F[cells], self.P, nodes, self.near):
+            right = _on_the_right(self.F[cells], path)
+            remaining = self._normal_spread(cells[right]) + self._normal_spread(cells[~right])
+            if (worth := remaining / whole_spread + seam_cost * long / size) < least:
+                result, least = (path, cells[right]), worth
+        return result
 
     def _halve_chains(self, region: int) -> bool:
         few = 8  # a chain longer than an eighth of the outline is long
         long = {k: self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0]}
-        some = [k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
-        for k in some:
-            chain, new = self.net.chains[k], max(self.net.chains) + 1
+        long_chains = [
+            k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2
+        ]
+        for k in long_chains:
+            chain, added_chain = self.net.chains[k], max(self.net.chains) + 1
             half = len(chain.points) // 2
-            one, other = (replace(chain, points=some) for some in (chain.points[: half + 1], chain.points[half:]))
-            two = {(k, True): [(k, True), (new, True)], (k, False): [(new, False), (k, False)]}
-            beside = {r: self.net.loops[r] for r in {chain.left, chain.right} - {VOID}}
+            first_half, second_half = (
+                replace(chain, points=long_chains) for long_chains in (chain.points[: half + 1], chain.points[half:])
+            )
+            two = {(k, True): [(k, True), (added_chain, True)], (k, False): [(added_chain, False), (k, False)]}
+            neighbours = {r: self.net.loops[r] for r in {chain.left, chain.right} - {VOID}}
             loops = {
-                r: [[part for step in loop for part in two.get(step, [step])] for loop in some]
-                for r, some in beside.items()
+                r: [[part for step in loop for part in two.get(step, [step])] for loop in long_chains]
+                for r, long_chains in neighbours.items()
             }
             self.net = replace(
-                self.net, chains={**self.net.chains, k: one, new: other}, loops={**self.net.loops, **loops}
+                self.net,
+                chains={**self.net.chains, k: first_half, added_chain: second_half},
+                loops={**self.net.loops, **loops},
             )
-        return len(some) > 0
+        return len(long_chains) > 0
 
     def _length(self, points: Ints) -> float:
         P = self.net.weights[points] @ self.skins.points
         return float(np.linalg.norm(np.diff(P, axis=0), axis=1).sum())
 
-    def _with_seam(self, region: int, way: Ints, right: Ints) -> int:
+    def _with_seam(self, region: int, path: Ints, right: Ints) -> int:
         """Divide a region along a path; return the number of the new region, which holds the cells on its right."""
         chains, loops, cell = dict(self.net.chains), dict(self.net.loops), self.net.cell.copy()
-        loop, new, first = loops[region][0], max(*loops, int(cell.max())) + 1, max(chains) + 1
+        loop, added_region, first_chain = loops[region][0], max(*loops, int(cell.max())) + 1, max(chains) + 1
         nodes = [self.net.ends(step)[0] for step in loop]
-        i, j = nodes.index(int(way[0])), nodes.index(int(way[-1]))
-        parts = [way] if len(way) < 3 else [way[: len(way) // 2 + 1], way[len(way) // 2 :]]
-        seam: Loop = []
-        for k, part in enumerate(parts, first):
-            chains[k] = Chain(part, region, new)
+        i, j = nodes.index(int(path[0])), nodes.index(int(path[-1]))
+        parts = [path] if len(path) < 3 else [path[: len(path) // 2 + 1], path[len(path) // 2 :]]
+        seam: ChainLoop = []
+        for k, part in enumerate(parts, first_chain):
+            chains[k] = Chain(part, region, added_region)
             seam.append((k, True))
-        loops[new] = [[*loop[i:j], *[(k, False) for k, _ in seam[::-1]]]]
+        loops[added_region] = [[*loop[i:j], *[(k, False) for k, _ in seam[::-1]]]]
         loops[region] = [[*loop[:i], *seam, *loop[j:]]]
         for step, ahead in loop[i:j]:
-            chains[step] = chains[step].beside(new, ahead)
-        cell[right] = new
+            chains[step] = chains[step].with_region(added_region, ahead)
+        cell[right] = added_region
         self.net = replace(self.net, chains=chains, loops=loops, cell=cell)
-        return new
+        return added_region
 
 
-def _ways(F: Ints, P: Floats, nodes: list[int], near: float) -> Iterator[tuple[Ints, float]]:
+def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterator[tuple[Ints, float]]:
     used, local = np.unique(F, return_inverse=True)
     edges = edge_table(local.reshape(-1, 3))
     place = {int(v): x for x, v in enumerate(used) if nodes.count(int(v)) == 1}
@@ -232,8 +238,10 @@ def _ways(F: Ints, P: Floats, nodes: list[int], near: float) -> Iterator[tuple[I
     border = np.zeros(len(used), dtype=bool)
     border[edges.ends[edges.boundary]] = True
     away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
-    beside = 1 + near / np.maximum(away[ends].mean(axis=1), near / 4)  # walls repel: straightening would cross them
-    long = beside * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1)
+    wall_factor = 1 + wall_distance / np.maximum(
+        away[ends].mean(axis=1), wall_distance / 4
+    )  # walls repel: straightening would cross them
+    long = wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1)
     start, end, long = (
         np.concatenate([ends[:, 0], ends[:, 1]]),
         np.concatenate([ends[:, 1], ends[:, 0]]),
@@ -244,27 +252,29 @@ def _ways(F: Ints, P: Floats, nodes: list[int], near: float) -> Iterator[tuple[I
             continue
         out = ~border[start] | (start == place[node])  # a path ends at the outline
         graph = csr_array((long[out], (start[out], end[out])), shape=(len(used), len(used)))
-        far, before = (x[0] for x in dijkstra(graph, indices=[place[node]], return_predecessors=True))
-        for other in nodes[i + 1 :]:
-            if other in place and np.isfinite(far[place[other]]):
-                way = [place[other]]
-                while way[-1] != place[node]:
-                    way.append(int(before[way[-1]]))
-                yield used[way[::-1]], float(far[place[other]])
+        distances, before = (x[0] for x in dijkstra(graph, indices=[place[node]], return_predecessors=True))
+        for end_node in nodes[i + 1 :]:
+            if end_node in place and np.isfinite(distances[place[end_node]]):
+                path = [place[end_node]]
+                while path[-1] != place[node]:
+                    path.append(int(before[path[-1]]))
+                yield used[path[::-1]], float(distances[place[end_node]])
 
 
-def _on_the_right(F: Ints, way: Ints) -> Bools:
+def _on_the_right(F: Ints, path: Ints) -> Bools:
     """(m,) cells connected to those on the right of a path along their edges."""
-    _, local = np.unique(np.append(F.ravel(), way), return_inverse=True)
+    _, local = np.unique(np.append(F.ravel(), path), return_inverse=True)
     cells, line = local[: F.size].reshape(-1, 3), local[F.size :]
     edges = edge_table(cells)
-    one, two = edges.pairs.T
+    half_edges_a, half_edges_b = edges.pairs.T
     steps = np.sort(np.stack([line[:-1], line[1:]], axis=1), axis=1)
-    across = np.isin(edges.of.ravel()[one], edges.between(steps[:, 0], steps[:, 1]))
-    _, part = connected(len(F), one[~across] // 3, two[~across] // 3)
+    across = np.isin(edges.of.ravel()[half_edges_a], edges.edges_between(steps[:, 0], steps[:, 1]))
+    _, part = link_components(len(F), half_edges_a[~across] // 3, half_edges_b[~across] // 3)
     start, end = half_edges(cells)
     backwards = {(int(b), int(a)) for a, b in pairwise(line)}
-    beside = [
-        h // 3 for h in np.concatenate([one[across], two[across]]).tolist() if (int(start[h]), int(end[h])) in backwards
+    right_cells = [
+        h // 3
+        for h in np.concatenate([half_edges_a[across], half_edges_b[across]]).tolist()
+        if (int(start[h]), int(end[h])) in backwards
     ]
-    return np.isin(part, part[beside])
+    return np.isin(part, part[right_cells])

@@ -10,22 +10,22 @@ from scipy.sparse import csr_array, vstack
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.part import StripedSheet
-from dsfab.surface import EdgeTable, connected, edge_table, half_edges, next_half_edge
+from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
 
-TURN = np.cos(np.deg2rad(40.0))
+CORNER_COSINE = np.cos(np.deg2rad(40.0))
 """Cosine of the turn from which on an outline has a corner."""
 
-ROUND = np.cos(np.deg2rad(10.0))
+ROUND_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the turn, seen along the sheet's normal, from which on a vertex belongs to a round corner. Nodes mark its
 ends. Where a coarse mesh bends, the outline turns with it in space but is straight in this view."""
 
-SLIVER = 1 / 4
+SLIVER_SHARE = 1 / 4
 """Root of a region's area over the thickness below which the region joins the neighbour with the longest border."""
 
 VOID = -1
 """Number of the region beyond an outline."""
 
-Loop = list[tuple[int, bool]]
+ChainLoop = list[tuple[int, bool]]
 """Chains in order, each with True if it runs forwards."""
 
 
@@ -37,7 +37,7 @@ class Chain:
     left: int
     right: int
 
-    def beside(self, region: int, ahead: bool) -> "Chain":
+    def with_region(self, region: int, ahead: bool) -> "Chain":
         """Return the chain with another region on its left in the direction of travel (`ahead`, or backwards)."""
         return Chain(self.points, region, self.right) if ahead else Chain(self.points, self.left, region)
 
@@ -54,7 +54,7 @@ class ChainNet:
 
     weights: csr_array
     chains: dict[int, Chain]
-    loops: dict[int, list[Loop]]
+    loops: dict[int, list[ChainLoop]]
     loose: frozenset[int]
     cell: Ints
     parent: dict[int, int] = field(default_factory=dict)
@@ -71,11 +71,11 @@ class ChainNet:
         return (int(points[0]), int(points[-1])) if ahead else (int(points[-1]), int(points[0]))
 
 
-Creased = Callable[[csr_array, Ints, Ints], Bools]
+CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
 """Function that tells whether lines between points with weights lie on a crease, see `CreaseSides.along`."""
 
 
-def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: Creased | None = None) -> ChainNet:
+def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
     """Build the net of a sheet on an uncut surface with vertices V and normals N (n, 3); thickness in the unit of V."""
     P, normals = (np.asarray(sheet.weights @ x) for x in (V, N))
     edges = edge_table(sheet.F)
@@ -83,16 +83,16 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
     h = edges.pairs[:, 0]
     apart = creased(sheet.weights, start[h], end[h]) if creased else np.zeros(len(h), dtype=bool)
     region, loose = _regions(sheet, P, edges, thickness, apart)
-    return _Walk(sheet, P, normals, edges, region).net(loose)
+    return _BorderWalk(sheet, P, normals, edges, region).net(loose)
 
 
 def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
     """Return for each node the chains that end there, each with 0 if it begins and -1 if it ends."""
-    found = dict[int, list[tuple[int, int]]]()
+    node_ends = dict[int, list[tuple[int, int]]]()
     for k, chain in net.chains.items():
         for end in (0, -1):
-            found.setdefault(int(chain.points[end]), []).append((k, end))
-    return found
+            node_ends.setdefault(int(chain.points[end]), []).append((k, end))
+    return node_ends
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
@@ -103,11 +103,12 @@ def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, in
 
 def turns(before: Floats, after: Floats, N: Floats) -> Floats:
     """(k,) cosines of the angles between directions (k, 3), seen along normals N (k, 3) of any length."""
-    one, two = (
-        way - N * (np.einsum("ki,ki->k", way, N) / np.einsum("ki,ki->k", N, N))[:, None] for way in (before, after)
+    flat_before, flat_after = (
+        direction - N * (np.einsum("ki,ki->k", direction, N) / np.einsum("ki,ki->k", N, N))[:, None]
+        for direction in (before, after)
     )
-    length = np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1)
-    return np.asarray(np.einsum("ki,ki->k", one, two) / np.maximum(length, 1e-300))
+    length = np.linalg.norm(flat_before, axis=1) * np.linalg.norm(flat_after, axis=1)
+    return np.asarray(np.einsum("ki,ki->k", flat_before, flat_after) / np.maximum(length, 1e-300))
 
 
 def _regions(
@@ -118,25 +119,25 @@ def _regions(
     apart : (i,) True for pairs of neighbours with a crease between them.
     """
     f, g = edges.pairs.T // 3
-    same = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
-    count, region = connected(len(sheet.F), f[same], g[same])
+    is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
+    count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
     a, b, c = (P[sheet.F[:, i]] for i in range(3))
     area = np.bincount(region, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2, count)
     loose = np.zeros(count, dtype=bool)
     loose[region[sheet.loose]] = True
-    small = np.flatnonzero((area < (SLIVER * thickness) ** 2) & ~loose)
+    small = np.flatnonzero((area < (SLIVER_SHARE * thickness) ** 2) & ~loose)
     ends = edges.ends[edges.of.ravel()[edges.pairs[:, 0]]]
     long = np.linalg.norm(P[ends[:, 0]] - P[ends[:, 1]], axis=1)
     for r in small[np.argsort(area[small], kind="stable")]:
-        one, two = region[f], region[g]
-        border = (one == r) != (two == r)
+        regions_left, regions_right = region[f], region[g]
+        border = (regions_left == r) != (regions_right == r)
         if border.any():
-            other = np.where(one == r, two, one)[border]
-            region[region == r] = int(np.bincount(other, long[border]).argmax())
+            neighbour = np.where(regions_left == r, regions_right, regions_left)[border]
+            region[region == r] = int(np.bincount(neighbour, long[border]).argmax())
     return region, frozenset(np.flatnonzero(loose).tolist())
 
 
-class _Walk:
+class _BorderWalk:
     """Walk along the borders of regions, half-edge by half-edge."""
 
     def __init__(self, sheet: StripedSheet, P: Floats, N: Floats, edges: EdgeTable, region: Ints) -> None:
@@ -169,23 +170,23 @@ class _Walk:
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))
         node = (np.bincount(ends, minlength=n) > 2) | (high > low) | self._seam_ends(n)
-        way = self.P[self.end] - self.P[self.start]
-        way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
-        turn = np.einsum("ki,ki->k", way[h], way[self.after[h]])
+        direction = self.P[self.end] - self.P[self.start]
+        direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)
+        turn = np.einsum("ki,ki->k", direction[h], direction[self.after[h]])
         void = self.right[h] == VOID
-        sharp = (turn < TURN) & void & ~loose[h // 3]
+        sharp = (turn < CORNER_COSINE) & void & ~loose[h // 3]
         node[self.end[h[sharp]]] = True
-        bent = turns(way[h], way[self.after[h]], self.N[self.end[h]]) < ROUND
+        bent = turns(direction[h], direction[self.after[h]], self.N[self.end[h]]) < ROUND_COSINE
         node[self.end[h[self._round_ends(bent, void)]]] = True
-        for one, two in (self._seam_points, self._seam_points[::-1]):
-            node[one[node[two]]] = True
+        for side_a, side_b in (self._seam_points, self._seam_points[::-1]):
+            node[side_a[node[side_b]]] = True
         return node
 
     @cached_property
     def _seam_points(self) -> Ints:
         """(2, k) vertices at one place on both sides of a seam."""
-        one, two = self.seam.T
-        return np.stack([np.append(self.start[side], self.end[side]) for side in (one, two)])
+        side_a, side_b = self.seam.T
+        return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
     def _seam_ends(self, n: int) -> Bools:
         return np.asarray(np.bincount(self._seam_points.ravel(), minlength=n) == 1)
@@ -193,63 +194,68 @@ class _Walk:
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
         """(k,) border half-edges after which the outline begins or ends to be round. bent (k,) turns there; void (k,)
         outline."""
-        h, at = self.along, np.full(len(self.border), -1)
-        at[h] = np.arange(len(h))
-        after = at[self.after[h]]
+        h, position = self.along, np.full(len(self.border), -1)
+        position[h] = np.arange(len(h))
+        after = position[self.after[h]]
         before = np.empty_like(after)
         before[after] = np.arange(len(h))
-        both = void & void[after]
-        return np.asarray(bent & both & ~(bent[before] & bent[after] & both[before] & both[after]))
+        is_outline = void & void[after]
+        return np.asarray(bent & is_outline & ~(bent[before] & bent[after] & is_outline[before] & is_outline[after]))
 
     def net(self, loose: frozenset[int]) -> ChainNet:
         cycles = list(self._cycles())
         for cycle in cycles:
             self._mark(cycle)
         chains, number = dict[int, Chain](), dict[int, tuple[int, bool]]()
-        loops: dict[int, list[Loop]] = {}
+        loops: dict[int, list[ChainLoop]] = {}
         for cycle in cycles:
-            first = int(np.flatnonzero(self.node[self.start[cycle]])[0])
-            cycle = np.roll(cycle, -first)
+            begin = int(np.flatnonzero(self.node[self.start[cycle]])[0])
+            cycle = np.roll(cycle, -begin)
             cuts = np.flatnonzero(self.node[self.start[cycle]])
             loop = list[tuple[int, bool]]()
-            for some in np.split(cycle, cuts[1:]):
-                key = int(some[0])
+            for part in np.split(cycle, cuts[1:]):
+                key = int(part[0])
                 if key not in number:
-                    k, left, right = len(chains), int(self.left[key]), int(self.right[key])
-                    chains[k] = Chain(np.append(self.start[some], self.end[some[-1]]), left, right)
+                    k, left_region, right_region = len(chains), int(self.left[key]), int(self.right[key])
+                    chains[k] = Chain(np.append(self.start[part], self.end[part[-1]]), left_region, right_region)
                     number[key] = k, True
-                    if right != VOID:
-                        number[int(self.twin[some[-1]])] = k, False
+                    if right_region != VOID:
+                        number[int(self.twin[part[-1]])] = k, False
                 loop.append(number[key])
             loops.setdefault(int(self.left[cycle[0]]), []).append(loop)
-        one, two = self._seam_points.tolist()
+        seam_a, seam_b = self._seam_points.tolist()
         return ChainNet(
-            self.weights, chains, loops, loose, self.region, twins=dict(zip(one + two, two + one, strict=True))
+            self.weights,
+            chains,
+            loops,
+            loose,
+            self.region,
+            twins=dict(zip(seam_a + seam_b, seam_b + seam_a, strict=True)),
         )
 
     def _cycles(self) -> Iterator[Ints]:
-        known = np.zeros(len(self.border), dtype=bool)
+        seen = np.zeros(len(self.border), dtype=bool)
         for h in self.along.tolist():
-            if known[h]:
+            if seen[h]:
                 continue
-            cycle, at = list[int](), h
-            while not known[at]:
-                known[at] = True
-                cycle.append(at)
-                at = int(self.after[at])
+            cycle, half_edge = list[int](), h
+            while not seen[half_edge]:
+                seen[half_edge] = True
+                cycle.append(half_edge)
+                half_edge = int(self.after[half_edge])
             yield np.array(cycle)
 
     def _mark(self, cycle: Ints) -> None:
-        at = np.flatnonzero(self.node[self.start[cycle]])
-        if len(at) > 1:
+        marked = np.flatnonzero(self.node[self.start[cycle]])
+        if len(marked) > 1:
             return
-        way = np.linalg.norm(self.P[self.end[cycle]] - self.P[self.start[cycle]], axis=1)
-        first = int(at[0]) if len(at) else int(np.argmin(self.start[cycle]))
-        some = np.roll(cycle, -first)
-        share = np.concatenate([[0.0], np.cumsum(np.roll(way, -first))[:-1]]) / way.sum()
-        wanted = (0.0, 0.25, 0.5, 0.75) if not len(at) else (0.0, 0.5)
-        for x in wanted:
-            self.node[self.start[some[np.abs(share - x).argmin()]]] = True
+        lengths = np.linalg.norm(self.P[self.end[cycle]] - self.P[self.start[cycle]], axis=1)
+        begin = int(marked[0]) if len(marked) else int(np.argmin(self.start[cycle]))
+        turned_cycle = np.roll(cycle, -begin)
+        share = np.concatenate([[0.0], np.cumsum(np.roll(lengths, -begin))[:-1]]) / lengths.sum()
+        shares = (0.0, 0.25, 0.5, 0.75) if not len(marked) else (0.0, 0.5)
+        for x in shares:
+            self.node[self.start[turned_cycle[np.abs(share - x).argmin()]]] = True
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
@@ -258,31 +264,34 @@ def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on both sides of a seam stay apart
     chains = dict(net.chains)
-    loops = {region: [_joined(loop, chains, P, N, degree) for loop in some] for region, some in net.loops.items()}
+    loops = {
+        region: [_joined_loop(loop, chains, P, N, degree) for loop in region_loops]
+        for region, region_loops in net.loops.items()
+    }
     return replace(net, chains=chains, loops=loops)
 
 
-def _joined(loop: Loop, chains: dict[int, Chain], P: Floats, N: Floats, degree: Ints) -> Loop:
+def _joined_loop(loop: ChainLoop, chains: dict[int, Chain], P: Floats, N: Floats, degree: Ints) -> ChainLoop:
     fewest = 4  # chains of a loop
     if all(chains[k].right == VOID for k, _ in loop):
         return loop
-    found, at = list(loop), 0
-    while at < len(found) and len(found) > fewest:
-        (j, _), (k, _) = found[at - 1], found[at]
+    steps, position = list(loop), 0
+    while position < len(steps) and len(steps) > fewest:
+        (j, _), (k, _) = steps[position - 1], steps[position]
         a, b = chains[j], chains[k]
         outer = a.right == VOID and b.right == VOID and j != k
-        near = _around(found, at, chains)
-        if outer and degree[b.points[0]] == 2 and not _ends(P[near], N[near]):
+        around = _outline_points(steps, position, chains)
+        if outer and degree[b.points[0]] == 2 and not _is_outline_end(P[around], N[around]):
             chains[j] = replace(a, points=np.concatenate([a.points, b.points[1:]]))
-            del chains[k], found[at]
+            del chains[k], steps[position]
         else:
-            at += 1
-    return found
+            position += 1
+    return steps
 
 
-def _around(loop: Loop, at: int, chains: dict[int, Chain]) -> Ints:
+def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) -> Ints:
     """(5,) outline points around the start of a chain of a loop; (0,) if the outline is too short."""
-    parts = [chains[loop[(at + i) % len(loop)][0]] for i in (-2, -1, 0, 1)]
+    parts = [chains[loop[(position + i) % len(loop)][0]] for i in (-2, -1, 0, 1)]
     before, after = parts[1].points, parts[2].points
     if parts[0].right == VOID:
         before = np.concatenate([parts[0].points[:-1], before])
@@ -291,15 +300,17 @@ def _around(loop: Loop, at: int, chains: dict[int, Chain]) -> Ints:
     return np.concatenate([before[-3:-1], after[:3]]) if min(len(before), len(after)) > 2 else after[:0]
 
 
-def _ends(line: Floats, N: Floats) -> bool:
+def _is_outline_end(line: Floats, N: Floats) -> bool:
     """Return whether an outline has a sharp corner, or begins or ends to be round, at the middle of five points (5,
     3)."""
     if len(line) < 5:
         return True
-    way = np.diff(line, axis=0)
-    before, here, after = turns(way[:-1], way[1:], N[1:-1])
-    sharp = way[1] @ way[2] < TURN * np.linalg.norm(way[1]) * np.linalg.norm(way[2])
-    return bool(sharp or (here < ROUND and max(before, after) >= ROUND))
+    directions = np.diff(line, axis=0)
+    before, at_middle, after = turns(directions[:-1], directions[1:], N[1:-1])
+    sharp = directions[1] @ directions[2] < CORNER_COSINE * np.linalg.norm(directions[1]) * np.linalg.norm(
+        directions[2]
+    )
+    return bool(sharp or (at_middle < ROUND_COSINE and max(before, after) >= ROUND_COSINE))
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
@@ -318,12 +329,14 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
         inner = [i for i in (0, 1) if beyond[i] not in (VOID, region)]
         if not inner or region in beyond or mean_width(P[np.concatenate([p[:-1] for p in sides])]) >= width:
             continue
-        (gone, ahead), kept, other = steps[inner[0]], steps[1 - inner[0]], beyond[inner[0]]
-        loops[other] = [[kept if step == (gone, not ahead) else step for step in loop] for loop in loops[other]]
-        chains[kept[0]] = chains[kept[0]].beside(other, kept[1])
+        (gone, ahead), kept_step, neighbour = steps[inner[0]], steps[1 - inner[0]], beyond[inner[0]]
+        loops[neighbour] = [
+            [kept_step if step == (gone, not ahead) else step for step in loop] for loop in loops[neighbour]
+        ]
+        chains[kept_step[0]] = chains[kept_step[0]].with_region(neighbour, kept_step[1])
         del chains[gone], loops[region]
         loose.discard(region)
-        cell[cell == region] = other
+        cell[cell == region] = neighbour
     return replace(net, chains=chains, loops=loops, loose=frozenset(loose), cell=cell)
 
 
@@ -346,13 +359,13 @@ MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range
 """Extra points in cells longer than the thickness: between four points a surface of degree 9 waved by 6 mm, in
 triangles of 180 mm and a sheet of 100 mm."""
 
-OF_REGION = 1 / 6
+REGION_SHARE = 1 / 6
 """Length of a cell over the size of its region from which on it is long, too: in a notched region of 200 mm a surface
 of degree 9 waved by 4 mm between points of cells of 50 mm."""
 
 
 @dataclass(frozen=True, eq=False)
-class Interior:
+class RegionInterior:
     """Points of the skins inside regions.    fine : True if long cells get the points `MORE`."""
 
     sheet: StripedSheet
@@ -366,16 +379,16 @@ class Interior:
             return {}
         cells = [np.flatnonzero(net.cell == net.parent.get(region, region)) for region in regions]
         F: Ints = self.sheet.F[np.concatenate(cells)]
-        of = np.repeat(np.arange(len(regions)), [len(some) for some in cells])
-        found, region = [self._lifted(F, INNER)], [np.tile(of, len(INNER))]
-        if self.fine and (long := self._are_long(F, self._sizes(net, regions)[of])).any():
-            found.append(self._lifted(F[long], MORE))
-            region.append(np.tile(of[long], len(MORE)))
+        cell_region = np.repeat(np.arange(len(regions)), [len(region_cells) for region_cells in cells])
+        point_rows, region = [self._skin_points(F, INNER)], [np.tile(cell_region, len(INNER))]
+        if self.fine and (long := self._are_long(F, self._sizes(net, regions)[cell_region])).any():
+            point_rows.append(self._skin_points(F[long], MORE))
+            region.append(np.tile(cell_region[long], len(MORE)))
         order = np.argsort(np.concatenate(region), kind="stable")
         ends = np.cumsum(np.bincount(np.concatenate(region), minlength=len(regions)))[:-1]
-        return dict(zip(regions, np.split(np.concatenate(found)[order], ends), strict=True))
+        return dict(zip(regions, np.split(np.concatenate(point_rows)[order], ends), strict=True))
 
-    def _lifted(self, F: Ints, weights: Sequence[tuple[float, float, float]]) -> Floats:
+    def _skin_points(self, F: Ints, weights: Sequence[tuple[float, float, float]]) -> Floats:
         """(k m, 6) points at each of k barycentric weights in cells (m, 3)."""
         a, b, c = (self.sheet.weights[F[:, i]] for i in range(3))
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
@@ -384,7 +397,7 @@ class Interior:
         """(m,) whether a side of a cell is longer than the thickness, or long for its region of size (m,)."""
         P = self._on_mesh(self.sheet.weights)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
-        return np.asarray(long > np.minimum(self.thickness, OF_REGION * size))
+        return np.asarray(long > np.minimum(self.thickness, REGION_SHARE * size))
 
     def _sizes(self, net: ChainNet, regions: Sequence[int]) -> Floats:
         """(r,) diagonals of boxes around regions, millimetres."""

@@ -13,16 +13,16 @@ from dsfab.export.cad.step.by_members.model import NetModel
 from dsfab.export.cad.step.by_members.patches import (
     FaceLimits,
     differences,
-    enclosed,
-    farthest,
     height_rows,
+    largest_excess,
     places,
-    raised,
+    points_inside,
+    raised_poles,
 )
-from dsfab.export.cad.step.by_members.regions import Loop
+from dsfab.export.cad.step.by_members.regions import ChainLoop
 from dsfab.export.splines import bernstein
 
-ASLANT = 1 / 4
+LEAST_SINE = 1 / 4
 """Least sine of a parallelogram's angle; surfaces over flatter ones are folded where they bend."""
 
 
@@ -44,18 +44,18 @@ class FaceDomain:
     inside: int
 
     @classmethod
-    def of(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
+    def around(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
         """Return the domain around edges (j, 3), 1 mm larger on all sides."""
         origin, across = edges.mean(axis=0), np.linalg.inv(sides)
         inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
-        at, ends = inside[:, :2] @ across, around[:, :2] @ across
+        inner_places, ends = inside[:, :2] @ across, around[:, :2] @ across
         low, high = ends.min(axis=0) - 1, ends.max(axis=0) + 1
-        within = ((at > low) & (at < high)).all(axis=1)
-        uv = (np.concatenate([at[within], ends]) - low) / (high - low)
+        within = ((inner_places > low) & (inner_places < high)).all(axis=1)
+        uv = (np.concatenate([inner_places[within], ends]) - low) / (high - low)
         z = np.concatenate([inside[within, 2], around[:, 2]])
         return cls(origin, axes, sides, low, high, uv, z, int(within.sum()))
 
-    def lifted(self, z: Floats) -> Floats:
+    def poles_at(self, z: Floats) -> Floats:
         """(p + 1, p + 1, 3) evenly spaced poles at heights z (p + 1, p + 1)."""
         u, v = (np.linspace(self.low[i], self.high[i], len(z)) for i in (0, 1))
         plane = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=2) @ self.sides
@@ -67,16 +67,18 @@ class FaceDomain:
 
         Its corners count, at the heights of a quadric through all points.
         """
-        at = (self.low + self.uv * (self.high - self.low)) @ self.sides
-        heights = lstsq(_quadric(at), self.z, check_finite=False)[0]
+        places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
+        heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # drop closed edges, which have no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
-        ends = np.stack([(at @ turned).min(axis=0), (at @ turned).max(axis=0)])  # (2, k) how far left of each way
+        ends = np.stack(
+            [(places_in_plane @ turned).min(axis=0), (places_in_plane @ turned).max(axis=0)]
+        )  # (2, k) how far left of each way
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed, or the surface faces the other way
-        i, j, sine = (x[np.abs(sine) >= ASLANT] for x in (i, j, np.abs(sine)))
+        i, j, sine = (x[np.abs(sine) >= LEAST_SINE] for x in (i, j, np.abs(sine)))
         if not len(i):
             return self.sides
         along = ways[i] * (-ends[::-1, j] / sine)[..., None]  # (2, pairs, 2)
@@ -84,17 +86,17 @@ class FaceDomain:
         z = _quadric(corners.reshape(-1, 2)) @ heights
         placed = np.concatenate([corners.reshape(-1, 2), z[:, None]], axis=1) @ self.axes + self.origin
         out = _outside(placed, box).reshape(4, len(i), 3).max(axis=(0, 2), initial=0.0)
-        best = int(out.argmin())
-        return ways[[i[best], j[best]]]
+        best_pair = int(out.argmin())
+        return ways[[i[best_pair], j[best_pair]]]
 
 
-def _quadric(at: Floats) -> Floats:
+def _quadric(plane_points: Floats) -> Floats:
     """(k, 6) monomials of a quadric at places (k, 2)."""
-    x, y = at.T
-    return np.stack([np.ones(len(at)), x, y, x * x, x * y, y * y], axis=1)
+    x, y = plane_points.T
+    return np.stack([np.ones(len(plane_points)), x, y, x * x, x * y, y * y], axis=1)
 
 
-def beyond(points: Floats, box: Floats) -> float:
+def distance_outside(points: Floats, box: Floats) -> float:
     """Largest distance of points (..., 3) outside of a box (2, 3)."""
     return float(_outside(points, box).max(initial=0.0))
 
@@ -109,41 +111,41 @@ SPLIT = 0.045
 of a half the gap may be wider, which OCCT finds invalid. Its cuts set a new tolerance, but none above 0.05 mm
 (`BOPAlgo_Builder::PostTreat`). All failed cuts of a pavilion crossed wider gaps."""
 
-BOUNDARY = (100.0, 10.0)
+EDGE_WEIGHTS = (100.0, 10.0)
 """Weights of edge points, against 1 of inner points; the second is for gaps that the first does not close. With 30 one
 cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by 100 mm. In one face of a
 mesh of 1 m the gap stays 0.2 mm; the second weight reduces the inner distance from 2.8 to 0.4 mm."""
 
-SMOOTH = (1e-1, 1e-2)
+SMOOTH_WEIGHTS = (1e-1, 1e-2)
 """Weights of second differences of the poles added to a surface of degree `BASE_DEGREE`; they hold poles far from all
 points. With the second, poles beside faces of a torus of 2.5 m were up to 0.35 m off, and OCCT's box with them."""
 
-BASE = 2
+BASE_DEGREE = 2
 """Degree of the surface to which corrections of higher degree are added."""
 
 INWARDS = np.array([0.3, 0.5, 0.7, 0.85, 0.95])
 """Shares of the way from the middle of an outline to it."""
 
-USUAL = tuple((BOUNDARY[0], SMOOTH[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
+USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
 """Weights of edges and of second differences, and degrees, in the order of trials until the gap is narrow enough."""
 
-OTHERS = (
-    *((BOUNDARY[0], SMOOTH[1], degree) for degree in (7, 9, 11, 13, 15)),
-    *((BOUNDARY[1], SMOOTH[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
+FURTHER_TRIALS = (
+    *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
+    *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
 """Further trials until edges can be split."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
 """(t, 2, 2) axes of the tried rectangles around a region."""
 
-SMALLER = 3 / 4
+TURNED_AREA_SHARE = 3 / 4
 """Share of its area below which the rectangle is turned; corners of turned ones leave the box around the region."""
 
-FEWEST, OF_LOOP = 12, 1 / 160
+FEWEST_STEPS, STEP_SHARE = 12, 1 / 160
 """Least steps along an edge, and average step over the outline's length. With 8 steps along an edge of 2.8 m the gap
 seemed to be 0.01 mm, but a surface of degree 5 was 0.12 mm off between two."""
 
-SEEN = 0.35
+LEAST_NORMAL_COSINE = 0.35
 """Least cosine between the mean plane's normal and those of a region."""
 
 
@@ -158,7 +160,7 @@ class TrimmedFace:
     astray : excess over the allowed distance from the mesh; -inf if unlimited.
     """
 
-    loops: list[Loop]
+    loops: list[ChainLoop]
     outer: Floats
     inner: Floats
     axes: tuple[Floats, Floats]
@@ -169,12 +171,12 @@ class TrimmedFace:
 
     def gaps(self, points: Floats) -> Floats:
         """(k, 2) heights of edge points (k, 6) above both surfaces, millimetres."""
-        both = zip((self.outer, self.inner), self.axes, np.split(points, 2, axis=1), strict=True)
-        return np.stack([_heights_over(*each) for each in both], axis=1)
+        skins = zip((self.outer, self.inner), self.axes, np.split(points, 2, axis=1), strict=True)
+        return np.stack([_heights_over(*skin) for skin in skins], axis=1)
 
 
 def trimmed_face(
-    model: NetModel, loops: list[Loop], points: Floats, limits: FaceLimits, part: bool = False
+    model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
     """Fit the faces of a region with inner points (k, 6); raises ExportError if no plane sees it as one outline.
 
@@ -183,31 +185,35 @@ def trimmed_face(
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
-        points = points[surrounded(points, lines)]
+        points = points[inside_outlines(points, lines)]
     allowed = np.concatenate([points, edges])
     mean = middle_normal(allowed)
-    if (_across(allowed) @ mean).min() < SEEN:
+    if (_skin_normals(allowed) @ mean).min() < LEAST_NORMAL_COSINE:
         raise ExportError("a region without four sides bends too much for one surface")
     axes = axes_of(mean)
     area = [signed_area(line[:, :3] @ axes[:2].T) for line in lines]
     order = sorted(range(len(loops)), key=lambda i: -area[i])
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
-    ways = np.concatenate([_ways(model, loop) for loop in loops])
+    ways = np.concatenate([_chords(model, loop) for loop in loops])
     skins = (np.s_[:, :3], np.s_[:, 3:])
     surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in skins]
-    (outer, one, *both), (inner, two, *other) = surfaces
-    gap, off = np.maximum(both, other).tolist()
-    astray = farthest(((outer, one), (inner, two)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh)
-    return TrimmedFace([loops[i] for i in order], outer, inner, (one, two), gap, off, astray=astray)
+    (outer, outer_axes, *outer_distances), (inner, inner_axes, *inner_distances) = surfaces
+    gap, inner_distance = np.maximum(outer_distances, inner_distances).tolist()
+    astray = largest_excess(
+        ((outer, outer_axes), (inner, inner_axes)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh
+    )
+    return TrimmedFace(
+        [loops[i] for i in order], outer, inner, (outer_axes, inner_axes), gap, inner_distance, astray=astray
+    )
 
 
-def surrounded(points: Floats, lines: list[Floats]) -> Bools:
+def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
     """(k,) points (k, 6) inside closed lines (., 6), on the same side of the sheet."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
-    found = enclosed(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
-    return np.asarray(found & (_across(points) @ mean > SEEN))
+    is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
+    return np.asarray(is_inside & (_skin_normals(points) @ mean > LEAST_NORMAL_COSINE))
 
 
 def inside_of(line: Floats) -> Floats:
@@ -216,29 +222,29 @@ def inside_of(line: Floats) -> Floats:
     return np.asarray((middle + INWARDS[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
-def loop_samples(model: NetModel, loop: Loop) -> Floats:
+def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
     """(k, 6) points along a loop, denser at the ends of edges, where a surface strays first."""
     poles = [model.poles(step) for step in loop]
     long = np.array([np.linalg.norm(np.diff(P[:, :3], axis=0), axis=1).sum() for P in poles])
-    steps = np.maximum(FEWEST, np.ceil(long / (OF_LOOP * max(long.sum(), 1e-300)))).astype(int)
-    return np.concatenate([_sampled(n) @ P for n, P in zip(steps.tolist(), poles, strict=True)])
+    steps = np.maximum(FEWEST_STEPS, np.ceil(long / (STEP_SHARE * max(long.sum(), 1e-300)))).astype(int)
+    return np.concatenate([_sample_matrix(n) @ P for n, P in zip(steps.tolist(), poles, strict=True)])
 
 
 @cache
-def _sampled(n: int) -> Floats:
+def _sample_matrix(n: int) -> Floats:
     """(n, 4) Bernstein polynomials at n parameters along an edge."""
     return bernstein((1 - np.cos(np.pi * np.arange(n) / n)) / 2)
 
 
-def _across(points: Floats) -> Floats:
+def _skin_normals(points: Floats) -> Floats:
     """(k, 3) unit vectors from the inner to the outer skin at points (k, 6)."""
-    way = points[:, :3] - points[:, 3:]
-    return np.asarray(way / np.linalg.norm(way, axis=1)[:, None])
+    vectors = points[:, :3] - points[:, 3:]
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
 
 
 def middle_normal(points: Floats) -> Floats:
     """(3,) mean normal of both skins at points (k, 6)."""
-    mean = _across(points).mean(axis=0)
+    mean = _skin_normals(points).mean(axis=0)
     return np.asarray(mean / np.linalg.norm(mean))
 
 
@@ -264,26 +270,27 @@ def _surface(
     poles over a rectangle leave the box, the surface lies over the parallelogram along two chords that leaves it least.
     """
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
-    over = FaceDomain.of(points, edges, axes, np.eye(2))
-    poles, gap, off = _fitted(over, limits)
-    if (out := beyond(poles, limits.box)) > 0:
+    over = FaceDomain.around(points, edges, axes, np.eye(2))
+    poles, gap, inner_distance = _fit_domain(over, limits)
+    if (out := distance_outside(poles, limits.box)) > 0:
         skew = over.least_beyond(ways @ axes[:2].T, limits.box)
-        other = _fitted(FaceDomain.of(points, edges, axes, skew), limits)
-        close = other[1] <= max(gap, limits.gap) and other[2] <= max(off, limits.off)
-        if close and beyond(other[0], limits.box) < out:
-            poles, gap, off = other
-    return poles, axes, gap, off
+        skew_fit = _fit_domain(FaceDomain.around(points, edges, axes, skew), limits)
+        is_close = skew_fit[1] <= max(gap, limits.gap) and skew_fit[2] <= max(inner_distance, limits.off)
+        if is_close and distance_outside(skew_fit[0], limits.box) < out:
+            poles, gap, inner_distance = skew_fit
+    return poles, axes, gap, inner_distance
 
 
-def _fitted(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
+def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return poles of the best surface over a domain, and its distances from edges and inner points."""
-    # Times `limits.off` that poles of degree `BASE` may lie above or below all points. Poles of a higher degree are
+    # Times `limits.off` that poles of degree `BASE_DEGREE` may lie above or below all points. Poles of a higher
+    # degree are
     # nearer: OCCT's box of a dome was 38 mm too high, then 13.
     high = 2.0
-    z, gap, off = _best(over.uv, over.z, over.inside, limits.gap, limits.off)
-    if len(z) == BASE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
-        z = raised(z, BASE + 1)
-    return over.lifted(z), gap, off
+    z, gap, inner_distance = _best(over.uv, over.z, over.inside, limits.gap, limits.off)
+    if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
+        z = raised_poles(z, BASE_DEGREE + 1)
+    return over.poles_at(z), gap, inner_distance
 
 
 def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
@@ -292,7 +299,7 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
     return np.asarray(points @ axes[2] - rows @ (poles @ axes[2]).ravel())
 
 
-def _ways(model: NetModel, loop: Loop) -> Floats:
+def _chords(model: NetModel, loop: ChainLoop) -> Floats:
     return np.stack([P[3] - P[0] for P in map(model.poles, loop)])
 
 
@@ -307,23 +314,31 @@ def misfit(points: Floats, line: Floats, degree: int) -> Floats:
 
 def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
     """Yield the distances (k,) of `misfit` on the outer and then on the inner skin."""
-    points = points[surrounded(points, [line])]
+    points = points[inside_outlines(points, [line])]
     allowed = np.concatenate([points, line])
     mean = middle_normal(allowed)
     axes = axes_of(mean)
-    seen = (_across(allowed) @ mean).min() >= SEEN and signed_area(line[:, :3] @ axes[:2].T) > 0
+    seen = (_skin_normals(allowed) @ mean).min() >= LEAST_NORMAL_COSINE and signed_area(line[:, :3] @ axes[:2].T) > 0
     for s in (0, 3):
-        on = _misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) if seen else np.full(len(line), np.inf)
-        yield on
+        distances = (
+            _misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) if seen else np.full(len(line), np.inf)
+        )
+        yield distances
 
 
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
     axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
-    over = FaceDomain.of(points, line, axes, np.eye(2))
+    over = FaceDomain.around(points, line, axes, np.eye(2))
     uv, z, inside = over.uv, over.z, over.inside
-    A, weight = height_rows(uv, degree), np.repeat([1.0, BOUNDARY[0]], [inside, len(line)])
-    base = _heights(height_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
-    poles = _heights(A, z, weight, SMOOTH[0], raised(base, degree))
+    A, weight = height_rows(uv, degree), np.repeat([1.0, EDGE_WEIGHTS[0]], [inside, len(line)])
+    base = _heights(
+        height_rows(uv, BASE_DEGREE),
+        z,
+        np.ones(len(z)),
+        SMOOTH_WEIGHTS[1],
+        np.zeros((BASE_DEGREE + 1, BASE_DEGREE + 1)),
+    )
+    poles = _heights(A, z, weight, SMOOTH_WEIGHTS[0], raised_poles(base, degree))
     return np.asarray(np.abs(A @ poles.ravel() - z)[inside:])
 
 
@@ -334,32 +349,32 @@ def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
-    best = int(np.argmin(area))
-    return np.concatenate([turned[best], axes[2:]]) if area[best] < SMALLER * area[0] else axes
+    smallest = int(np.argmin(area))
+    return np.concatenate([turned[smallest], axes[2:]]) if area[smallest] < TURNED_AREA_SHARE * area[0] else axes
 
 
-def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tuple[Floats, float, float]:
+def _best(uv: Floats, z: Floats, inside: int, gap_limit: float, inner_limit: float) -> tuple[Floats, float, float]:
     """Return poles of heights z (k,) over a square, the first `inside` of them inner points, and the distances from
     edges and from inner points.
 
     High degrees wave between the points for a tiny gain. If no trial closes the gap as wanted, the result is the one
     with least inner distance among those whose edges can be split, or the one with the least sum.
     """
-    first = height_rows(uv, BASE)
-    base = _heights(first, z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
-    fits, good = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
-    for i, (edge, smooth, degree) in enumerate((*USUAL, *OTHERS)):
-        if good and i >= len(USUAL):
+    base_rows = height_rows(uv, BASE_DEGREE)
+    base = _heights(base_rows, z, np.ones(len(z)), SMOOTH_WEIGHTS[1], np.zeros((BASE_DEGREE + 1, BASE_DEGREE + 1)))
+    fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
+    for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):
+        if splittable and i >= len(USUAL_TRIALS):
             break
-        A = first if degree == BASE else height_rows(uv, degree)
-        poles = _heights(A, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, raised(base, degree))
-        off = np.abs(A @ poles.ravel() - z)
-        fits.append((poles, float(off[inside:].max()), float(off[:inside].max(initial=0.0))))
-        if fits[-1][2] <= near and fits[-1][1] <= SPLIT:
-            good.append(fits[-1])
-            if fits[-1][1] <= wanted:
+        A = base_rows if degree == BASE_DEGREE else height_rows(uv, degree)
+        poles = _heights(A, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, raised_poles(base, degree))
+        residuals = np.abs(A @ poles.ravel() - z)
+        fits.append((poles, float(residuals[inside:].max()), float(residuals[:inside].max(initial=0.0))))
+        if fits[-1][2] <= inner_limit and fits[-1][1] <= SPLIT:
+            splittable.append(fits[-1])
+            if fits[-1][1] <= gap_limit:
                 return fits[-1]
-    return min(good, key=lambda fit: fit[2]) if good else min(fits, key=lambda fit: fit[1] + fit[2])
+    return min(splittable, key=lambda fit: fit[2]) if splittable else min(fits, key=lambda fit: fit[1] + fit[2])
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
@@ -368,5 +383,5 @@ def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) 
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())
-    more = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # twice as fast as numpy's
-    return np.asarray(base + more.reshape(base.shape))
+    correction = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # twice as fast as numpy's
+    return np.asarray(base + correction.reshape(base.shape))

@@ -10,13 +10,13 @@ from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.by_members.fillet_edges import curves_beyond
 from dsfab.export.cad.step.by_members.model import NetModel
-from dsfab.export.cad.step.by_members.patches import FaceLimits, differences, height_rows, places, raised, rows_at
+from dsfab.export.cad.step.by_members.patches import FaceLimits, differences, height_rows, places, raised_poles, rows_at
 from dsfab.export.cad.step.by_members.trimmed import (
     SPLIT,
     TrimmedFace,
     inside_of,
+    inside_outlines,
     loop_samples,
-    surrounded,
     trimmed_face,
 )
 from dsfab.export.splines import bernstein
@@ -40,42 +40,42 @@ def without_strays(
     mesh stay unchanged, because the division judges them.
     """
     rounds = 2  # a face that was corrected in one place may stray in another
-    found, todo, known = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
+    result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
         if not todo:
             break
-        new = _skins_beside(model, [found[i] for i in todo], away, limits.off)
-        more = {i: some for i, some in zip(todo, new, strict=True) if len(some)}
+        skin_points = _skins_beside(model, [result[i] for i in todo], away, limits.off)
+        added = {i: face_points for i, face_points in zip(todo, skin_points, strict=True) if len(face_points)}
         todo = []
-        for i, some in more.items():
-            known[i] = np.concatenate([known[i], some])
+        for i, face_points in added.items():
+            fit_points[i] = np.concatenate([fit_points[i], face_points])
             try:
-                found[i] = trimmed_face(model, found[i].loops, known[i], limits, True)
+                result[i] = trimmed_face(model, result[i].loops, fit_points[i], limits, True)
             except ExportError:  # with the new points the face bends too much
                 continue
             todo.append(i)
-    return found
+    return result
 
 
 def _skins_beside(
-    model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], near: float
+    model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
     """For each face (k, 6) points of the skins beside its samples if one sample is farther off than `tolerance`; else
     none."""
-    at = [_places(model, face) for face in faces]
-    ways = away(np.concatenate(at))
-    found = list[Floats]()
-    for P, way in zip(at, np.split(ways, np.cumsum([len(P) for P in at])[:-1]), strict=True):
-        off = np.linalg.norm(way.reshape(-1, 2, 3), axis=2).max(initial=0.0)
-        found.append(P + way if off > near else np.zeros((0, 6)))
-    return found
+    samples = [_places(model, face) for face in faces]
+    ways = away(np.concatenate(samples))
+    result = list[Floats]()
+    for P, vectors in zip(samples, np.split(ways, np.cumsum([len(P) for P in samples])[:-1]), strict=True):
+        distance = np.linalg.norm(vectors.reshape(-1, 2, 3), axis=2).max(initial=0.0)
+        result.append(P + vectors if distance > tolerance else np.zeros((0, 6)))
+    return result
 
 
 def _places(model: NetModel, face: TrimmedFace) -> Floats:
     """(k, 6) sample points of a face inside its outline."""
     skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles in (face.outer, face.inner)]
     P = np.concatenate(skins, axis=1)
-    return np.asarray(P[surrounded(P, [loop_samples(model, loop) for loop in face.loops])])
+    return np.asarray(P[inside_outlines(P, [loop_samples(model, loop) for loop in face.loops])])
 
 
 SAMPLES = 23
@@ -84,14 +84,14 @@ SAMPLES = 23
 BETWEEN = 8
 """Steps between two of them, where this module measures the gap."""
 
-FAST, SMOOTH, SMALL = 1e4, 1e-2, 1e-4
+PEAK_WEIGHT, SMOOTH_WEIGHT, MOVE_WEIGHT = 1e4, 1e-2, 1e-4
 """Weights of peaks and exact edges, of second differences of the movement of poles, and of that movement, against 1 of
 points along edges."""
 
-SAMPLING_ROUNDS, MORE = 6, 2
+SAMPLING_ROUNDS, MORE_DEGREES = 6, 2
 """Number of rounds of moving peaks, and of degrees that a surface may gain."""
 
-STEP = 1e-3
+SLOPE_STEP = 1e-3
 """Millimetres between two points for the slope of a surface."""
 
 DENSE = np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1)
@@ -100,7 +100,7 @@ DENSE = np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1)
 SLOPE = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12
 """Coefficients of five consecutive gaps for the slope in the middle."""
 
-HOLD = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
+HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
 """Parameters where exact edges are held."""
 
 
@@ -112,34 +112,34 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
     """
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
-    held = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
-    return [_with_peaks(face, model, walls, ends, held) for face in faces]
+    exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
+    return [_with_peaks(face, model, walls, ends, exact_poles) for face in faces]
 
 
 def _with_peaks(
-    face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], held: Mapping[int, Floats]
+    face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
     """Return a face with as many peaks as possible at samples. exact_poles : poles of edges that stay exact."""
     fine = 5e-4  # gap under which all digits of the poles count, because rounding moves its peak
-    mine = sorted({e for loop in face.loops for e, _ in loop})
-    seams = [e for e in mine if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
+    face_edges = sorted({e for loop in face.loops for e, _ in loop})
+    seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
         return face
     dense = np.stack([bernstein(DENSE) @ model.edges[e].poles for e in seams])
-    firm = np.stack([bernstein(HOLD) @ held[e] for e in mine])
+    firm = np.stack([bernstein(HELD_PLACES) @ exact_poles[e] for e in face_edges])
     edges = np.concatenate([loop_samples(model, loop) for loop in face.loops])
     skins = (face.outer, face.axes[0], np.s_[..., :3]), (face.inner, face.axes[1], np.s_[..., 3:])
-    surfaces = [_Surface(poles, axes, dense[s], firm[s], edges[s]) for poles, axes, s in skins]
-    outer, inner = (surface.moved(face.exact) for surface in surfaces)
+    surfaces = [_PeakSurface(poles, axes, dense[s], firm[s], edges[s]) for poles, axes, s in skins]
+    outer, inner = (surface.with_peaks_at_samples(face.exact) for surface in surfaces)
     exact = face.exact or any(x.closest(P) < fine for x, P in zip(surfaces, (outer, inner), strict=True))
     if outer is face.outer and inner is face.inner:
         return replace(face, exact=exact)
-    new = replace(face, outer=outer, inner=inner, exact=exact)
-    return replace(new, gap=float(np.abs(new.gaps(edges)).max()))
+    moved_face = replace(face, outer=outer, inner=inner, exact=exact)
+    return replace(moved_face, gap=float(np.abs(moved_face.gaps(edges)).max()))
 
 
 @dataclass(frozen=True, eq=False)
-class _Surface:
+class _PeakSurface:
     """One surface of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
 
     seams : (e, k, 3) along seams.    held : (h, 6, 3) along edges that may be exact.    edges : (j, 3) along all edges.
@@ -155,51 +155,54 @@ class _Surface:
     around: dict[int, Floats] = field(default_factory=dict)
     """By degree: (j, poles) basis along all edges."""
 
-    def moved(self, exact: bool) -> Floats:
+    def with_peaks_at_samples(self, exact: bool) -> Floats:
         """Return the poles with the fewest peaks off the samples, in the lowest degree. exact : keep exact edges
         exact."""
-        held = 1e-6  # largest gap of an exact edge of a flush face, which stays exact
+        exact_gap = 1e-6  # largest gap of an exact edge of a flush face, which stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
-        best, least = self.poles, int(self._wrong(self._gaps(local)).sum())
-        for degree in range(count - 1, count + MORE):
+        result, least = self.poles, int(self._misplaced(self._gaps(local)).sum())
+        for degree in range(count - 1, count + MORE_DEGREES):
             if not least:
                 break
-            new = np.stack([raised(local[..., i], degree) for i in range(3)], axis=2)
-            for z, wrong in self._rounds(new, held if exact else 0.0):
-                if wrong < least and self._allowed(new, z):
-                    best, least = np.concatenate([new[..., :2], z[..., None]], axis=2) @ self.axes, wrong
-        return best
+            raised_poles_local = np.stack([raised_poles(local[..., i], degree) for i in range(3)], axis=2)
+            for z, wrong in self._rounds(raised_poles_local, exact_gap if exact else 0.0):
+                if wrong < least and self._is_allowed(raised_poles_local, z):
+                    result, least = (
+                        np.concatenate([raised_poles_local[..., :2], z[..., None]], axis=2) @ self.axes,
+                        wrong,
+                    )
+        return result
 
     def closest(self, poles: Floats) -> float:
         return float(np.abs(self._gaps(poles @ self.axes.T)).max(axis=1).min())
 
-    def _rounds(self, local: Floats, near: float) -> list[tuple[Floats, int]]:
+    def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
         """Heights of the poles after each round with the number of misplaced peaks. Edges with gaps below `exact_gap`
         keep them."""
-        degree, z, found = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
-        gaps, cosines = self._across(local)
-        rows, pinned = self._over(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
+        degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
+        gaps, cosines = self._gaps_and_cosines(local)
+        rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
         exact = self._rows(self.held, degree)
-        off = np.abs(self.held @ self.axes[2] - exact @ z)
-        firm = exact[off.max(axis=1) < near].reshape(-1, len(z))
-        around = self._around(degree)
-        calm = np.concatenate([around, SMOOTH * differences(degree + 1), SMALL * np.eye(len(z))])
+        distances = np.abs(self.held @ self.axes[2] - exact @ z)
+        firm = exact[distances.max(axis=1) < exact_gap].reshape(-1, len(z))
+        around = self._edge_rows(degree)
+        calm = np.concatenate([around, SMOOTH_WEIGHT * differences(degree + 1), MOVE_WEIGHT * np.eye(len(z))])
         for _ in range(SAMPLING_ROUNDS):
-            pinned |= {int(e): _peak(gaps[e], e in pinned) for e in np.flatnonzero(self._wrong(gaps))}
+            pinned |= {int(e): _peak(gaps[e], e in pinned) for e in np.flatnonzero(self._misplaced(gaps))}
             pins, right = _pins(rows, gaps, pinned)
-            A = np.concatenate([FAST * pins, FAST * firm, calm])
-            b = np.concatenate([FAST * right, np.zeros(len(firm) + len(calm))])
-            more = lstsq(A, b, check_finite=False)[0]
-            z, gaps = z + more, gaps - rows @ more
-            found.append((z.reshape(degree + 1, -1), int(self._wrong(gaps).sum())))
-            if not found[-1][1]:
+            A = np.concatenate([PEAK_WEIGHT * pins, PEAK_WEIGHT * firm, calm])
+            b = np.concatenate([PEAK_WEIGHT * right, np.zeros(len(firm) + len(calm))])
+            moves = lstsq(A, b, check_finite=False)[0]
+            z, gaps = z + moves, gaps - rows @ moves
+            result.append((z.reshape(degree + 1, -1), int(self._misplaced(gaps).sum())))
+            if not result[-1][1]:
                 break
-        return found
+        return result
 
-    def _allowed(self, local: Floats, z: Floats) -> bool:
+    def _is_allowed(self, local: Floats, z: Floats) -> bool:
         degree, inside = len(local) - 1, inside_of(self.edges)
-        at = self._around(degree)
-        before, after = (np.abs(self.edges @ self.axes[2] - at @ x.ravel()).max() for x in (local[..., 2], z))
+        edge_rows = self._edge_rows(degree)
+        before, after = (np.abs(self.edges @ self.axes[2] - edge_rows @ x.ravel()).max() for x in (local[..., 2], z))
         moved = height_rows(places(self.poles, self.axes, inside), degree) @ (z - local[..., 2]).ravel()
         return bool(after <= max(SPLIT, before) and np.abs(moved).max() <= SPLIT)
 
@@ -208,62 +211,62 @@ class _Surface:
         rows = height_rows(places(self.poles, self.axes, points.reshape(-1, 3)), degree)
         return rows.reshape(*points.shape[:2], rows.shape[1])
 
-    def _around(self, degree: int) -> Floats:
+    def _edge_rows(self, degree: int) -> Floats:
         if degree not in self.around:
             self.around[degree] = height_rows(places(self.poles, self.axes, self.edges), degree)
         return self.around[degree]
 
-    def _over(self, degree: int) -> Floats:
+    def _seam_rows(self, degree: int) -> Floats:
         if degree not in self.over:
-            ways = np.array([np.zeros(3), STEP * self.axes[0], STEP * self.axes[1]])
+            ways = np.array([np.zeros(3), SLOPE_STEP * self.axes[0], SLOPE_STEP * self.axes[1]])
             points = self.seams + ways[:, None, None]
             self.over[degree] = self._rows(points.reshape(-1, *points.shape[2:]), degree).reshape(*points.shape[:3], -1)
         return self.over[degree]
 
     def _gaps(self, local: Floats) -> Floats:
         """(e, k) gaps of seams above the surface, normal to it."""
-        return self._across(local)[0]
+        return self._gaps_and_cosines(local)[0]
 
-    def _across(self, local: Floats) -> tuple[Floats, Floats]:
+    def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
         """(e, k) gaps, and cosines between the direction of heights and the surface's normals."""
-        here, right, left = self._over(len(local) - 1) @ local[..., 2].ravel()
-        cosines = 1 / np.sqrt(1 + ((right - here) / STEP) ** 2 + ((left - here) / STEP) ** 2)
-        return (self.seams @ self.axes[2] - here) * cosines, cosines
+        heights, heights_u, heights_v = self._seam_rows(len(local) - 1) @ local[..., 2].ravel()
+        cosines = 1 / np.sqrt(1 + ((heights_u - heights) / SLOPE_STEP) ** 2 + ((heights_v - heights) / SLOPE_STEP) ** 2)
+        return (self.seams @ self.axes[2] - heights) * cosines, cosines
 
-    def _wrong(self, gaps: Floats) -> Bools:
+    def _misplaced(self, gaps: Floats) -> Bools:
         """(e,) whether the widest gap lies between two of OCCT's samples."""
         exact = 1e-7  # millimetres of a gap that OCCT ignores
         short = 3e-6  # share by which the widest sampled gap may be less than the widest gap; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
-        found = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
-        wrong = (found < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT)
+        sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
+        wrong = (sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT)
         return np.asarray(wrong)
 
 
 def _summits(gaps: Floats) -> Floats:
     """(e,) largest of gaps (e, k), refined by a parabola through it and its neighbours."""
-    at = gaps.argmax(axis=1)
-    before, here, after = (gaps[np.arange(len(gaps)), np.clip(at + i, 0, gaps.shape[1] - 1)] for i in (-1, 0, 1))
-    bend = 2 * here - before - after
-    inside = (at > 0) & (at < gaps.shape[1] - 1) & (bend > 0)
-    return np.asarray(here + np.where(inside, (after - before) ** 2 / np.where(inside, 8 * bend, 1), 0))
+    peak = gaps.argmax(axis=1)
+    before, value, after = (gaps[np.arange(len(gaps)), np.clip(peak + i, 0, gaps.shape[1] - 1)] for i in (-1, 0, 1))
+    bend = 2 * value - before - after
+    inside = (peak > 0) & (peak < gaps.shape[1] - 1) & (bend > 0)
+    return np.asarray(value + np.where(inside, (after - before) ** 2 / np.where(inside, 8 * bend, 1), 0))
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
     """Sample nearest to the peak of gaps (k,), and the gap wanted there; 0 (any) in the first round."""
     higher = 1.003  # the moved peak exceeds the old one, because another peak may be as high
-    at = int(np.abs(gaps).argmax())
-    return BETWEEN * round(at / BETWEEN), higher * float(gaps[at]) if again else 0.0
+    peak = int(np.abs(gaps).argmax())
+    return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
     """Rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make them flat there."""
-    left, right = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
+    pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():
         if 0 < k < gaps.shape[1] - 1:
-            left.append(SLOPE @ rows[e, k - 2 : k + 3])
-            right.append(SLOPE @ gaps[e, k - 2 : k + 3])
+            pin_rows.append(SLOPE @ rows[e, k - 2 : k + 3])
+            pin_values.append(SLOPE @ gaps[e, k - 2 : k + 3])
         if value:
-            left.append(rows[e, k : k + 1])
-            right.append(gaps[e, k : k + 1] - value)
-    return np.concatenate(left), np.concatenate(right)
+            pin_rows.append(rows[e, k : k + 1])
+            pin_values.append(gaps[e, k : k + 1] - value)
+    return np.concatenate(pin_rows), np.concatenate(pin_values)

@@ -11,14 +11,14 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION
 from dsfab.export.cad.step.by_members.curves import ChainCurve, on_skins, parts_of
-from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, turned
+from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, backwards
 from dsfab.export.cad.step.by_members.patches import FaceLimits
-from dsfab.export.cad.step.by_members.regions import Loop
+from dsfab.export.cad.step.by_members.regions import ChainLoop
 from dsfab.export.cad.step.by_members.trimmed import (
     SPLIT,
     TrimmedFace,
     axes_of,
-    beyond,
+    distance_outside,
     middle_normal,
     misfit,
     misfits,
@@ -27,11 +27,11 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-WIDE = 1 / 20
+LEAST_WIDTH_SHARE = 1 / 20
 """Least mean width of the part that a chord cuts off over the thickness. OCCT draws no triangles of a lens of 1.6 x 0.2
 mm."""
 
-BESIDE = np.linspace(0, 1, 17)[1:-1]
+CHORD_SHARES = np.linspace(0, 1, 17)[1:-1]
 """Shares of a chord where its distance from the outline is measured."""
 
 TRIED = 24
@@ -51,12 +51,12 @@ class HalvedOutline:
     poles: Floats
 
     @classmethod
-    def of(cls, model: NetModel, loop: Loop) -> "HalvedOutline":
+    def from_loop(cls, model: NetModel, loop: ChainLoop) -> "HalvedOutline":
         """Halve the e steps of a loop."""
-        whole = np.stack([model.poles(step) for step in loop])
+        step_poles = np.stack([model.poles(step) for step in loop])
         start, end = np.tile([0.0, 0.5], len(loop)), np.tile([0.5, 1.0], len(loop))
-        poles = parts_of(np.repeat(whole, 2, axis=0), start, end)
-        poles[::2, 0], poles[1::2, 3] = whole[:, 0], whole[:, 3]
+        poles = parts_of(np.repeat(step_poles, 2, axis=0), start, end)
+        poles[::2, 0], poles[1::2, 3] = step_poles[:, 0], step_poles[:, 3]
         return cls(poles)
 
     @cached_property
@@ -77,18 +77,18 @@ class HalvedOutline:
         off. Each group has `times * TRIED / 2` pairs at most.
         """
         axes = axes_of(middle_normal(self.line))
-        line, at = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
-        i, j = np.triu_indices(len(at), 1)
+        line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
+        i, j = np.triu_indices(len(place_points), 1)
         area = np.append(0.0, np.cumsum(_cross(line, np.roll(line, -1, axis=0)))) / 2
-        one = area[POINTS * j] - area[POINTS * i] + _cross(at[j], at[i]) / 2
-        least = np.minimum(one, area[-1] - one)
-        long = np.linalg.norm(at[j] - at[i], axis=1)
+        cut_area = area[POINTS * j] - area[POINTS * i] + _cross(place_points[j], place_points[i]) / 2
+        least = np.minimum(cut_area, area[-1] - cut_area)
+        long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
-        narrow = WIDE * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
+        narrow = LEAST_WIDTH_SHARE * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
         order = order[least[order] > narrow * long[order]]  # a chord outside has a negative area
-        near = np.isin(i[order], worst) | np.isin(j[order], worst)
-        for some in (order[near], order[~near]):
-            clear = (k for k in some.tolist() if _is_clear(at[i[k]], at[j[k]], line))
+        is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
+        for group in (order[is_near], order[~is_near]):
+            clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
             yield from ((int(i[k]), int(j[k])) for k in islice(clear, times * TRIED // 2))
 
 
@@ -99,14 +99,14 @@ def _cross(a: Floats, b: Floats) -> Floats:
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return whether the chord between points a and b (2,) of a closed line (k, 2) keeps its distance from the line."""
     clear = 0.3  # least distance from the outline over the distance from the nearer end: the sine of the angle there
-    P, way = a + BESIDE[:, None] * (b - a), np.roll(line, -1, axis=0) - line
+    P, directions = a + CHORD_SHARES[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
-    x = np.clip((from_start * way).sum(axis=2) / np.maximum((way**2).sum(axis=1), 1e-300), 0, 1)
-    apart = np.linalg.norm(from_start - x[..., None] * way, axis=2).min(axis=1)
-    return bool((apart >= clear * np.minimum(BESIDE, 1 - BESIDE) * np.linalg.norm(b - a)).all())
+    x = np.clip((from_start * directions).sum(axis=2) / np.maximum((directions**2).sum(axis=1), 1e-300), 0, 1)
+    apart = np.linalg.norm(from_start - x[..., None] * directions, axis=2).min(axis=1)
+    return bool((apart >= clear * np.minimum(CHORD_SHARES, 1 - CHORD_SHARES) * np.linalg.norm(b - a)).all())
 
 
-DEGREE = 6
+TRIAL_DEGREE = 6
 """Degree of the surfaces on trial."""
 
 TIMES = 3
@@ -118,16 +118,16 @@ OUT, OFF = 1 / 150, 2.0
 """Largest distance of poles outside the box over its diagonal, and of inner points over `limits.off`. Poles of one face
 were 320 mm outside of a mesh of 2.3 m, with OCCT's box; another was 3.7 mm off inside for 0.8 allowed."""
 
-CUBICS, STRAYS = (1, 2, 4), 1 / 2
+CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
 """Numbers of cubics of a seam, tried in order until it is off the skins by at most this share of `limits.off`. One
 cubic of 1.2 m on a waving sheet was 6.7 mm off, and so were the faces. With a limit from the mesh only one cubic is
 tried, because OCCT drew no triangles of a face beside a longer seam."""
 
-ALONG = np.linspace(0, 1, 17)
+SEAM_SHARES = np.linspace(0, 1, 17)
 """Shares of a seam where its distance from the mesh is measured."""
 
 
-def parted(
+def divided_faces(
     model: NetModel,
     faces: Mapping[int, TrimmedFace],
     inside: Callable[[Sequence[int]], dict[int, Floats]],
@@ -141,22 +141,22 @@ def parted(
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
-    work, points = _Parting(model, away, limits), inside(bad)
+    work, points = _FaceDivision(model, away, limits), inside(bad)
     parts = {region: work.parts(faces[region], points[region]) for region in bad}
-    found = [part for region, face in faces.items() for part in parts.get(region, [face])]
-    return work.settled(found)
+    all_faces = [part for region, face in faces.items() for part in parts.get(region, [face])]
+    return work.finish(all_faces)
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
     """Largest ratio of gap, inner distance, pole distance from the box and distance from the mesh to its limit; > 1 is
     too much."""
-    out = max(beyond(poles, limits.box) for poles in (face.outer, face.inner))
+    out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles are farther off by the deflection
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
-class _Parting:
+class _FaceDivision:
     """Division of regions, one after another.
 
     halves : new edges of each halved edge.    times : factor of the number of tried seams.
@@ -174,36 +174,36 @@ class _Parting:
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
             self.halves, self.times = dict(halves), times
-            found = self._parts(face, points)
-            if all(allowance_used(part, self.limits) <= 1 for part in found):
+            pieces = self._parts(face, points)
+            if all(allowance_used(part, self.limits) <= 1 for part in pieces):
                 break
-        return found
+        return pieces
 
     def _parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        most = 12  # parts of one region
-        todo, done = [replace(face, loops=[self.along(loop) for loop in face.loops])], list[TrimmedFace]()
+        largest_count = 12  # parts of one region
+        todo, finished = [replace(face, loops=[self.over_halves(loop) for loop in face.loops])], list[TrimmedFace]()
         while todo:
             todo.sort(key=lambda face: allowance_used(face, self.limits))
-            whole = todo.pop()
-            two = self._two(whole, points) if len(todo) + len(done) + 1 < most else []
-            for part in two or [whole]:
-                (todo if two and allowance_used(part, self.limits) > 1 else done).append(part)
-        return done
+            worst_face = todo.pop()
+            two = self._divide_in_two(worst_face, points) if len(todo) + len(finished) + 1 < largest_count else []
+            for part in two or [worst_face]:
+                (todo if two and allowance_used(part, self.limits) > 1 else finished).append(part)
+        return finished
 
-    def along(self, loop: Loop) -> Loop:
-        found: Loop = []
+    def over_halves(self, loop: ChainLoop) -> ChainLoop:
+        steps: ChainLoop = []
         for e, ahead in loop:
             two = self.halves.get(e, ())[:: 1 if ahead else -1]
-            found += self.along([(half, ahead) for half in two]) if two else [(e, ahead)]
-        return found
+            steps += self.over_halves([(half, ahead) for half in two]) if two else [(e, ahead)]
+        return steps
 
-    def _two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
+    def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """Return two faces instead of one, if both are better: by the first such seam, or by the best of many."""
         less = 0.9  # largest share of the region's `allowance_used` for the worse part
-        loop, model = self.along(face.loops[0]), self.model  # an earlier seam may have been halved since
-        best: tuple[int, int, Floats] | None = None
+        loop, model = self.over_halves(face.loops[0]), self.model  # an earlier seam may have been halved since
+        best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
-        for ends, cubics in self._seams(HalvedOutline.of(model, loop), points):
+        for ends, cubics in self._seams(HalvedOutline.from_loop(model, loop), points):
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
@@ -211,12 +211,12 @@ class _Parting:
             if worse < least and not wide:
                 if self.times == 1:
                     return two
-                best, least = (*ends, cubics), worse
+                best_seam, least = (*ends, cubics), worse
             del model.edges[edges:], model.vertices[vertices:]
             self.halves = halves
-        return self._faces(self._with_seam(loop, *best), points) if best else []
+        return self._faces(self._with_seam(loop, *best_seam), points) if best_seam else []
 
-    def _faces(self, loops: Iterable[Loop], points: Floats) -> list[TrimmedFace]:
+    def _faces(self, loops: Iterable[ChainLoop], points: Floats) -> list[TrimmedFace]:
         """Return faces of parts with one loop each, or [] if one fails."""
         try:
             two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
@@ -229,87 +229,89 @@ class _Parting:
         many = 2000  # approximate number of points for trials; regions over a foot have ten thousand
         at_gap = 4  # places nearest to the widest gap, where half of the tried seams begin
         points = points[:: 1 + len(points) // many]
-        off = misfit(points, outline.line, DEGREE).reshape(-1, POINTS).max(axis=1)
-        worst = np.argsort(-np.maximum(off, np.roll(off, 1)), kind="stable")[:at_gap]
+        distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)
+        worst = np.argsort(-np.maximum(distances, np.roll(distances, 1)), kind="stable")[:at_gap]
         pairs = list(outline.chords(worst, self.times))
         seams = self._on_skins([(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs])
-        near = [i for i, cubics in enumerate(seams) if self._is_near(cubics)]
-        pairs, seams = [pairs[i] for i in near], [seams[i] for i in near]
-        left, most = list[float](), self.times * full
+        near_numbers = [i for i, cubics in enumerate(seams) if self._is_near(cubics)]
+        pairs, seams = [pairs[i] for i in near_numbers], [seams[i] for i in near_numbers]
+        misfits_left, limit = list[float](), self.times * full
         for (a, b), P in zip(pairs, seams, strict=True):
             two = outline.part(a, b, P), outline.part(b, a, P[::-1, ::-1])
-            left.append(_worst_misfit(points, two, sorted(left)[most - 1] if len(left) >= most else np.inf))
-        return [(pairs[i], seams[i]) for i in np.argsort(left, kind="stable").tolist()[:most]]
+            misfits_left.append(
+                _worst_misfit(points, two, sorted(misfits_left)[limit - 1] if len(misfits_left) >= limit else np.inf)
+            )
+        return [(pairs[i], seams[i]) for i in np.argsort(misfits_left, kind="stable").tolist()[:limit]]
 
     def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
         """(k, 4, 6) cubics on the skins between both points (6,) of each chord, with as many cubics as needed or
         allowed."""
         checks = 8  # places along each cubic where its distance from the skins is measured
-        found, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
-        for count in CUBICS[:1] if self.limits.beyond_mesh else CUBICS:
+        result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
+        for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:
             if not todo:
                 break
             breaks, places = (np.linspace(0, 1, k * count + 1) for k in (1, checks))
-            at = (breaks[:-1, None] + share / count)[..., None]
-            straight = [ChainCurve(breaks, a + at * (b - a)) for a, b in (chords[i] for i in todo)]
+            pole_shares = (breaks[:-1, None] + share / count)[..., None]
+            straight = [ChainCurve(breaks, a + pole_shares * (b - a)) for a, b in (chords[i] for i in todo)]
             curves = on_skins(straight, self.away)
             ways = self.away(np.concatenate([curve(places) for curve in curves])).reshape(len(curves), -1, 3)
             for i, curve in zip(todo, curves, strict=True):
-                found[i] = curve.spans
-            strays = np.linalg.norm(ways, axis=2).max(axis=1) > STRAYS * self.limits.off
+                result[i] = curve.spans
+            strays = np.linalg.norm(ways, axis=2).max(axis=1) > STRAY_SHARE * self.limits.off
             todo = [i for i, stray in zip(todo, strays, strict=True) if stray]
-        return found
+        return result
 
     def _is_near(self, cubics: Floats) -> bool:
         """Return whether a seam (k, 4, 6) is near enough to the mesh, if that is limited; some pass beside a crease."""
         beyond = self.limits.beyond_mesh
-        return beyond is None or float(beyond((bernstein(ALONG) @ cubics).reshape(-1, 3)).max()) <= 0
+        return beyond is None or float(beyond((bernstein(SEAM_SHARES) @ cubics).reshape(-1, 3)).max()) <= 0
 
-    def _with_seam(self, loop: Loop, a: int, b: int, cubics: Floats) -> tuple[Loop, Loop]:
+    def _with_seam(self, loop: ChainLoop, a: int, b: int, cubics: Floats) -> tuple[ChainLoop, ChainLoop]:
         """Return both parts of a loop, with new edges (k, 4, 6) between place a and the later place b."""
-        steps, at, model = list[tuple[int, bool]](), list[int](), self.model
+        steps, place_steps, model = list[tuple[int, bool]](), list[int](), self.model
         for i, step in enumerate(loop):
-            at.append(len(steps))
+            place_steps.append(len(steps))
             if 2 * i + 1 in (a, b):
                 self._halve(step[0])
-            steps += self.along([step])
-            at.append(len(steps) - 1)
-        start, end = (model.vertex(steps[at[place]], True) for place in (a, b))
-        first, inner = len(model.edges), range(len(model.vertices), len(model.vertices) + len(cubics) - 1)
+            steps += self.over_halves([step])
+            place_steps.append(len(steps) - 1)
+        start, end = (model.vertex(steps[place_steps[place]], True) for place in (a, b))
+        first_edge, inner = len(model.edges), range(len(model.vertices), len(model.vertices) + len(cubics) - 1)
         model.vertices += [poles[3] for poles in cubics[:-1]]
         nodes = [start, *inner, end]
         model.edges += [NetEdge(*two, poles) for two, poles in zip(pairwise(nodes), cubics, strict=True)]
-        onwards, count = [*steps[at[a] :], *steps[: at[a]]], at[b] - at[a]
-        seam = [(first + i, True) for i in range(len(cubics))]
-        return [*onwards[:count], *turned(seam)], [*onwards[count:], *seam]
+        onwards, count = [*steps[place_steps[a] :], *steps[: place_steps[a]]], place_steps[b] - place_steps[a]
+        seam = [(first_edge + i, True) for i in range(len(cubics))]
+        return [*onwards[:count], *backwards(seam)], [*onwards[count:], *seam]
 
     def _halve(self, e: int) -> None:
         edge, edges, middle = self.model.edges[e], self.model.edges, len(self.model.vertices)
-        one, two = parts_of(np.stack([edge.poles] * 2), np.array([0.0, 0.5]), np.array([0.5, 1.0]))
-        one[0], two[3], two[0] = edge.poles[0], edge.poles[3], one[3]
-        self.model.vertices.append(one[3])
+        first_poles, second_poles = parts_of(np.stack([edge.poles] * 2), np.array([0.0, 0.5]), np.array([0.5, 1.0]))
+        first_poles[0], second_poles[3], second_poles[0] = edge.poles[0], edge.poles[3], first_poles[3]
+        self.model.vertices.append(first_poles[3])
         self.halves[e] = len(edges), len(edges) + 1
-        edges += [NetEdge(edge.start, middle, one), NetEdge(middle, edge.end, two)]
+        edges += [NetEdge(edge.start, middle, first_poles), NetEdge(middle, edge.end, second_poles)]
 
-    def settled(self, faces: list[TrimmedFace]) -> list[TrimmedFace]:
+    def finish(self, faces: list[TrimmedFace]) -> list[TrimmedFace]:
         model = self.model
-        left = [e for e in range(len(model.edges)) if e not in self.halves]
-        number = {e: i for i, e in enumerate(left)}
+        remaining = [e for e in range(len(model.edges)) if e not in self.halves]
+        number = {e: i for i, e in enumerate(remaining)}
 
-        def over(loop: Loop) -> Loop:
-            return [(number[e], ahead) for e, ahead in self.along(loop)]
+        def renumber(loop: ChainLoop) -> ChainLoop:
+            return [(number[e], ahead) for e, ahead in self.over_halves(loop)]
 
-        new = model.over(over)
-        model.edges = [model.edges[e] for e in left]
-        model.walls, model.patches, model.trimmed = new.walls, new.patches, new.trimmed
-        return [replace(face, loops=[over(loop) for loop in face.loops]) for face in faces]
+        new_model = model.with_loops(renumber)
+        model.edges = [model.edges[e] for e in remaining]
+        model.walls, model.patches, model.trimmed = new_model.walls, new_model.patches, new_model.trimmed
+        return [replace(face, loops=[renumber(loop) for loop in face.loops]) for face in faces]
 
 
 def _worst_misfit(points: Floats, lines: Iterable[Floats], least: float) -> float:
     worst = 0.0
     for line in lines:
-        for off in misfits(points, line, DEGREE):
-            worst = max(worst, float(off.max()))
+        for distances in misfits(points, line, TRIAL_DEGREE):
+            worst = max(worst, float(distances.max()))
             if worst >= least:
                 return np.inf
     return worst

@@ -9,21 +9,21 @@ from scipy.sparse import csr_array, vstack
 
 from dsfab.core.arrays import Bools, Floats, Ints, face_angles
 from dsfab.core.units import MM_PER_M
-from dsfab.export.cad.step.shared.skins import Dense, dense
+from dsfab.export.cad.step.shared.skins import DenseSurface, dense_surface
 from dsfab.export.part import Curved
-from dsfab.surface import CREASE, Surface, connected, corner_fans
+from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
-WEAK = 8.0
+LEAST_BEND = 8.0
 """Degrees between two faces from which their edge may be part of a crease, if an edge of the crease bends by
 `CREASE`."""
 
-RATIO = 4.0
+BEND_RATIO = 4.0
 """Least bend of a crease over the bend of the edges beside it."""
 
 STRAIGHT = np.cos(np.radians(30.0))
 """Cosine of the largest turn between the end of a crease and an edge that continues it."""
 
-OTHERS = [[1, 2], [2, 0], [0, 1]]
+OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]
 """The two other edges of a face, for each edge."""
 
 
@@ -33,53 +33,53 @@ def crease_edges(surface: Surface) -> Bools:
     edges = surface.edges
     inner = edges.count == 2
     bend = np.zeros(len(edges.ends))
-    one, two = surface.normals[edges.pairs // 3].transpose(1, 0, 2)
-    bend[inner] = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", one, two), -1, 1)))
+    normals_left, normals_right = surface.normals[edges.pairs // 3].transpose(1, 0, 2)
+    bend[inner] = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", normals_left, normals_right), -1, 1)))
     crease = np.zeros(len(bend), dtype=bool)
     for _ in range(2):  # the second round finds faces of two creases
         rest = np.where(crease | ~inner, 0.0, bend)
-        beside = rest[edges.of[:, OTHERS]].max(axis=2)  # (m, 3) the sharper of a face's other edges
+        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) the sharper of a face's other edges
         around = np.zeros(len(bend))
-        np.maximum.at(around, edges.of, beside)
-        crease |= inner & (bend >= np.maximum(WEAK, RATIO * around))
-    crease = _gone_on(surface, bend, inner, crease)
-    at = np.flatnonzero(crease)
-    _, part = connected(surface.n, *edges.ends[at].T)
-    run = part[edges.ends[at, 0]]
+        np.maximum.at(around, edges.of, sharper_other)
+        crease |= inner & (bend >= np.maximum(LEAST_BEND, BEND_RATIO * around))
+    crease = _extended_creases(surface, bend, inner, crease)
+    crease_numbers = np.flatnonzero(crease)
+    _, part = link_components(surface.n, *edges.ends[crease_numbers].T)
+    run = part[edges.ends[crease_numbers, 0]]
     long = np.bincount(run, minlength=surface.n) >= shortest
     sharpest = np.zeros(surface.n)
-    np.maximum.at(sharpest, run, bend[at])
-    crease[at] = (long & (sharpest >= CREASE))[run]
+    np.maximum.at(sharpest, run, bend[crease_numbers])
+    crease[crease_numbers] = (long & (sharpest >= CREASE))[run]
     return crease
 
 
-def _gone_on(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
+def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
     """(e,) creases extended straight from their ends.
 
     A face where several creases meet has another sharp edge, so the flatter one is the reference here.
     """
     edges = surface.edges
     around = np.zeros(len(bend))
-    np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHERS]].min(axis=2))
-    maybe = inner & ~crease & (bend >= np.maximum(WEAK, RATIO * around))
-    way = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    new = crease
-    while new.any():
+    np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
+    maybe = inner & ~crease & (bend >= np.maximum(LEAST_BEND, BEND_RATIO * around))
+    direction = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    added = crease
+    while added.any():
         ends, tip = edges.ends[crease], np.zeros((surface.n, 3))
-        np.add.at(tip, ends, way[crease][:, None])
+        np.add.at(tip, ends, direction[crease][:, None])
         tip[np.bincount(ends.ravel(), minlength=surface.n) != 1] = 0
-        new = maybe & (np.abs(np.einsum("eci,ei->ec", tip[edges.ends], way)) >= STRAIGHT).any(axis=1)
-        crease, maybe = crease | new, maybe & ~new
+        added = maybe & (np.abs(np.einsum("eci,ei->ec", tip[edges.ends], direction)) >= STRAIGHT).any(axis=1)
+        crease, maybe = crease | added, maybe & ~added
     return crease
 
 
-NOTHING = 1e-9
+ZERO_WEIGHT = 1e-9
 """Barycentric weight that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sides:
+class CreaseSides:
     """Vertices of a surface as (s,) columns: the n vertices, then one column for each side of a vertex on a crease.
 
     creases : (k, 2) edges, the smaller vertex first, in order.    vertex : (s,) of each column.
@@ -97,16 +97,16 @@ class Sides:
     mitre: Floats
 
     @classmethod
-    def of(cls, skins: Dense) -> "Sides":
+    def from_skins(cls, skins: DenseSurface) -> "CreaseSides":
         """Return the sides of a surface with skins."""
         surface, crease = skins.surface, crease_edges(skins.surface)
         vertex, creases = np.arange(surface.n), surface.edges.ends[crease]
         if not len(creases):
             return cls(surface, creases, vertex, surface.F, skins.normals, skins.half, np.zeros((surface.n, 3)))
         corner = _corner_sides(surface, crease)
-        more = corner >= surface.n
+        on_side = corner >= surface.n
         sides = np.zeros(int(corner.max()) + 1 - surface.n, dtype=np.int64)
-        sides[corner[more] - surface.n] = surface.F[more]
+        sides[corner[on_side] - surface.n] = surface.F[on_side]
         vertex = np.concatenate([vertex, sides])
         N = np.zeros((len(vertex), 3))
         np.add.at(N, corner, face_angles(surface.V, surface.F)[..., None] * surface.normals[:, None])
@@ -120,26 +120,26 @@ class Sides:
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
         """Convert barycentric weights (k, n) to columns (k, s), twice: seen from both sides of a crease."""
         weights = csr_array(weights)
-        row, mine = self._beside_creases(weights)
+        row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
-        faces = self._faces(weights.indices[mine].astype(np.int64), row[mine], len(weights.indptr) - 1)
+        faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], len(weights.indptr) - 1)
         for i in range(2):
             face = faces[row, i]
-            known = face >= 0
+            has_face = face >= 0
             for c in range(3):
-                same = known & (self.surface.F[face, c] == weights.indices)
-                columns[i, same] = self.corner[face[same], c]
+                matches = has_face & (self.surface.F[face, c] == weights.indices)
+                columns[i, matches] = self.corner[face[matches], c]
         shape = (weights.shape[0], len(self.vertex))
-        one, two = (csr_array((weights.data, c, weights.indptr), shape=shape) for c in columns)
-        return one, two
+        first_rows, second_rows = (csr_array((weights.data, c, weights.indptr), shape=shape) for c in columns)
+        return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
         """(j,) indices of points beside creases, with weights (k, n), that lie in no face but half way between points
         of two."""
         weights = csr_array(weights)
-        row, mine = self._beside_creases(weights)
-        faces = self._faces(weights.indices[mine].astype(np.int64), row[mine], weights.shape[0])
-        special = np.unique(row[mine])
+        row, is_beside = self._beside_creases(weights)
+        faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
+        special = np.unique(row[is_beside])
         return np.asarray(special[faces[special, 0] < 0])
 
     def _beside_creases(self, weights: csr_array) -> tuple[Ints, Bools]:
@@ -147,53 +147,53 @@ class Sides:
         split = np.zeros(self.surface.n, dtype=bool)
         split[self.vertex[self.surface.n :]] = True
         row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
-        real = np.abs(weights.data) > NOTHING
+        real = np.abs(weights.data) > ZERO_WEIGHT
         special = np.unique(row[split[weights.indices] & real])
         return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
         """(count, 2) faces with the vertices of each row, the same twice except on edges; -1 if there is none."""
-        found = np.full((count, 2), -1)
+        row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
-        rows, first, many = np.unique(row, return_index=True, return_counts=True)
+        rows, row_start, many = np.unique(row, return_index=True, return_counts=True)
         F, edges, n = np.sort(self.surface.F, axis=1), self.surface.edges, self.surface.n
         for size in (1, 2, 3):
-            r, at = rows[many == size], first[many == size]
-            key = _keys(np.stack([vertices[at + i] for i in range(size)], axis=1), n)
+            r, begin = rows[many == size], row_start[many == size]
+            key = _keys(np.stack([vertices[begin + i] for i in range(size)], axis=1), n)
             if size == 1:
                 face = np.zeros(n, dtype=np.int64)
                 face[self.surface.F] = np.arange(self.surface.m)[:, None]
-                found[r] = face[key][:, None]
+                row_faces[r] = face[key][:, None]
             elif size == 2:
-                e = _looked_up(_keys(edges.ends, n), key)
-                there = e >= 0
-                found[r[there], 0] = edges.order[edges.start[e[there]]] // 3
-                found[r[there], 1] = edges.order[edges.start[e[there] + 1] - 1] // 3
+                e = _positions_of(_keys(edges.ends, n), key)
+                exists = e >= 0
+                row_faces[r[exists], 0] = edges.order[edges.start[e[exists]]] // 3
+                row_faces[r[exists], 1] = edges.order[edges.start[e[exists] + 1] - 1] // 3
             else:
-                found[r] = _looked_up(_keys(F, n), key)[:, None]
-        return found
+                row_faces[r] = _positions_of(_keys(F, n), key)[:, None]
+        return row_faces
 
     def on_creases(self, weights: csr_array) -> Bools:
         """(k,) whether points with barycentric weights (k, n) lie on a crease."""
         low, high = ends_of_rows(weights)
         n, split = self.surface.n, self.vertex[self.surface.n :]
-        on = _looked_up(_keys(self.creases, n), low * n + high) >= 0
-        return np.asarray((low >= 0) & (on | ((low == high) & np.isin(low, split))))
+        on_edge = _positions_of(_keys(self.creases, n), low * n + high) >= 0
+        return np.asarray((low >= 0) & (on_edge | ((low == high) & np.isin(low, split))))
 
-    def along(self, weights: csr_array, one: Ints, two: Ints) -> Bools:
+    def lines_on_creases(self, weights: csr_array, start: Ints, end: Ints) -> Bools:
         """(e,) whether the lines between rows `start` and `end` (e,) of weights lie on a crease."""
         low, high = ends_of_rows(weights)
-        n, known = self.surface.n, (low[one] >= 0) & (low[two] >= 0)
-        a, b = np.minimum(low[one], low[two]), np.maximum(high[one], high[two])
-        among = [(x[y] == a) | (x[y] == b) for x in (low, high) for y in (one, two)]
-        return np.asarray(known & np.all(among, axis=0) & (_looked_up(_keys(self.creases, n), a * n + b) >= 0))
+        n, is_on_edge = self.surface.n, (low[start] >= 0) & (low[end] >= 0)
+        a, b = np.minimum(low[start], low[end]), np.maximum(high[start], high[end])
+        among = [(x[y] == a) | (x[y] == b) for x in (low, high) for y in (start, end)]
+        return np.asarray(is_on_edge & np.all(among, axis=0) & (_positions_of(_keys(self.creases, n), a * n + b) >= 0))
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
     """(k,) smallest and largest vertex of each row of weights; -1 for a row with more than two."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
-    real = np.abs(weights.data) > NOTHING
+    real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
     low = np.full(weights.shape[0], np.iinfo(np.int64).max)
     high = np.full(weights.shape[0], -1)
@@ -209,26 +209,26 @@ def _corner_sides(surface: Surface, crease: Bools) -> Ints:
     fan = corner_fans(F, edges, apart=crease).ravel()
     pair = np.unique(np.stack([F.ravel(), fan], axis=1), axis=0)
     fans = np.bincount(pair[:, 0], minlength=surface.n)
-    on = np.zeros(surface.n, dtype=bool)
-    on[edges.ends[crease]] = True
-    several = (fans > 1) & on
+    on_crease = np.zeros(surface.n, dtype=bool)
+    on_crease[edges.ends[crease]] = True
+    several = (fans > 1) & on_crease
     corner = F.ravel().copy()
-    of = several[corner]
-    _, side = np.unique(fan[of], return_inverse=True)
-    corner[of] = surface.n + side
+    is_split = several[corner]
+    _, side = np.unique(fan[is_split], return_inverse=True)
+    corner[is_split] = surface.n + side
     return np.asarray(corner.reshape(F.shape))
 
 
 def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
     """(s, 3) vectors from half the thickness along normals N (s, 3) to the point with that distance on all sides."""
     longest = 3.0  # times half the thickness: sharper creases become blunt
-    found = np.zeros_like(N)
+    mitres = np.zeros_like(N)
     for v in np.unique(vertex):
-        mine = vertex == v
-        D = np.linalg.pinv(N[mine], rcond=0.05) @ half[mine]
-        D *= min(1.0, longest * float(half[mine].max()) / max(float(np.linalg.norm(D)), 1e-300))
-        found[mine] = D - half[mine, None] * N[mine]
-    return found
+        is_same = vertex == v
+        D = np.linalg.pinv(N[is_same], rcond=0.05) @ half[is_same]
+        D *= min(1.0, longest * float(half[is_same].max()) / max(float(np.linalg.norm(D)), 1e-300))
+        mitres[is_same] = D - half[is_same, None] * N[is_same]
+    return mitres
 
 
 def _keys(vertices: Ints, n: int) -> Ints:
@@ -239,16 +239,16 @@ def _keys(vertices: Ints, n: int) -> Ints:
     return np.asarray(key)
 
 
-def _looked_up(known: Ints, wanted: Ints) -> Ints:
+def _positions_of(numbers: Ints, sought: Ints) -> Ints:
     """(k,) position of each wanted number in `numbers`, or -1."""
-    if not len(known):
-        return np.full(len(wanted), -1)
-    order = np.argsort(known, kind="stable")
-    at = order[np.clip(np.searchsorted(known, wanted, sorter=order), 0, len(known) - 1)]
-    return np.where(known[at] == wanted, at, -1)
+    if not len(numbers):
+        return np.full(len(sought), -1)
+    order = np.argsort(numbers, kind="stable")
+    position = order[np.clip(np.searchsorted(numbers, sought, sorter=order), 0, len(numbers) - 1)]
+    return np.where(numbers[position] == sought, position, -1)
 
 
-MOST = 1 / 5
+MOST_LIFT = 1 / 5
 """Largest lift of a point over the thickness. At most a quarter of the thickness counts as chord error (`MOST_CHORD`),
 and both skins and the fits stray a little more."""
 
@@ -257,19 +257,19 @@ and both skins and the fits stray a little more."""
 class Lifting:
     """Uncut surface with its skins, see `DenseSurface`."""
 
-    skins: Dense
+    skins: DenseSurface
 
     @classmethod
-    def of(cls, surface: Surface, curved: Curved) -> "Lifting":
+    def from_sheet(cls, surface: Surface, curved: Curved) -> "Lifting":
         """Return the lifting for the surface that a sheet was cut from."""
-        return cls(dense(surface, curved))
+        return cls(dense_surface(surface, curved))
 
     def points(self, weights: csr_array) -> Floats:
         """(k, 6) points on the outer and the inner skin, mm, over points with barycentric weights (k, n)."""
         if not len(self.sides.creases):
             return self._points(weights)
-        one, two = self.sides.rows(self._in_faces(weights))
-        return np.asarray((self._points(one) + self._points(two)) / 2)
+        left_weights, right_weights = self.sides.rows(self._in_faces(weights))
+        return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
         """Replace weights of points between two faces beside a crease by those of the nearest places in a face.
@@ -293,7 +293,7 @@ class Lifting:
         pull = weights @ (along[:, None] * N)
         half = MM_PER_M * np.asarray(weights @ self.sides.half)[:, None]
         lift = (pull - np.einsum("kij,kj->ki", (weights @ outer).reshape(-1, 3, 3), P)) / 2
-        lift *= np.minimum(2 * MOST * half / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-300), 1)
+        lift *= np.minimum(2 * MOST_LIFT * half / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-300), 1)
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
         D = half * n
         if len(self.sides.creases):
@@ -301,16 +301,16 @@ class Lifting:
         middle = P + lift + self.skins.shift * D
         return np.concatenate([middle + D, middle - D], axis=1)
 
-    def away(self, Q: Floats) -> Floats:
+    def vectors_to_skins(self, Q: Floats) -> Floats:
         """(k, 6) vectors from points (k, 6) beside the skins to the skins, across, over the places nearest to the
         middles."""
-        there = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
-        across = there[:, :3] - there[:, 3:]
-        beyond = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # at a seam the other side may be as near
-        there[beyond], across[beyond] = np.roll(there[beyond], 3, axis=1), -across[beyond]
+        targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
+        across = targets[:, :3] - targets[:, 3:]
+        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # at a seam the other side may be as near
+        targets[is_flipped], across[is_flipped] = np.roll(targets[is_flipped], 3, axis=1), -across[is_flipped]
         across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
-        ways = [np.einsum("ki,ki->k", (there - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
-        return np.concatenate(ways, axis=1)
+        vectors = [np.einsum("ki,ki->k", (targets - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
+        return np.concatenate(vectors, axis=1)
 
     def weights_at(self, points: Floats) -> csr_array:
         """(k, n) barycentric weights of the places of the mesh nearest to points (k, 3), millimetres."""
@@ -320,17 +320,17 @@ class Lifting:
         a, b, c = (V[corners[:, i]] for i in range(3))
         across = np.cross(b - a, c - a)
         area = np.einsum("ki,ki->k", across, across)
-        one = np.einsum("ki,ki->k", np.cross(c - b, place - b), across) / area
-        two = np.einsum("ki,ki->k", np.cross(a - c, place - c), across) / area
-        share = np.clip(np.stack([one, two, 1 - one - two], axis=1), 0, 1)
+        weight_a = np.einsum("ki,ki->k", np.cross(c - b, place - b), across) / area
+        weight_b = np.einsum("ki,ki->k", np.cross(a - c, place - c), across) / area
+        share = np.clip(np.stack([weight_a, weight_b, 1 - weight_a - weight_b], axis=1), 0, 1)
         share /= share.sum(axis=1, keepdims=True)
         rows = np.arange(0, 3 * len(points) + 1, 3)
         return csr_array((share.ravel(), corners.ravel(), rows), shape=(len(points), len(V)))
 
     @cached_property
-    def sides(self) -> Sides:
+    def sides(self) -> CreaseSides:
         """Sides of its creases."""
-        return Sides.of(self.skins)
+        return CreaseSides.from_skins(self.skins)
 
     @cached_property
     def _tree(self) -> igl.AABB:

@@ -15,7 +15,7 @@ from dsfab.surface.topology import on_boundary
 
 
 @dataclass(frozen=True, eq=False)
-class Dense:
+class DenseSurface:
     """Surface, divided zero or more times, with its skins. Lengths in millimetres.
 
     surface : metres.    half : (n,) half the thickness of the faces, metres.    shift : see `Curved`.
@@ -43,7 +43,7 @@ class Dense:
         return np.asarray(N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300))
 
     @cached_property
-    def across(self) -> Floats:
+    def half_vectors(self) -> Floats:
         """(n, 3) vectors to the skins along the mean normals.
 
         Other normals lean a little to one side or the other, which is noise on a skin.
@@ -53,7 +53,7 @@ class Dense:
     @cached_property
     def middle(self) -> Floats:
         """(n, 3) points half way between the skins."""
-        return np.asarray(self.points + self.shift * self.across)
+        return np.asarray(self.points + self.shift * self.half_vectors)
 
     @cached_property
     def boundary(self) -> Bools:
@@ -61,33 +61,33 @@ class Dense:
         return on_boundary(self.surface.edges, self.surface.n)
 
     @cached_property
-    def finer(self) -> "Dense":
+    def finer(self) -> "DenseSurface":
         """The surface with each triangle divided in four."""
-        return Dense(self._divided, self.carry(self.half), self.shift, np.tile(self.parent, 4))
+        return DenseSurface(self._divided_surface, self.carry(self.half), self.shift, np.tile(self.parent, 4))
 
     @property
-    def _divided(self) -> Surface:
+    def _divided_surface(self) -> Surface:
         surface, edges = self.surface, self.surface.edges
-        M = np.concatenate([surface.V, between(surface.V, self.normals, edges.ends)])
+        M = np.concatenate([surface.V, cubic_midpoints(surface.V, self.normals, edges.ends)])
         (a, b, c), (ab, bc, ca) = surface.F.T, surface.n + edges.of.T
         four = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
         return Surface(M, np.concatenate([np.stack(corners, axis=1) for corners in four]))
 
     def carry(self, fields: Floats) -> Floats:
         """Interpolate fields (n, ...) linearly to the vertices of `finer`."""
-        return np.concatenate([fields, halfway(fields, self.surface.edges.ends)])
+        return np.concatenate([fields, end_means(fields, self.surface.edges.ends)])
 
 
-def dense(surface: Surface, curved: Curved) -> Dense:
+def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
     """Return the undivided surface with its skins."""
     D = curved.D[surface.F]  # vectors are longer at corners, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
     half[curved.twins] = half[curved.twins].mean(axis=1, keepdims=True)
-    return Dense(surface, half, curved.shift, np.arange(surface.m), curved.twins)
+    return DenseSurface(surface, half, curved.shift, np.arange(surface.m), curved.twins)
 
 
-def between(P: Floats, d: Floats, ends: Ints) -> Floats:
+def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
     """(e, 3) points half way along edges (e, 2) of P (n, 3), on cubics whose ends are normal to d (n, 3).
 
     Fits then do not wave between vertices.
@@ -95,37 +95,37 @@ def between(P: Floats, d: Floats, ends: Ints) -> Floats:
     N = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
     chord = P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
-    return np.asarray(halfway(P, ends) + (slopes[0] - slopes[1]) / 8)
+    return np.asarray(end_means(P, ends) + (slopes[0] - slopes[1]) / 8)
 
 
-def halfway(values: Floats, ends: Ints) -> Floats:
+def end_means(values: Floats, ends: Ints) -> Floats:
     """Means of values (n, ...) at both ends of edges (k, 2), three times as fast as numpy's mean."""
     a, b = ends.T
     return np.asarray((values[a] + values[b]) / 2)
 
 
-def chord_errors(given: Dense) -> Floats:
+def chord_errors(skins: DenseSurface) -> Floats:
     """(m,) distance of each triangle's centre from the smooth surface through its corners, metres.
 
     At the centre it is a third more than at the middles of the edges: h^2 / 6R and h^2 / 8R for equilateral triangles
     with edges h on a sphere of radius R.
     """
-    V, edges = given.surface.V, given.surface.edges
-    sags = np.linalg.norm(between(V, given.normals, edges.ends) - halfway(V, edges.ends), axis=1)
+    V, edges = skins.surface.V, skins.surface.edges
+    sags = np.linalg.norm(cubic_midpoints(V, skins.normals, edges.ends) - end_means(V, edges.ends), axis=1)
     return np.asarray(4 / 3 * sags[edges.of].max(axis=1))
 
 
-def excess(given: Dense, curved: Curved) -> Floats:
+def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
     """(m,) share by which the smooth solid over each triangle is larger than the mesh's.
 
     Its area is larger, and its thickness between vertices with different normals. The error is proportional to the
     square of the edges, so a third of the difference remains after each triangle is divided in four.
     """
-    coarse, D = prisms(given.middle, given.across, given.surface.F), MM_PER_M * curved.D
-    fine = given.finer
-    parts = np.bincount(fine.parent, prisms(fine.middle, fine.across, fine.surface.F), given.surface.m)
+    coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
+    fine = skins.finer
+    parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
     smooth = coarse + 4 / 3 * (parts - coarse)
-    return np.asarray(smooth / prisms(given.points + curved.shift * D, D, given.surface.F) - 1)
+    return np.asarray(smooth / prisms(skins.points + curved.shift * D, D, skins.surface.F) - 1)
 
 
 def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
@@ -140,7 +140,7 @@ MOST_CHORD = 1 / 4
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class SmoothLimits:
     """Thickness, and allowed distance of the smooth solid from the mesh beyond the mesh's own chord error, millimetres.
 
     V, F    : (n, 3) and (m, 3) both skins of the uncut surface.
@@ -156,20 +156,24 @@ class Limits:
     rounder: Floats
 
     @cached_property
-    def usual(self) -> float:
+    def usual_chord(self) -> float:
         """90th percentile of the chord error."""
         return float(np.percentile(self.chord, 90))
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """Allowed distances as a part of a sentence; at coarse triangles and creases they are larger."""
         coarse = 2  # times the usual chord error from which on the message names the largest, too
-        most = float(self.chord.max())
-        some = f"usually under {self.usual:.2g} mm" if self.usual > 0 else "usually none"
-        more = f", {most:.2g} mm where it is coarsest" if most > coarse * self.usual and most > self.distance else ""
-        return f"allowed are {self.distance:.2g} mm and the mesh's own chord error, {some}{more}"
+        largest = float(self.chord.max())
+        usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
+        coarsest_text = (
+            f", {largest:.2g} mm where it is coarsest"
+            if largest > coarse * self.usual_chord and largest > self.distance
+            else ""
+        )
+        return f"allowed are {self.distance:.2g} mm and the mesh's own chord error, {usual_text}{coarsest_text}"
 
-    def allowed(self, points: Floats) -> Floats:
+    def allowed_distances(self, points: Floats) -> Floats:
         """(k,) allowed distances of points, with the chord error of the nearest triangle.
 
         The nearest vertex is no substitute, because it may belong to another triangle where triangles are long.
@@ -187,14 +191,16 @@ class Limits:
         return tree
 
 
-def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> Limits:
+def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> SmoothLimits:
     """Return the limits for a solid cut from a surface. tolerance : of the user, mm; `OFF_SURFACE` if 0.
 
     The exporter and `dsfab check` use the same limits.
     """
-    mesh = dense(surface, curved)
+    mesh = dense_surface(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))
     chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)
-    V = np.concatenate([mesh.middle + mesh.across, mesh.middle - mesh.across])
+    V = np.concatenate([mesh.middle + mesh.half_vectors, mesh.middle - mesh.half_vectors])
     F = np.concatenate([surface.F, surface.F + surface.n])
-    return Limits(t, tolerance or OFF_SURFACE * t, V, F, np.tile(chord, 2), np.tile(excess(mesh, curved), 2))
+    return SmoothLimits(
+        t, tolerance or OFF_SURFACE * t, V, F, np.tile(chord, 2), np.tile(excess_volumes(mesh, curved), 2)
+    )

@@ -11,32 +11,32 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, Ints, from_segments
+from dsfab.core.arrays import Floats, Ints, distances_from_segments
 from dsfab.core.derived import derived
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION
 from dsfab.core.sparse.cholesky import one_blas_thread
-from dsfab.export.cad.step.file_size import BudgetError, within
-from dsfab.export.cad.step.shared.skins import Limits
-from dsfab.export.cad.step.smooth.acceptance import GAP, Acceptance, SmoothPlan, SmoothSolid
-from dsfab.export.cad.step.smooth.edges import TIGHTER, Key
+from dsfab.export.cad.step.file_size import BudgetError, require_budget
+from dsfab.export.cad.step.shared.skins import SmoothLimits
+from dsfab.export.cad.step.smooth.acceptance import GAP_SHARE, Acceptance, SmoothPlan, SmoothSolid
+from dsfab.export.cad.step.smooth.edges import LEVEL_FACTORS, RunKey
 from dsfab.export.cad.step.smooth.layout import WALL, SheetOutline
 from dsfab.export.cad.step.smooth.solid import SmoothModel, SmoothPiece, SmoothPieceFile, crossings, file_text, rest_of
 from dsfab.export.cad.step.worker.reports import OcctFinding, findings, occt
 from dsfab.export.part import Part
-from dsfab.export.subprocesses import Ahead
+from dsfab.export.subprocesses import PreparedProgram
 
 REFITS = 2
 """Number of times that refused pieces of a layout are built tighter."""
 
-CLOSEST = len(TIGHTER) - 1
+CLOSEST = len(LEVEL_FACTORS) - 1
 """Highest level of refitting."""
 
 CHORDS, NEAR = 64, 4
 """Chords of an edge for the distance of mesh corners, and number of chords tested for each corner."""
 
 
-class _Taken(NamedTuple):
+class _AcceptedPiece(NamedTuple):
     """Accepted piece: its layout, its number there, and the verdict."""
 
     model: SmoothModel
@@ -47,31 +47,31 @@ class _Taken(NamedTuple):
 @derived
 def smooth_file(part: Part) -> SmoothPieceFile:
     """Return the smooth file of a part, which holds it; raises ExportError if no piece can be smooth."""
-    return _Ladder(part).made()
+    return _SmoothSearch(part).search()
 
 
 def first_draft(part: Part) -> tuple[int, int]:
     """Return the faces and bytes of a part's first smooth file, unchecked; raises ExportError if it cannot be built."""
     plan = SmoothPlan(part)
     with one_blas_thread():
-        model = plan.built(next(plan.layouts())).model
+        model = plan.build(next(plan.layouts())).model
     which = [k for k, piece in enumerate(model.pieces) if not piece.refused]
     if not which:
         raise ExportError(model.pieces[0].refused)
     return sum(model.pieces[k].faces for k in which), len(file_text(part, [(model, k) for k in which]))
 
 
-class _Ladder:
+class _SmoothSearch:
     def __init__(self, part: Part) -> None:
         most_faces = 6000  # OCCT reads so many in one to two minutes; then no further layout is tried
         self.part, self.plan = part, SmoothPlan(part)
         self.inspected, self.most = 0, most_faces
-        self.taken, self.reason, self.pieces = list[_Taken](), "", 0
+        self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
         self.last, self.text = list[tuple[SmoothModel, int]](), ""
 
-    def made(self) -> SmoothPieceFile:
+    def search(self) -> SmoothPieceFile:
         """Accept each solid in the first layout in which all its pieces pass; solids may use different layouts."""
         for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
@@ -91,25 +91,25 @@ class _Ladder:
 
     def _try(self, fields: Floats) -> None:
         with ExitStack() as programs:
-            self._judged(programs, fields)
+            self._judge_layout(programs, fields)
 
-    def _judged(self, programs: ExitStack, fields: Floats) -> None:
+    def _judge_layout(self, programs: ExitStack, fields: Floats) -> None:
         # Refused places: of seven sheets with 1100 to 3800 faces four had none, one had 2, and two had 104 and 216,
         # which refits did not cure.
         hopeless = 40
         program = programs.enter_context(occt())
         with one_blas_thread():  # threads on two busy cores take ten times as long
-            built = self.plan.built(fields, self.done)
-        gate, model, asked = built.gate, built.model, built.asked
-        levels = [dict[Key, int]() for _ in model.pieces]
-        for k in asked:
+            built = self.plan.build(fields, self.done)
+        gate, model, requested = built.gate, built.model, built.asked
+        levels = [dict[RunKey, int]() for _ in model.pieces]
+        for k in requested:
             if not model.pieces[k].refused:
-                untangle(built, k, levels[k])
-        verdicts, todo = dict[int, Acceptance](), asked
+                rebuild_until_sound(built, k, levels[k])
+        verdicts, todo = dict[int, Acceptance](), requested
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
-            verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._found(program, model, ready))
-            todo = [k for k in todo if len(verdicts[k].bad) and tighten(model, k, levels[k], verdicts[k].bad)]
+            verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._findings(program, model, ready))
+            todo = [k for k in todo if len(verdicts[k].bad) and raise_levels(model, k, levels[k], verdicts[k].bad)]
             if not todo or turn == REFITS or self.inspected > self.most:
                 break
             if self.part.hurry and sum(len(verdicts[k].bad) for k in todo) > hopeless:
@@ -117,24 +117,24 @@ class _Ladder:
             program = programs.enter_context(occt())
             for k in todo:
                 model.pieces[k] = built.builder.piece(k, levels[k], traced=turn == REFITS - 1)
-        refused = {int(gate.solid[k]) for k in asked if verdicts[k].reason}
-        taken = [k for k in asked if int(gate.solid[k]) not in refused]
-        self.taken += [_Taken(model, k, verdicts[k]) for k in taken]
+        refused = {int(gate.solid[k]) for k in requested if verdicts[k].reason}
+        taken = [k for k in requested if int(gate.solid[k]) not in refused]
+        self.taken += [_AcceptedPiece(model, k, verdicts[k]) for k in taken]
         self.done |= {int(gate.solid[k]) for k in taken}
-        self.reason = next((verdicts[k].reason for k in asked if verdicts[k].reason), "")
-        self.left, self.pieces = gate.without(self.done), len(model.pieces)
+        self.reason = next((verdicts[k].reason for k in requested if verdicts[k].reason), "")
+        self.left, self.pieces = gate.remaining_triangles(self.done), len(model.pieces)
 
-    def _found(self, program: Ahead, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
+    def _findings(self, program: PreparedProgram, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
         face_seconds = 0.1
         base_seconds = 120  # of processor time, many times the measured time: a check may not end
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
         self.last = [(model, k) for k in which]
         self.text = file_text(self.part, self.last)
-        within(self.part, count, len(self.text))
+        require_budget(self.part, count, len(self.text))
         seconds = base_seconds + face_seconds * count
-        found = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
-        return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
+        results = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
+        return dict(zip(which, results, strict=True)) if len(results) == len(which) else {}
 
     def _file(self) -> SmoothPieceFile:
         rest = rest_of(self.part, self.left) if len(self.left) else None
@@ -154,7 +154,7 @@ class _Ladder:
         )
 
 
-def tighten(model: SmoothModel, k: int, level: dict[Key, int], bad: Floats) -> bool:
+def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floats) -> bool:
     """Raise the level of the runs nearest to the `bad` points (k, 3), mm; return False if no level can rise."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
@@ -167,20 +167,20 @@ def tighten(model: SmoothModel, k: int, level: dict[Key, int], bad: Floats) -> b
     return bool(keys)
 
 
-def untangle(built: SmoothSolid, k: int, level: dict[Key, int]) -> None:
+def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
     """Rebuild a piece until no curve crosses, gapes or strays, or no closer fit is left."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
-        gaping = piece.ends[[edge.gap > GAP * model.thickness for edge in piece.edges]]
+        gaping = piece.ends[[edge.gap > GAP_SHARE * model.thickness for edge in piece.edges]]
         stray = astray(piece, corners, built.gate.limits)
         bad = np.concatenate([crossings(piece), gaping, stray])
-        if not len(bad) or not tighten(model, k, level, bad):
+        if not len(bad) or not raise_levels(model, k, level, bad):
             return
         model.pieces[k] = built.builder.piece(k, level)
 
 
-def astray(piece: SmoothPiece, corners: Floats, limits: Limits) -> Floats:
+def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
     """(k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than the solid may be.
 
     OCCT's triangles would show that, too, but another round with OCCT takes seconds.
@@ -188,10 +188,10 @@ def astray(piece: SmoothPiece, corners: Floats, limits: Limits) -> Floats:
     x = np.linspace(0, 1, CHORDS + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)
-    near = cKDTree((start + end) / 2).query(corners, NEAR)[1]
-    away = from_segments(corners[:, None], start[near], end[near]).min(axis=1)
-    far = away > limits.distance
-    return np.asarray(corners[far][away[far] > limits.allowed(corners[far])])
+    nearest_chords = cKDTree((start + end) / 2).query(corners, NEAR)[1]
+    away = distances_from_segments(corners[:, None], start[nearest_chords], end[nearest_chords]).min(axis=1)
+    is_far = away > limits.distance
+    return np.asarray(corners[is_far][away[is_far] > limits.allowed_distances(corners[is_far])])
 
 
 def _corners(sheet: SheetOutline, k: int) -> Floats:

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from dsfab.core.arrays import Bools, Floats, Ints, grouped, lock
+from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lock
 from dsfab.core.errors import ExportError
-from dsfab.export.cad.step.shared.skins import Dense, between, dense, halfway
+from dsfab.export.cad.step.shared.skins import DenseSurface, cubic_midpoints, dense_surface, end_means
 from dsfab.export.part import Curved
 from dsfab.export.splines import basis, hats
 from dsfab.surface.mesh import Surface
@@ -18,7 +18,7 @@ from dsfab.surface.topology import corners_of, edge_table, faces_at
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class SplinePatch:
     """Bicubic B-spline surface: clamped knots u (p + 4,) and v (q + 4,), poles (p, q, d)."""
 
     u: Floats
@@ -33,20 +33,20 @@ class Patch:
     def __call__(self, uv: Floats) -> Floats:
         """(k, d) points at uv (k, 2)."""
         (i, a), (j, b) = basis(uv[:, 0], self.u), basis(uv[:, 1], self.v)
-        return self._along_v(b, self._across_u(a, self._around(i, j)))
+        return self._along_v(b, self._across_u(a, self._local_poles(i, j)))
 
     def slopes(self, uv: Floats) -> tuple[Floats, Floats, Floats]:
         """Return points and derivatives by u and by v, (k, d) each."""
         (i, a, da), (j, b, db) = hats(uv[:, 0], self.u), hats(uv[:, 1], self.v)
-        around = self._around(i, j)
-        at, du = self._across_u(a, around), self._across_u(da, around)
-        return self._along_v(b, at), self._along_v(b, du), self._along_v(db, at)
+        local_poles = self._local_poles(i, j)
+        across_u, du = self._across_u(a, local_poles), self._across_u(da, local_poles)
+        return self._along_v(b, across_u), self._along_v(b, du), self._along_v(db, across_u)
 
-    def _around(self, i: Ints, j: Ints) -> Floats:
+    def _local_poles(self, i: Ints, j: Ints) -> Floats:
         """(k, 4, 4, d) poles from (i, j) on."""
         _, q, d = self.poles.shape
-        at = (i * q + j)[:, None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
-        return np.asarray(self.poles.reshape(-1, d).take(at, axis=0).reshape(-1, 4, 4, d))
+        numbers = (i * q + j)[:, None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
+        return np.asarray(self.poles.reshape(-1, d).take(numbers, axis=0).reshape(-1, 4, 4, d))
 
     @staticmethod
     def _across_u(hat: Floats, around: Floats) -> Floats:
@@ -58,23 +58,23 @@ class Patch:
     def _along_v(hat: Floats, rows: Floats) -> Floats:
         return np.asarray(np.einsum("kb,kbd->kd", hat, rows))
 
-    def only(self, first: int, last: int) -> "Patch":
+    def coordinates(self, begin: int, end: int) -> "SplinePatch":
         """Return the surface of the coordinates from `begin` up to `end`."""
-        return Patch(self.u, self.v, self.poles[:, :, first:last])
+        return SplinePatch(self.u, self.v, self.poles[:, :, begin:end])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
         """(k, 2) parameters of the surface's points nearest to `points` (k, 3), by Gauss-Newton from uv."""
-        close = 1e-8  # share of the surface's size: a tenth of a micrometre on ten metres
+        step_limit = 1e-8  # share of the surface's size: a tenth of a micrometre on ten metres
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
         for _ in range(rounds):
-            at, a, b = self.slopes(uv[going])
-            r = points[going] - at
+            point, a, b = self.slopes(uv[going])
+            r = points[going] - point
             aa, ab, bb, ra, rb = (np.einsum("ki,ki->k", x, y) for x, y in ((a, a), (a, b), (b, b), (r, a), (r, b)))
             det = np.maximum(aa * bb - ab * ab, 1e-300)
             step = np.stack([bb * ra - ab * rb, aa * rb - ab * ra], axis=1) / det[:, None]
             uv[going] = np.clip(uv[going] + step, low, high)
-            going = going[np.abs(step).max(axis=1) >= close * (high - low).max()]
+            going = going[np.abs(step).max(axis=1) >= step_limit * (high - low).max()]
             if not len(going):
                 break
         return uv
@@ -86,12 +86,12 @@ SMOOTHING = 1e-5
 FEWEST_POLES, MOST_POLES = 6, 48
 """Limits of the poles of a fit in one direction."""
 
-FIRST = 8.0
+FIRST_POLES = 8.0
 """Poles of the first attempt: geometric mean of both directions."""
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class SurfaceFit:
     """Surface fitted to points.
 
     off     : largest distance from points inside.
@@ -99,21 +99,21 @@ class Fit:
     starved : True if more points would allow more poles.
     """
 
-    patch: Patch
+    patch: SplinePatch
     off: float
     size: float
     starved: bool
 
 
-def fitted(
+def fitted_surface(
     uv: Floats,
     Q: Floats,
     inside: Bools,
     weight: Floats,
     tolerance: float,
-    first: float = FIRST,
+    first_poles: float = FIRST_POLES,
     most_poles: int = MOST_POLES,
-) -> Fit:
+) -> SurfaceFit:
     """Fit a surface with few poles to Q (k, 6), two points each, within the tolerance of the points `inside`.
 
     first_poles, most_poles : poles of the first attempt (geometric mean of both directions), and limit for each.
@@ -122,19 +122,21 @@ def fitted(
     points_per_pole = 2.5  # with fewer, surfaces wave between the points and gape at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
-    most = np.sqrt(len(uv) / points_per_pole)
-    n, here = min(first, most), np.flatnonzero(inside)
+    pole_limit = np.sqrt(len(uv) / points_per_pole)
+    n, inside_numbers = min(first_poles, pole_limit), np.flatnonzero(inside)
     while True:
         count = [int(np.clip(np.rint(x), FEWEST_POLES, most_poles)) for x in (n * aspect, n / aspect)]
-        patch, found = _through(uv, Q, weight, (count[0], count[1]), SMOOTHING)
-        away = np.linalg.norm((found[here] - Q[here]).reshape(-1, 2, 3), axis=2)
-        off = float(away.max())
-        if off <= tolerance or n >= min(most, most_poles):
-            return Fit(patch, off, float(n), bool(off > tolerance and n < most_poles))
-        n = min(n * float(np.clip(1.05 * (off / tolerance) ** 0.25, 1.15, 2.0)), max(most, n), float(most_poles))
+        patch, points = _through(uv, Q, weight, (count[0], count[1]), SMOOTHING)
+        away = np.linalg.norm((points[inside_numbers] - Q[inside_numbers]).reshape(-1, 2, 3), axis=2)
+        distance = float(away.max())
+        if distance <= tolerance or n >= min(pole_limit, most_poles):
+            return SurfaceFit(patch, distance, float(n), bool(distance > tolerance and n < most_poles))
+        n = min(
+            n * float(np.clip(1.05 * (distance / tolerance) ** 0.25, 1.15, 2.0)), max(pole_limit, n), float(most_poles)
+        )
 
 
-def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> Patch:
+def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> SplinePatch:
     """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2), in the least-squares sense.
 
     weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points.
@@ -142,7 +144,9 @@ def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int],
     return _through(uv, Q, weight, count, smoothing)[0]
 
 
-def _through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> tuple[Patch, Floats]:
+def _through(
+    uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
+) -> tuple[SplinePatch, Floats]:
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
     u, v = (
@@ -150,12 +154,12 @@ def _through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoo
         for a, b, n in zip(low - pad, high + pad, count, strict=True)
     )
     p, q = count
-    cells = _Cells.of(uv, u, v)
+    cells = _Cells.from_knots(uv, u, v)
     band, right = cells.normal(weight, Q, p, q)
     rows, rough = _roughness(p, q)
     band[rows] += smoothing * len(uv) / (p * q) * rough
     poles = solveh_banded(band, right, lower=True, overwrite_ab=True, check_finite=False)
-    return Patch(u, v, poles.reshape(p, q, -1)), cells.sums(poles)
+    return SplinePatch(u, v, poles.reshape(p, q, -1)), cells.sums(poles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,12 +177,12 @@ class _Cells:
     hats: Floats
 
     @classmethod
-    def of(cls, uv: Floats, u: Floats, v: Floats) -> "_Cells":
+    def from_knots(cls, uv: Floats, u: Floats, v: Floats) -> "_Cells":
         (i, a), (j, b) = basis(uv[:, 0], u), basis(uv[:, 1], v)
         q = len(v) - 4
-        order, start, _ = grouped(i * q + j)
-        first = (i * q + j)[order[start]]
-        poles = first[:, None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
+        order, start, _ = equal_key_groups(i * q + j)
+        first_pole = (i * q + j)[order[start]]
+        poles = first_pole[:, None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
         return cls(order, start, poles, np.einsum("ka,kb->kab", a[order], b[order]).reshape(-1, 16))
 
     @property
@@ -187,9 +191,9 @@ class _Cells:
 
     def normal(self, weight: Floats, Q: Floats, p: int, q: int) -> tuple[Floats, Floats]:
         """Return the normal equations: the lower band (3 q + 4, p q) of the matrix, and the right side."""
-        left = (weight[self.order, None] * self.hats).T
-        both = np.concatenate([self.hats, Q[self.order]], axis=1)
-        sums = np.stack([left[:, one] @ both[one] for one in self.parts])
+        weighted = (weight[self.order, None] * self.hats).T
+        hats_and_points = np.concatenate([self.hats, Q[self.order]], axis=1)
+        sums = np.stack([weighted[:, part] @ hats_and_points[part] for part in self.parts])
         row, column = np.tril_indices(16)
         place = (self.poles[:, row] - self.poles[:, column]) * p * q + self.poles[:, column]
         band = np.bincount(place.ravel(), sums[:, row, column].ravel(), (3 * q + 4) * p * q).astype(np.float64)
@@ -199,10 +203,10 @@ class _Cells:
 
     def sums(self, poles: Floats) -> Floats:
         """(k, d) points of the surface with poles (p q, d)."""
-        found = np.empty((len(self.order), poles.shape[1]))
-        for one, some in zip(self.parts, self.poles, strict=True):
-            found[self.order[one]] = self.hats[one] @ poles[some]
-        return found
+        points = np.empty((len(self.order), poles.shape[1]))
+        for part, cell_poles in zip(self.parts, self.poles, strict=True):
+            points[self.order[part]] = self.hats[part] @ poles[cell_poles]
+        return points
 
 
 @lru_cache(maxsize=256)
@@ -257,13 +261,13 @@ class SkinPoints:
     chord: float
 
 
-def points_of(dense: Dense, near: Bools, mine: Bools) -> SkinPoints:
+def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
     """Collect the points of a chart and a ring around it. near_faces : (faces of the mesh,); in_chart : (n,) vertices
     of the chart."""
-    faces = np.flatnonzero(near[dense.parent])
+    faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
     F = F.reshape(-1, 3)
-    touched = faces_at(F, mine[used])
+    touched = faces_at(F, in_chart[used])
     if not touched.any():
         raise ExportError("a chart of the sheet is smaller than a face")
     core = corners_of(F, touched, len(used))
@@ -274,24 +278,24 @@ def points_of(dense: Dense, near: Bools, mine: Bools) -> SkinPoints:
     if steepest <= 0:
         raise ExportError("the sheet bends too sharply for charts")
     ring = around & (normals @ axes[2] > 0.5 * steepest)
-    some, F = np.unique(F[ring], return_inverse=True)
+    ring_vertices, F = np.unique(F[ring], return_inverse=True)
     ends = edge_table(F.reshape(-1, 3)).ends
-    V, core, used = V[some], core[some], used[some]
-    origin, P, d = V.mean(axis=0), dense.middle[used], dense.across[used]
-    M = between(P, d, ends)
-    chord = np.linalg.norm(M - halfway(P, ends), axis=1)
+    V, core, used = V[ring_vertices], core[ring_vertices], used[ring_vertices]
+    origin, P, d = V.mean(axis=0), dense.middle[used], dense.half_vectors[used]
+    M = cubic_midpoints(P, d, ends)
+    chord = np.linalg.norm(M - end_means(P, ends), axis=1)
     uv = np.concatenate([V - origin, M - origin]) @ axes[:2].T
     P, d = np.concatenate([P, M]), np.concatenate([d, _mean(d, ends)])
-    own, inside = (np.concatenate([x, x[ends].all(axis=1)]) for x in (core, core & ~dense.boundary[used]))
-    inside = inside if inside.any() else own
-    weight = np.where(inside, 1.0, np.where(own, BOUNDARY, OUTSIDE))
+    is_core, inside = (np.concatenate([x, x[ends].all(axis=1)]) for x in (core, core & ~dense.boundary[used]))
+    inside = inside if inside.any() else is_core
+    weight = np.where(inside, 1.0, np.where(is_core, BOUNDARY, OUTSIDE))
     Q = np.concatenate([P + d, P - d], axis=1)
     return SkinPoints(origin, axes, steepest, uv, Q, inside, weight, float(np.percentile(chord, 90)))
 
 
 def _mean(d: Floats, ends: Ints) -> Floats:
     """Half-thickness vectors at the middles of edges, with mean direction and mean length of the ends."""
-    middle, length = halfway(d, ends), halfway(np.linalg.norm(d, axis=1), ends)
+    middle, length = end_means(d, ends), end_means(np.linalg.norm(d, axis=1), ends)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
 
 
@@ -307,7 +311,7 @@ def _axes(V: Floats, across: Floats) -> Floats:
     return np.stack([along, np.cross(across, along), across])
 
 
-DIVISIONS = 2
+MOST_DIVISIONS = 2
 """Most divisions of a coarse mesh for a fit, by points on cubics between the vertices. The shape between vertices of a
 coarse mesh is unknown, but both charts at a seam must agree."""
 
@@ -331,24 +335,24 @@ class SkinChart:
 
     origin: Floats
     axes: Floats
-    upper: Patch
-    lower: Patch
-    middle: Patch
+    upper: SplinePatch
+    lower: SplinePatch
+    middle: SplinePatch
     tolerance: float
     steepest: float
     off: float
 
     @cached_property
-    def both(self) -> Patch:
+    def skins(self) -> SplinePatch:
         """Both skins as one surface of six coordinates, the upper ones first."""
-        return Patch(self.upper.u, self.upper.v, np.concatenate([self.upper.poles, self.lower.poles], axis=2))
+        return SplinePatch(self.upper.u, self.upper.v, np.concatenate([self.upper.poles, self.lower.poles], axis=2))
 
-    def over(self, points: Floats) -> Floats:
+    def projected(self, points: Floats) -> Floats:
         """(k, 2) projections of points (k, 3) onto the plane."""
         return np.asarray((points - self.origin) @ self.axes[:2].T)
 
 
-class Atlas:
+class ChartAtlas:
     """Charts of a surface, fitted on demand.
 
     fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
@@ -358,7 +362,7 @@ class Atlas:
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance
         self.charts, self.failed = dict[int, SkinChart](), dict[int, str]()
-        self._levels = [dense(surface, curved)]
+        self._levels = [dense_surface(surface, curved)]
         self._best = [fields.argmax(axis=1)]
 
     def make(
@@ -378,13 +382,13 @@ class Atlas:
             k, turn = todo.pop()
             may = halve and turn < HALVED and np.count_nonzero(self._best[0] == k) >= FEWEST
             halves = [(k, turn + 1), (self.fields.shape[1], turn + 1)]
-            leaning = self._leaning(k)
+            leaning = self._lean_field(k)
             if may and leaning is not None:
                 self._divide(k, leaning)
                 todo += halves
                 continue
             try:
-                chart = self._chart(k, FIRST * (2 if turn else 1), few_poles if may and not turn else MOST_POLES)
+                chart = self._chart(k, FIRST_POLES * (2 if turn else 1), few_poles if may and not turn else MOST_POLES)
             except ExportError as error:
                 self.failed[k] = str(error)
                 if hopeless(k):
@@ -403,7 +407,7 @@ class Atlas:
             else:
                 self.charts[k] = chart
 
-    def _leaning(self, k: int) -> Floats | None:
+    def _lean_field(self, k: int) -> Floats | None:
         """(n,) field from the steepest normals of chart k to the opposite ones; None if a plane sees the chart well."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
@@ -411,49 +415,49 @@ class Atlas:
         cosine = N @ mean / max(float(np.linalg.norm(mean)), 1e-300)
         if not len(N) or np.quantile(cosine, FOLDED) >= STEEPEST:
             return None
-        first = N[cosine.argmin()]
-        return np.asarray(self._levels[0].normals @ (N[(N @ first).argmin()] - first))
+        steepest_normal = N[cosine.argmin()]
+        return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
         part_width = 0.25  # share of the half length: the border is then as steep as others
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)
-        old = self.fields[:, k]
-        fields = np.column_stack([self.fields, old - np.maximum(-steep, 0)])
-        fields[:, k] = old - np.maximum(steep, 0)
+        field = self.fields[:, k]
+        fields = np.column_stack([self.fields, field - np.maximum(-steep, 0)])
+        fields[:, k] = field - np.maximum(steep, 0)
         self.fields = fields
-        for level, best in enumerate(self._best):
-            fresh = self._carried(level, fields[:, [k, -1]])
-            best[(best == k) & (fresh[:, 1] > fresh[:, 0])] = fields.shape[1] - 1
+        for level, winner in enumerate(self._best):
+            fresh = self._carry_to_level(level, fields[:, [k, -1]])
+            winner[(winner == k) & (fresh[:, 1] > fresh[:, 0])] = fields.shape[1] - 1
 
-    def _carried(self, level: int, fields: Floats) -> Floats:
+    def _carry_to_level(self, level: int, fields: Floats) -> Floats:
         for below in self._levels[:level]:
             fields = below.carry(fields)
         return fields
 
-    def _chart(self, k: int, first: float, most: int) -> SkinChart:
+    def _chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
         of_chord = 0.3  # share of the mesh's chord error that is added to the tolerance
         F = self.surface.F
-        near = faces_at(F, self._best[0] == k)
+        near_faces = faces_at(F, self._best[0] == k)
         for _ in range(2):
-            near = faces_at(F, corners_of(F, near, self.surface.n))
-        for level in range(DIVISIONS + 1):
+            near_faces = faces_at(F, corners_of(F, near_faces, self.surface.n))
+        for level in range(MOST_DIVISIONS + 1):
             if level == len(self._levels):
                 self._levels.append(self._levels[-1].finer)
-                self._best.append(self._carried(level, self.fields).argmax(axis=1))
-            points = points_of(self._levels[level], near, self._best[level] == k)
-            if level < DIVISIONS and points.chord > self.tolerance:
+                self._best.append(self._carry_to_level(level, self.fields).argmax(axis=1))
+            points = points_of(self._levels[level], near_faces, self._best[level] == k)
+            if level < MOST_DIVISIONS and points.chord > self.tolerance:
                 continue
             tolerance = self.tolerance + of_chord * points.chord
-            fit = fitted(points.uv, points.Q, points.inside, points.weight, tolerance, first, most)
+            fit = fitted_surface(points.uv, points.Q, points.inside, points.weight, tolerance, first_poles, most_poles)
             if not fit.starved:
                 break
-            first = fit.size
-        return _charted(points, fit, tolerance)
+            first_poles = fit.size
+        return _chart_of_fit(points, fit, tolerance)
 
 
-def _charted(points: SkinPoints, fit: Fit, tolerance: float) -> SkinChart:
-    lower, upper = fit.patch.only(3, 6), fit.patch.only(0, 3)
-    mean = Patch(upper.u, upper.v, (upper.poles + lower.poles) / 2)
+def _chart_of_fit(points: SkinPoints, fit: SurfaceFit, tolerance: float) -> SkinChart:
+    lower, upper = fit.patch.coordinates(3, 6), fit.patch.coordinates(0, 3)
+    mean = SplinePatch(upper.u, upper.v, (upper.poles + lower.poles) / 2)
     return SkinChart(points.origin, points.axes, upper, lower, mean, tolerance, points.steepest, fit.off)

@@ -20,7 +20,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
 
-SLACK = np.deg2rad(12.0)
+CONE_SLACK = np.deg2rad(12.0)
 """Radians by which charts may exceed their cone, because straightening moves faces into charts that see them
 obliquely."""
 
@@ -38,7 +38,7 @@ SWEEPS = 4
 """Rounds of diffusion and choice."""
 
 
-def layout(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
+def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
     """Return fields (n, c) on the vertices; chart k is where field k is largest.
 
     cone : half angle, radians, around the mean normal of a cluster for all its normals.
@@ -47,7 +47,7 @@ def layout(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Fl
     label = _clusters(surface, cone, fewest, start)
     if label.max() == 0:
         return np.ones((surface.n, 1))
-    return _within_cones(surface, label, np.cos(cone + SLACK))
+    return _within_cones(surface, label, np.cos(cone + CONE_SLACK))
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
@@ -59,11 +59,11 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
     rng = np.random.default_rng(start)
     seeds = [int(rng.choice(np.flatnonzero(piece == c))) for c in range(count)]
     while len(seeds) < min(fewest, surface.m):
-        seeds.append(int(np.argmax(_grown(graph, seeds)[1])))
+        seeds.append(int(np.argmax(_nearest_seeds(graph, seeds)[1])))
     for _ in range(rounds):
         for _ in range(3):
-            seeds = _middles(surface, _grown(graph, seeds)[0])
-        label = _grown(graph, seeds)[0]
+            seeds = _middles(surface, _nearest_seeds(graph, seeds)[0])
+        label = _nearest_seeds(graph, seeds)[0]
         cosine = _cosines(surface, label)
         least = np.full(len(seeds), 2.0)
         np.minimum.at(least, label, cosine)
@@ -88,7 +88,7 @@ def _dual(surface: Surface) -> csr_array:
     return coo_array((np.concatenate([length, length]), ends), shape=(surface.m, surface.m)).tocsr()
 
 
-def _grown(graph: csr_array, seeds: list[int]) -> tuple[Ints, Floats]:
+def _nearest_seeds(graph: csr_array, seeds: list[int]) -> tuple[Ints, Floats]:
     distance, _, source = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
     number = np.zeros(graph.shape[0], dtype=np.int64)
     number[seeds] = np.arange(len(seeds))
@@ -118,7 +118,7 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
     """Straighten the charts; divide those that become too steep or fall apart, and straighten again."""
     for turn in range(5):
-        fields = _straightened(surface, label, 1.0 if turn == 0 else 0.7)
+        fields = _diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
         label = fields[surface.F].sum(axis=1).argmax(axis=1)
         label = _parts(surface, label)
         cosine = _cosines(surface, label)
@@ -131,7 +131,7 @@ def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
     return np.asarray(fields[:, used])
 
 
-def _straightened(surface: Surface, label: Ints, share: float) -> Floats:
+def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
     """(n, c) indicators of the clusters, alternately diffused and chosen from."""
     count = int(label.max()) + 1
     stiffness = -igl.cotmatrix(surface.V, surface.F)
@@ -155,16 +155,16 @@ def _straightened(surface: Surface, label: Ints, share: float) -> Floats:
 
 def _parts(surface: Surface, label: Ints) -> Ints:
     f, g = (surface.edges.pairs // 3).T
-    same = label[f] == label[g]
-    links = coo_array((np.ones(int(same.sum())), (f[same], g[same])), shape=(surface.m, surface.m))
+    is_joined = label[f] == label[g]
+    links = coo_array((np.ones(int(is_joined.sum())), (f[is_joined], g[is_joined])), shape=(surface.m, surface.m))
     return np.asarray(connected_components(links, directed=False)[1].astype(np.int64))
 
 
 def _halve(surface: Surface, label: Ints, bad: int, cosine: Floats) -> None:
     inside = np.flatnonzero(label == bad)
-    first = inside[np.argmin(cosine[inside])]
-    second = inside[np.argmin(surface.normals[inside] @ surface.normals[first])]
-    closer = surface.normals[inside] @ (surface.normals[second] - surface.normals[first]) > 0
+    steepest = inside[np.argmin(cosine[inside])]
+    opposite = inside[np.argmin(surface.normals[inside] @ surface.normals[steepest])]
+    closer = surface.normals[inside] @ (surface.normals[opposite] - surface.normals[steepest]) > 0
     label[inside[closer]] = int(label.max()) + 1
 
 
@@ -189,7 +189,7 @@ class OutlineRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class ChartRegion:
     """Connected part of the sheet in one chart; loops of runs in any order."""
 
     chart: int
@@ -212,7 +212,7 @@ class SheetOutline:
     chart: Ints
     piece: Ints
     charts: Ints
-    regions: tuple[Region, ...]
+    regions: tuple[ChartRegion, ...]
 
     @property
     def count(self) -> int:
@@ -221,7 +221,7 @@ class SheetOutline:
 
 
 @dataclass(frozen=True, eq=False)
-class _Beyond:
+class _HalfEdgeCharts:
     """Half-edges by sorted keys start * n + end, with the chart beyond each and its family of edges."""
 
     n: int
@@ -229,79 +229,83 @@ class _Beyond:
     chart: Ints
     family: Ints
 
-    def at(self, loop: Ints) -> tuple[Ints, Ints]:
+    def of_loop(self, loop: Ints) -> tuple[Ints, Ints]:
         k = np.searchsorted(self.key, loop * self.n + np.roll(loop, -1))
         return self.chart[k], self.family[k]
 
 
-def both_skins(given: DividedSheet, shift: int) -> Floats:
+def both_skins(sheet: DividedSheet, shift: int) -> Floats:
     """(n, 2, 3) vertices of a sheet on its upper and lower skin, millimetres."""
-    V, D = _middle(given, shift)
+    V, D = _middle(sheet, shift)
     return np.stack([V + D, V - D], axis=1)
 
 
-def _middle(given: DividedSheet, shift: int) -> tuple[Floats, Floats]:
+def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
     """(n, 3) vertices of the middle surface and half-thickness vectors, millimetres."""
-    D = MM_PER_M * given.D
-    return MM_PER_M * given.V + shift * D, D
+    D = MM_PER_M * sheet.D
+    return MM_PER_M * sheet.V + shift * D, D
 
 
-def sheet_of(given: DividedSheet, shift: int) -> SheetOutline:
+def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
     """Return the regions of a sheet whose middle lies `shift` half-thicknesses off its vertices."""
-    V, D, F = *_middle(given, shift), given.F
+    V, D, F = *_middle(sheet, shift), sheet.F
     table = edge_table(F)
     _, piece = pieces(F, table)
-    count = int(given.chart.max()) + 1
-    charts = np.stack(np.divmod(np.unique(F * count + given.chart[:, None]), count), axis=1)  # pairs as single numbers
+    count = int(sheet.chart.max()) + 1
+    charts = np.stack(np.divmod(np.unique(F * count + sheet.chart[:, None]), count), axis=1)  # pairs as single numbers
     special = np.bincount(charts[:, 0], minlength=len(V)) > 2
     special[table.ends[table.boundary]] = True
-    beyond = _beyond(given, len(V))
-    found = list(_regions(F, given.chart))
-    shared = [_shared(loops) for _, loops in found]
+    beyond = _half_edge_charts(sheet, len(V))
+    parts = list(_regions(F, sheet.chart))
+    shared = [_repeated_vertices(loops) for _, loops in parts]
     special[np.concatenate(shared)] = True
     regions = tuple(
-        Region(
-            int(given.chart[face]),
+        ChartRegion(
+            int(sheet.chart[face]),
             int(piece[face]),
-            tuple(_runs(V, some, special, beyond, touching) for loop in loops for some in _simple(loop)),
+            tuple(
+                _runs(V, simple_loop, special, beyond, touching)
+                for loop in loops
+                for simple_loop in _simple_loops(loop)
+            ),
         )
-        for (face, loops), touching in zip(found, shared, strict=True)
+        for (face, loops), touching in zip(parts, shared, strict=True)
     )
-    return SheetOutline(V, D, F, given.chart, piece, charts, regions)
+    return SheetOutline(V, D, F, sheet.chart, piece, charts, regions)
 
 
 def _regions(F: Ints, chart: Ints) -> Iterator[tuple[int, list[Ints]]]:
     for k in np.unique(chart):
-        mine = np.flatnonzero(chart == k)
-        count, part = pieces(F[mine], edge_table(F[mine]))
+        chart_faces = np.flatnonzero(chart == k)
+        count, part = pieces(F[chart_faces], edge_table(F[chart_faces]))
         for i in range(count):
-            faces = mine[part == i]
+            faces = chart_faces[part == i]
             yield int(faces[0]), boundary_loops(F[faces], edge_table(F[faces]))
 
 
-def _shared(loops: list[Ints]) -> Ints:
+def _repeated_vertices(loops: list[Ints]) -> Ints:
     vertices, often = np.unique(np.concatenate(loops), return_counts=True)
     return np.asarray(vertices[often > 1])
 
 
-def _simple(loop: Ints) -> list[Ints]:
+def _simple_loops(loop: Ints) -> list[Ints]:
     """Cut a loop at repeated vertices. STEP forbids such wires, and only a few readers repair them."""
-    return [loop[some] for some in cut_apart(list(range(len(loop))), loop.tolist())]
+    return [loop[positions] for positions in cut_apart(list(range(len(loop))), loop.tolist())]
 
 
-def _beyond(given: DividedSheet, n: int) -> _Beyond:
-    a, b = half_edges(given.F)
-    h0, h1 = edge_table(given.F).pairs.T
+def _half_edge_charts(sheet: DividedSheet, n: int) -> _HalfEdgeCharts:
+    a, b = half_edges(sheet.F)
+    h0, h1 = edge_table(sheet.F).pairs.T
     chart, family = np.full(len(a), WALL), np.full(len(a), WALL)
-    chart[h0], chart[h1] = given.chart[h1 // 3], given.chart[h0 // 3]
-    family[given.half_edge] = given.family
+    chart[h0], chart[h1] = sheet.chart[h1 // 3], sheet.chart[h0 // 3]
+    family[sheet.half_edge] = sheet.family
     key = a * n + b
     order = np.argsort(key)
-    return _Beyond(n, key[order], chart[order], family[order])
+    return _HalfEdgeCharts(n, key[order], chart[order], family[order])
 
 
-def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond, touching: Ints) -> tuple[OutlineRun, ...]:
-    chart, family = beyond.at(loop)
+def _runs(V: Floats, loop: Ints, special: Bools, beyond: _HalfEdgeCharts, touching: Ints) -> tuple[OutlineRun, ...]:
+    chart, family = beyond.of_loop(loop)
     seam = chart != WALL
     kind = np.where(seam, chart, -2 - family)
     along = V[np.roll(loop, -1)] - V[loop]
@@ -310,8 +314,8 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond, touching: Ints
     ahead = np.einsum("ki,ki->k", along, np.roll(along, 1, axis=0))
     sharp = ~seam & ~np.roll(seam, 1) & (ahead < np.cos(SHARP))
     ends = (kind != np.roll(kind, 1)) | sharp | (seam & np.roll(seam, 1) & special[loop]) | np.isin(loop, touching)
-    at = _two_at_least(V, loop, np.flatnonzero(ends))
-    stops, width = [*at.tolist(), int(at[0]) + len(loop)], _width(V[loop], float(length.sum()))
+    starts = _run_starts(V, loop, np.flatnonzero(ends))
+    stops, width = [*starts.tolist(), int(starts[0]) + len(loop)], _width(V[loop], float(length.sum()))
     return tuple(OutlineRun(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), width) for i, j in pairwise(stops))
 
 
@@ -320,11 +324,11 @@ def _width(line: Floats, length: float) -> float:
     return float(np.linalg.norm(np.cross(P, np.roll(P, -1, axis=0)).sum(axis=0))) / max(length, 1e-300)
 
 
-def _two_at_least(V: Floats, loop: Ints, at: Ints) -> Ints:
+def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
     """Positions in a loop where runs begin: at least two, the same from both sides of a seam."""
-    if len(at) > 1:
-        return at
-    first = int(at[0]) if len(at) else int(np.argmin(loop))
-    away = np.round(np.linalg.norm(V[loop] - V[loop[first]], axis=1), 6)
-    second = int(np.lexsort((loop, -away))[0])
-    return np.sort(np.array([first, second]))
+    if len(starts) > 1:
+        return starts
+    start = int(starts[0]) if len(starts) else int(np.argmin(loop))
+    away = np.round(np.linalg.norm(V[loop] - V[loop[start]], axis=1), 6)
+    far_position = int(np.lexsort((loop, -away))[0])
+    return np.sort(np.array([start, far_position]))

@@ -11,25 +11,25 @@ from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.entities import DIGITS, closing, header, planar_faces
 from dsfab.export.cad.step.file_size import simplified_part, usual_tolerance
-from dsfab.export.cad.step.flat_sheets import Entities, enclosed, references, step_list
+from dsfab.export.cad.step.flat_sheets import StepEntities, references, signed_loop_area, step_list
 from dsfab.export.cad.step.planar import Polyhedron, polyhedron
-from dsfab.export.cad.step.shared.skins import Limits
-from dsfab.export.cad.step.smooth.charts import Patch, SkinChart
+from dsfab.export.cad.step.shared.skins import SmoothLimits
+from dsfab.export.cad.step.smooth.charts import SkinChart, SplinePatch
 from dsfab.export.cad.step.smooth.edges import (
-    Allowed,
-    Asked,
-    Edge,
-    Key,
-    Nodes,
+    EdgeTolerances,
+    OutlineNodes,
+    RunKey,
+    RunRequest,
+    SmoothEdge,
     nodes_of,
     run_key,
     seam_edges,
     wall_edges,
 )
-from dsfab.export.cad.step.smooth.layout import WALL, OutlineRun, Region, SheetOutline
+from dsfab.export.cad.step.smooth.layout import WALL, ChartRegion, OutlineRun, SheetOutline
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part, without_collapsed
-from dsfab.export.splines import Spline, straight
+from dsfab.export.splines import Spline, segment_spline
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class SmoothPiece:
     refused : reason why it is no single closed shell, or ''.
     """
 
-    edges: list[Edge] = field(default_factory=list)
-    keys: list[Key] = field(default_factory=list)
+    edges: list[SmoothEdge] = field(default_factory=list)
+    keys: list[RunKey] = field(default_factory=list)
     skins: list[SmoothSkin] = field(default_factory=list)
     gap: float = 0.0
     traced: bool = False
@@ -71,73 +71,75 @@ class SmoothModel:
     """Pieces on their charts, nodes, and the thickness, mm."""
 
     charts: dict[int, SkinChart]
-    nodes: Nodes
+    nodes: OutlineNodes
     pieces: list[SmoothPiece]
     thickness: float
 
 
-class Builder:
+class PieceBuilder:
     """Builder of pieces on one sheet and its charts."""
 
-    def __init__(self, sheet: SheetOutline, charts: dict[int, SkinChart], allowed: Allowed) -> None:
+    def __init__(self, sheet: SheetOutline, charts: dict[int, SkinChart], allowed: EdgeTolerances) -> None:
         self.sheet, self.allowed = sheet, allowed
         self.nodes = nodes_of(sheet, charts)
-        self._made: dict[tuple[Key, int], list[Edge]] = {}
+        self._made: dict[tuple[RunKey, int], list[SmoothEdge]] = {}
         self._make(sheet.regions, {})
 
-    def piece(self, number: int, level: dict[Key, int], traced: bool = False) -> SmoothPiece:
+    def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
         """Build a piece. level : number of refusals of each run; traced : see `SmoothPiece`."""
-        made, seams = SmoothPiece(traced=traced), dict[Key, int]()
+        result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
         for region in regions:
             loops = [
-                tuple(step for run in loop for step in self._edges(made, seams, run, level)) for loop in region.loops
+                tuple(step for run in loop for step in self._edges(result, seams, run, level)) for loop in region.loops
             ]
-            area = [enclosed(_polygon(made, loop, region.chart)) for loop in loops]
+            area = [signed_loop_area(_polygon(result, loop, region.chart)) for loop in loops]
             order = sorted(range(len(loops)), key=lambda i: -area[i])
             if not loops or sum(a > 0 for a in area) != 1:
-                made.refused = "a chart does not see a part of it as one outline"
-            made.skins.append(SmoothSkin(region.chart, tuple(loops[i] for i in order)))
-        if not any(edge.wall for edge in made.edges):
-            made.refused = "it has no outline"
-        made.gap = max((edge.gap for edge in made.edges), default=0.0)
-        return made
+                result.refused = "a chart does not see a part of it as one outline"
+            result.skins.append(SmoothSkin(region.chart, tuple(loops[i] for i in order)))
+        if not any(edge.wall for edge in result.edges):
+            result.refused = "it has no outline"
+        result.gap = max((edge.gap for edge in result.edges), default=0.0)
+        return result
 
-    def _make(self, regions: Iterable[Region], level: dict[Key, int]) -> None:
-        walls, seams = dict[tuple[Key, int], Asked](), dict[tuple[Key, int], Asked]()
+    def _make(self, regions: Iterable[ChartRegion], level: dict[RunKey, int]) -> None:
+        walls, seams = dict[tuple[RunKey, int], RunRequest](), dict[tuple[RunKey, int], RunRequest]()
         for chart, run in ((region.chart, run) for region in regions for loop in region.loops for run in loop):
             key, ahead = run_key(run)
-            made = key, level.get(key, 0)
-            if made not in self._made and made not in seams:
-                way = run if run.beyond == WALL or ahead else OutlineRun(run.vertices[::-1], run.beyond, run.width)
-                (walls if run.beyond == WALL else seams)[made] = Asked(way, chart, made[1])
+            edge_key = key, level.get(key, 0)
+            if edge_key not in self._made and edge_key not in seams:
+                directed_run = (
+                    run if run.beyond == WALL or ahead else OutlineRun(run.vertices[::-1], run.beyond, run.width)
+                )
+                (walls if run.beyond == WALL else seams)[edge_key] = RunRequest(directed_run, chart, edge_key[1])
         if walls:
-            found = wall_edges(list(walls.values()), self.nodes, self.allowed)
-            self._made |= dict(zip(walls, found, strict=True))
+            new_walls = wall_edges(list(walls.values()), self.nodes, self.allowed)
+            self._made |= dict(zip(walls, new_walls, strict=True))
         if seams:
-            both = seam_edges(list(seams.values()), self.nodes, self.sheet, self.allowed)
-            self._made |= {made: [edge] for made, edge in zip(seams, both, strict=True)}
+            new_seams = seam_edges(list(seams.values()), self.nodes, self.sheet, self.allowed)
+            self._made |= {edge_key: [edge] for edge_key, edge in zip(seams, new_seams, strict=True)}
 
     def _edges(
-        self, made: SmoothPiece, seams: dict[Key, int], run: OutlineRun, level: dict[Key, int]
+        self, target: SmoothPiece, seams: dict[RunKey, int], run: OutlineRun, level: dict[RunKey, int]
     ) -> list[tuple[int, bool]]:
         key, ahead = run_key(run)
-        first = len(made.edges)
+        begin = len(target.edges)
         if run.beyond != WALL and key in seams:
             return [(seams[key], ahead)]
         edges = self._made[key, level.get(key, 0)]
-        made.edges += edges
-        made.keys += [key] * len(edges)
+        target.edges += edges
+        target.keys += [key] * len(edges)
         if run.beyond == WALL:
-            return [(first + i, True) for i in range(len(edges))]
-        seams[key] = first
-        return [(first, ahead)]
+            return [(begin + i, True) for i in range(len(edges))]
+        seams[key] = begin
+        return [(begin, ahead)]
 
 
-def _polygon(made: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int) -> Floats:
-    ways = [made.edges[i].flat[chart].poles[:: 1 if ahead else -1] for i, ahead in loop]
-    return np.concatenate([way[:-1] for way in ways])
+def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int) -> Floats:
+    pole_rows = [owner.edges[i].flat[chart].poles[:: 1 if ahead else -1] for i, ahead in loop]
+    return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
 ROUNDED = 1e-9
@@ -155,65 +157,71 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
     edges = [piece.edges[i] for loop in skin.loops for i, _ in loop]
     flat = np.stack([edge.flat[skin.chart](x) for edge in edges])
     start, end = flat[:, :-1].reshape(-1, 2), flat[:, 1:].reshape(-1, 2)
-    one, two = _near(start, end)
-    found = _across(start, end, one, two) & _across(start, end, two, one)
+    chord_a, chord_b = _close_chords(start, end)
+    is_crossing = _lies_across(start, end, chord_a, chord_b) & _lies_across(start, end, chord_b, chord_a)
     places = np.stack([edge.upper(x[:-1]) for edge in edges]).reshape(-1, 3)
     ends = np.concatenate([edge.upper(x[[0, -1]]) for edge in edges])
-    return np.concatenate([places[np.unique(np.r_[one[found], two[found]])], ends[_twisted(edges, skin)]])
+    return np.concatenate(
+        [places[np.unique(np.r_[chord_a[is_crossing], chord_b[is_crossing]])], ends[_twisted_ends(edges, skin)]]
+    )
 
 
-def _twisted(edges: list[Edge], skin: SmoothSkin) -> Ints:
+def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Ends 2 k and 2 k + 1 of edges k at sharp corners whose sides change places near the corner, so that they cross.
 
     Chords at the corner do not show that. Tangents do, compared with the directions to the middles of the edges.
     """
     least_cosine = 0.5  # between the sides of a sharp corner
-    way = np.array([way for loop in skin.loops for _, way in loop])
-    number = np.split(np.arange(len(way)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
-    before = np.concatenate([np.roll(some, 1) for some in number])
+    forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
+    number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
+    before = np.concatenate([np.roll(numbers, 1) for numbers in number])
     flat = [edge.flat[skin.chart] for edge in edges]
-    lines = [curve.poles[:: 1 if ahead else -1] for curve, ahead in zip(flat, way, strict=True)]
+    lines = [curve.poles[:: 1 if ahead else -1] for curve, ahead in zip(flat, forwards, strict=True)]
     middle = np.concatenate([curve(np.array([0.5])) for curve in flat])
-    into, out = (np.stack([line[[0, 1, -2, -1]] for line in lines])[i] for i in (before, np.arange(len(way))))
-    near = into[:, 3] - into[:, 2], out[:, 1] - out[:, 0]
-    far = into[:, 3] - middle[before], middle - out[:, 0]
-    sharp = np.einsum("ki,ki->k", *near) < -least_cosine * np.prod([np.linalg.norm(v, axis=1) for v in near], axis=0)
-    bad = np.flatnonzero(sharp & (_turn(*near) * _turn(*far) < 0))
-    return np.concatenate([2 * before[bad] + way[before[bad]], 2 * bad + ~way[bad]])
+    into, out = (np.stack([line[[0, 1, -2, -1]] for line in lines])[i] for i in (before, np.arange(len(forwards))))
+    end_tangents = into[:, 3] - into[:, 2], out[:, 1] - out[:, 0]
+    middle_vectors = into[:, 3] - middle[before], middle - out[:, 0]
+    sharp = np.einsum("ki,ki->k", *end_tangents) < -least_cosine * np.prod(
+        [np.linalg.norm(v, axis=1) for v in end_tangents], axis=0
+    )
+    bad = np.flatnonzero(sharp & (_turn(*end_tangents) * _turn(*middle_vectors) < 0))
+    return np.concatenate([2 * before[bad] + forwards[before[bad]], 2 * bad + ~forwards[bad]])
 
 
-def _turn(one: Floats, two: Floats) -> Floats:
+def _turn(before: Floats, after: Floats) -> Floats:
     """(k,) positive for turns to the left."""
-    return np.asarray(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+    return np.asarray(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
 
 
-def _near(start: Floats, end: Floats) -> tuple[Ints, Ints]:
+def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     middle, long = (start + end) / 2, np.linalg.norm(end - start, axis=1)
     reach = long.max()
-    one, two = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
-    apart = np.linalg.norm(middle[one] - middle[two], axis=1)
-    close = apart <= (1 + ROUNDED) * (long[one] + long[two]) / 2  # crossing chords are this close
-    one, two = one[close], two[close]
-    meet = np.zeros(len(one), dtype=bool)
+    chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
+    apart = np.linalg.norm(middle[chord_a] - middle[chord_b], axis=1)
+    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # crossing chords are this close
+    chord_a, chord_b = chord_a[is_close], chord_b[is_close]
+    meet = np.zeros(len(chord_a), dtype=bool)
     for a in (start, end):
         for b in (start, end):
-            meet |= np.linalg.norm(a[one] - b[two], axis=1) < 1e-9 * reach
-    return one[~meet], two[~meet]
+            meet |= np.linalg.norm(a[chord_a] - b[chord_b], axis=1) < 1e-9 * reach
+    return chord_a[~meet], chord_b[~meet]
 
 
-def _across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
+def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
     """(k,) whether the ends of a chord lie clearly on different sides of a line."""
     along = (end - start)[line]
     long = np.linalg.norm(along, axis=1)
     to, past = start[chord] - start[line], end[chord] - start[line]
-    first, second = _turn(along, to) / long, _turn(along, past) / long
-    return np.asarray((first * second < 0) & (np.minimum(np.abs(first), np.abs(second)) > ROUNDED * long))
+    start_side, end_side = _turn(along, to) / long, _turn(along, past) / long
+    return np.asarray((start_side * end_side < 0) & (np.minimum(np.abs(start_side), np.abs(end_side)) > ROUNDED * long))
 
 
 ROUNDING = 3e-5
 """Largest rounding of coordinates over the thickness; 1e-6 mm at least."""
 
-PLANE = "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
+PARAMETER_CONTEXT = (
+    "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
+)
 
 SIDES = {"lower": (0, 0, "(1.,0.)"), "upper": (0, 1, "(1.,0.)"), "start": (0, 0, "(0.,1.)"), "end": (1, 0, "(0.,1.)")}
 """Sides of a wall: start, in lengths of its sides, and direction."""
@@ -222,16 +230,19 @@ SIDES = {"lower": (0, 0, "(1.,0.)"), "upper": (0, 1, "(1.,0.)"), "start": (0, 0,
 class SmoothText:
     """Writer of pieces after the entities of `new`."""
 
-    def __init__(self, new: Entities, model: SmoothModel) -> None:
-        self.new, self.model = new, model
+    def __init__(self, entity_list: StepEntities, model: SmoothModel) -> None:
+        self.new, self.model = entity_list, model
         self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * model.thickness)), 2, 6))
         self._skins: dict[tuple[int, bool], int] = {}
 
     def piece(self, piece: SmoothPiece) -> list[int]:
         """Add the faces of a piece and return their numbers."""
-        new = self.new
-        at = {v: self.model.nodes.at[v] for edge in piece.edges for v in (edge.start, edge.end)}
-        vertices = {v: [new.add(f"VERTEX_POINT('',#{p})") for p in self._points(both)] for v, both in at.items()}
+        entity_list = self.new
+        node_points = {v: self.model.nodes.at[v] for edge in piece.edges for v in (edge.start, edge.end)}
+        vertices = {
+            v: [entity_list.add(f"VERTEX_POINT('',#{p})") for p in self._points(pair)]
+            for v, pair in node_points.items()
+        }
         edges, faces = list[tuple[int, int]](), list[int]()
         poles = [[list(self._points(line.poles)) for line in (edge.upper, edge.lower)] for edge in piece.edges]
         surfaces = [
@@ -242,31 +253,32 @@ class SmoothText:
             if wall:
                 sides.setdefault(edge.start, []).append((wall, "start", edge.spans))
                 sides.setdefault(edge.end, []).append((wall, "end", edge.spans))
-        posts = {v: self._post(vertices[v], at[v], sides[v] if piece.traced else []) for v in sorted(sides)}
+        posts = {v: self._post(vertices[v], node_points[v], sides[v] if piece.traced else []) for v in sorted(sides)}
         for edge, wall, (above, below) in zip(piece.edges, surfaces, poles, strict=True):
             flat = {k: self._line(curve, edge.spans) for k, curve in edge.flat.items() if piece.traced}
             ends = vertices[edge.start], vertices[edge.end]
-            on = wall if piece.traced else 0
-            upper = self._edge(edge, above, flat, on, True, (ends[0][0], ends[1][0]))
-            lower = self._edge(edge, below, flat, on, False, (ends[0][1], ends[1][1]))
+            wall_surface = wall if piece.traced else 0
+            upper = self._edge(edge, above, flat, wall_surface, True, (ends[0][0], ends[1][0]))
+            lower = self._edge(edge, below, flat, wall_surface, False, (ends[0][1], ends[1][1]))
             edges.append((upper, lower))
             if wall:
                 steps = [(lower, True), (posts[edge.end], True), (upper, False), (posts[edge.start], False)]
-                faces.append(new.face([new.wire(steps)], wall))
-        return faces + [face for skin in piece.skins for face in self._both(skin, edges)]
+                faces.append(entity_list.face([entity_list.wire(steps)], wall))
+        return faces + [face for skin in piece.skins for face in self._skin_faces(skin, edges)]
 
-    def _both(self, skin: SmoothSkin, edges: list[tuple[int, int]]) -> tuple[int, int]:
-        new = self.new
+    def _skin_faces(self, skin: SmoothSkin, edges: list[tuple[int, int]]) -> tuple[int, int]:
+        entity_list = self.new
         kinds = ["FACE_BOUND" if j else "FACE_OUTER_BOUND" for j in range(len(skin.loops))]
         above = [
-            new.wire([(edges[i][0], way) for i, way in loop], k) for loop, k in zip(skin.loops, kinds, strict=True)
-        ]
-        below = [
-            new.wire([(edges[i][1], not way) for i, way in reversed(loop)], k)
+            entity_list.wire([(edges[i][0], forwards) for i, forwards in loop], k)
             for loop, k in zip(skin.loops, kinds, strict=True)
         ]
-        upper = new.face(above, self._skin(skin.chart, True))
-        return upper, new.face(below, self._skin(skin.chart, False), same=False)
+        below = [
+            entity_list.wire([(edges[i][1], not forwards) for i, forwards in reversed(loop)], k)
+            for loop, k in zip(skin.loops, kinds, strict=True)
+        ]
+        upper = entity_list.face(above, self._skin(skin.chart, True))
+        return upper, entity_list.face(below, self._skin(skin.chart, False), same_sense=False)
 
     def _points(self, points: Floats) -> Iterator[int]:
         for p in (np.round(points, self.digits) + 0.0).tolist():
@@ -274,32 +286,38 @@ class SmoothText:
             yield self.new.once(f"CARTESIAN_POINT('',({text}))")
 
     def _post(self, vertices: list[int], ends: Floats, sides: list[tuple[int, str, int]]) -> int:
-        line = self._line(straight(ends[1], ends[0]), 1)
-        on = [self._on_wall(*side) for side in sides]
-        return self._trimmed(line, on, (vertices[1], vertices[0]))
+        line = self._line(segment_spline(ends[1], ends[0]), 1)
+        wall_curves = [self._on_wall(*side) for side in sides]
+        return self._edge_curve(line, wall_curves, (vertices[1], vertices[0]))
 
     def _edge(
-        self, edge: Edge, poles: list[int], flat: dict[int, int], wall: int, above: bool, ends: tuple[int, int]
+        self, edge: SmoothEdge, poles: list[int], flat: dict[int, int], wall: int, above: bool, ends: tuple[int, int]
     ) -> int:
-        on = [self._over(self._skin(chart, above), curve) for chart, curve in flat.items()]
+        surface_curves = [self._parameter_curve(self._skin(chart, above), curve) for chart, curve in flat.items()]
         if wall:
-            on.append(self._on_wall(wall, "upper" if above else "lower", edge.spans))
-        return self._trimmed(self._curve(edge.upper if above else edge.lower, poles, edge.spans), on, ends)
+            surface_curves.append(self._on_wall(wall, "upper" if above else "lower", edge.spans))
+        return self._edge_curve(
+            self._curve(edge.upper if above else edge.lower, poles, edge.spans), surface_curves, ends
+        )
 
-    def _trimmed(self, line: int, on: list[int], ends: tuple[int, int]) -> int:
-        curve = self.new.add(f"SURFACE_CURVE('',#{line},{references(on)},.CURVE_3D.)") if on else line
+    def _edge_curve(self, line: int, surface_curves: list[int], ends: tuple[int, int]) -> int:
+        curve = (
+            self.new.add(f"SURFACE_CURVE('',#{line},{references(surface_curves)},.CURVE_3D.)")
+            if surface_curves
+            else line
+        )
         return self.new.add(f"EDGE_CURVE('',#{ends[0]},#{ends[1]},#{curve},.T.)")
 
-    def _over(self, surface: int, curve: int) -> int:
-        shown = self.new.once(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PLANE)})")
+    def _parameter_curve(self, surface: int, curve: int) -> int:
+        shown = self.new.once(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PARAMETER_CONTEXT)})")
         return self.new.add(f"PCURVE('',#{surface},#{shown})")
 
     def _on_wall(self, wall: int, side: str, spans: int) -> int:
         u, v, along = SIDES[side]
         start = self.new.once(f"CARTESIAN_POINT('',({u * spans}.,{v}.))")
-        way = self.new.once(f"DIRECTION('',{along})")
-        vector = self.new.once(f"VECTOR('',#{way},1.)")
-        return self._over(wall, self.new.once(f"LINE('',#{start},#{vector})"))
+        direction = self.new.once(f"DIRECTION('',{along})")
+        vector = self.new.once(f"VECTOR('',#{direction},1.)")
+        return self._parameter_curve(wall, self.new.once(f"LINE('',#{start},#{vector})"))
 
     def _line(self, curve: Spline, spans: int) -> int:
         return self._curve(curve, list(self._points(curve.poles)), spans)
@@ -310,12 +328,12 @@ class SmoothText:
         Lines too, because a polyline under an edge has at least three points (ISO 10303-511, advanced_face).
         """
         poles = references(through)
-        times, knots = _counted(spans * curve.knots)
+        times, knots = _knot_text(spans * curve.knots)
         return self.new.add(
             f"B_SPLINE_CURVE_WITH_KNOTS('',{curve.degree},{poles},.UNSPECIFIED.,.F.,.F.,{times},{knots},.UNSPECIFIED.)"
         )
 
-    def _wall(self, edge: Edge, poles: list[list[int]]) -> int:
+    def _wall(self, edge: SmoothEdge, poles: list[list[int]]) -> int:
         """Add the ruled surface between an edge's curves; its normal points to their right: outwards."""
         upper, lower = poles
         rows = ",".join(references(list(row)) for row in zip(lower, upper, strict=True))
@@ -323,25 +341,25 @@ class SmoothText:
 
     def _skin(self, chart: int, above: bool) -> int:
         if (chart, above) not in self._skins:
-            patch: Patch = self.model.charts[chart].upper if above else self.model.charts[chart].lower
+            patch: SplinePatch = self.model.charts[chart].upper if above else self.model.charts[chart].lower
             poles = ",".join(references(list(self._points(row))) for row in patch.poles)
             self._skins[chart, above] = self._surface((3, 3), poles, patch.u, patch.v)
         return self._skins[chart, above]
 
     def _surface(self, degrees: tuple[int, int], poles: str, u: Floats, v: Floats) -> int:
-        (many, knots), (times, others) = _counted(u), _counted(v)
+        (u_times, u_knots), (v_times, v_knots) = _knot_text(u), _knot_text(v)
         return self.new.add(
             f"B_SPLINE_SURFACE_WITH_KNOTS('',{degrees[0]},{degrees[1]},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
-            f"{many},{times},{knots},{others},.UNSPECIFIED.)"
+            f"{u_times},{v_times},{u_knots},{v_knots},.UNSPECIFIED.)"
         )
 
 
-def _counted(knots: Floats) -> tuple[str, str]:
-    return _counted_bytes(knots.tobytes())
+def _knot_text(knots: Floats) -> tuple[str, str]:
+    return _knot_text_of_bytes(knots.tobytes())
 
 
 @lru_cache(maxsize=1024)
-def _counted_bytes(knots: bytes) -> tuple[str, str]:
+def _knot_text_of_bytes(knots: bytes) -> tuple[str, str]:
     """Memoised, because most curves share a few lists of knots."""
     values, times = np.unique(np.frombuffer(knots), return_counts=True)
     return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, 14)
@@ -368,25 +386,25 @@ class SmoothPieceFile:
     gap: float
     there: float
     back: float
-    limits: Limits
+    limits: SmoothLimits
     volume: float
     refused: str
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """Description of the file for messages."""
-        some = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces, the rest faceted, "
+        count_text = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces, the rest faceted, "
         why = f" ({self.refused})" if self.refused else ""
         return (
-            f"{some}at most {self.there:.2g} mm off the mesh and the mesh {self.back:.2g} mm off it "
-            f"({self.limits.told}); gaps under {self.gap:.2g} mm{why}"
+            f"{count_text}at most {self.there:.2g} mm off the mesh and the mesh {self.back:.2g} mm off it "
+            f"({self.limits.summary}); gaps under {self.gap:.2g} mm{why}"
         )
 
 
 def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | None = None) -> str:
     """Encode pieces of layouts, with the name of the part, and the triangles of `rest` as planar faces."""
-    new = Entities()
-    writers = {id(model): SmoothText(new, model) for model, _ in which}
+    entity_list = StepEntities()
+    writers = {id(model): SmoothText(entity_list, model) for model, _ in which}
     faces, shells = list[int](), list[int]()
     for i, (model, k) in enumerate(which):
         added = writers[id(model)].piece(model.pieces[k])
@@ -395,23 +413,25 @@ def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | Non
     name, solids = part.name, [[i] for i in range(len(which))]
     if rest is None:
         head = header(name, SKINS, len(solids))
-        return "".join([head, *new.text, *closing(np.array(shells), solids, np.array(faces), new.free, name)])
-    shape, others = _planar(rest)
-    texts, numbers, free = planar_faces(shape, new.free)
-    solids += [[i + len(which) for i in one] for one in others]
+        return "".join(
+            [head, *entity_list.text, *closing(np.array(shells), solids, np.array(faces), entity_list.free, name)]
+        )
+    shape, rest_solids = _planar(rest)
+    texts, numbers, free = planar_faces(shape, entity_list.free)
+    solids += [[i + len(which) for i in shells_of_solid] for shells_of_solid in rest_solids]
     end = closing(np.r_[shells, shape.shell + len(which)], solids, np.r_[faces, numbers], free, name)
-    return "".join([header(name, SKINS, len(solids)), *new.text, *texts, *end])
+    return "".join([header(name, SKINS, len(solids)), *entity_list.text, *texts, *end])
 
 
 def rest_of(part: Part, F: Ints) -> Part:
     """Return triangles (m, 3) of a part, simplified if possible."""
     used, local = np.unique(F, return_inverse=True)
-    some = replace(part, V=part.V[used], F=local.reshape(F.shape))
+    remainder = replace(part, V=part.V[used], F=local.reshape(F.shape))
     try:
-        simple = simplified_part(some, usual_tolerance(some))
+        simple = simplified_part(remainder, usual_tolerance(remainder))
         return without_collapsed(simple, np.round(simple.V, DIGITS) + 0.0, f"a STEP file with {DIGITS} decimals")
     except ExportError:
-        return some
+        return remainder
 
 
 def _planar(part: Part) -> tuple[Polyhedron, list[list[int]]]:

@@ -51,8 +51,8 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
         return []
     work = partial(_root, reader, folder, deflection, copies)
     count = reader.NbRootsForTransfer()
-    found = _shared(work, count) if copies and count > 1 else [work(i) for i in range(count)]
-    return [one for some in found for one in some]
+    groups = _map_with_fork(work, count) if copies and count > 1 else [work(i) for i in range(count)]
+    return [finding for group in groups for finding in group]
 
 
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
@@ -64,20 +64,27 @@ def whole_findings(path: str, folder: str, deflection: float, copies: bool = Fal
     """
     from OCP.TopAbs import TopAbs_ShapeEnum
 
-    reader, drawing = _read(path), _beside("step_triangles.py")
+    reader, drawing = _read(path), _neighbour_module("step_triangles.py")
     if reader is None or not reader.TransferRoots():
         return []
     shape = reader.OneShape()
     solids = list(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
-    ask = partial(_asked, solids)
-    copy = _Meanwhile(ask) if copies else None
-    asked = [] if copy else ask()
-    drawn = [_drawn(drawing, deflection, solid) for solid in solids if all(one["valid"] for one in asked)]
-    if len(drawn) == len(solids) and all(drawn):
+    collect = partial(_untriangulated_findings, solids)
+    copy = _ForkedWork(collect) if copies else None
+    findings_list = [] if copy else collect()
+    has_triangles = [
+        _triangulates(drawing, deflection, solid)
+        for solid in solids
+        if all(finding["valid"] for finding in findings_list)
+    ]
+    if len(has_triangles) == len(solids) and all(has_triangles):
         drawing.keep_drawn(shape, Path(folder))
-    asked = copy() if copy else asked
-    has = [one["valid"] and all(drawn[i : i + 1]) for i, one in enumerate(asked)]
-    return [{**one, "tessellates": has, "volume": one["volume"] * has} for one, has in zip(asked, has, strict=True)]
+    findings_list = copy() if copy else findings_list
+    complete = [finding["valid"] and all(has_triangles[i : i + 1]) for i, finding in enumerate(findings_list)]
+    return [
+        {**finding, "tessellates": complete, "volume": finding["volume"] * complete}
+        for finding, complete in zip(findings_list, complete, strict=True)
+    ]
 
 
 def _read(path: str) -> Any | None:
@@ -106,24 +113,24 @@ def _root(reader: Any, folder: str, deflection: float, copies: bool, i: int) -> 
         return []
     shape = reader.Shape(reader.NbShapes())
     draw = partial(_tessellates, deflection)
-    found = [_findings(solid, draw, copies) for solid in _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)]
+    results = [_findings(solid, draw, copies) for solid in _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)]
     if folder:
         writer = StlAPI_Writer()
         writer.ASCIIMode = False
         writer.Write(shape, str(Path(folder) / f"{i}.stl"))
-    return found
+    return results
 
 
-def _shared(work: Callable[[int], Any], count: int) -> list[Any]:
+def _map_with_fork(work: Callable[[int], Any], count: int) -> list[Any]:
     """Results of `work` for 0, 1 ... count - 1, shared with a fork: a free process takes the next number."""
     numbers, issue = os.pipe()
     os.write(issue, array("I", range(count)).tobytes())
     os.close(issue)
     share = partial(_share, work, numbers)
-    copy = _Meanwhile(share)
-    both = share() + copy()
+    copy = _ForkedWork(share)
+    results = share() + copy()
     os.close(numbers)
-    return [said for _, said in sorted(both, key=itemgetter(0))]
+    return [result for _, result in sorted(results, key=itemgetter(0))]
 
 
 def _share(work: Callable[[int], Any], numbers: int) -> list[tuple[int, Any]]:
@@ -133,36 +140,36 @@ def _share(work: Callable[[int], Any], numbers: int) -> list[tuple[int, Any]]:
 def _parts(shape: Any, kind: Any) -> Iterator[Any]:
     from OCP.TopExp import TopExp_Explorer
 
-    found = TopExp_Explorer(shape, kind)
-    while found.More():
-        yield found.Current()
-        found.Next()
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
 
 
-class _Meanwhile:
+class _ForkedWork:
     """Work in a fork of this process. OCCT holds Python's lock, so threads would wait."""
 
     def __init__(self, work: Callable[[], Any]) -> None:
-        self._said, mine = os.pipe()
+        self._said, write_end = os.pipe()
         self._copy = os.fork()
         if not self._copy:
-            self._find(work, mine)
-        os.close(mine)
+            self._run(work, write_end)
+        os.close(write_end)
 
     @staticmethod
-    def _find(work: Callable[[], Any], to: int) -> None:
+    def _run(work: Callable[[], Any], to: int) -> None:
         try:
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: it ends with its parent
-            with os.fdopen(to, "w") as said:
-                json.dump(work(), said)
+            with os.fdopen(to, "w") as pipe:
+                json.dump(work(), pipe)
         finally:
             os._exit(0)
 
     def __call__(self) -> Any:
-        with os.fdopen(self._said) as said:
-            found = said.read()
+        with os.fdopen(self._said) as pipe:
+            text = pipe.read()
         os.waitpid(self._copy, 0)
-        return json.loads(found)
+        return json.loads(text)
 
     def stop(self) -> None:
         os.close(self._said)
@@ -173,8 +180,8 @@ class _Meanwhile:
 def _findings(solid: Any, draw: Callable[[Any, list[Any]], bool], copies: bool) -> dict[str, Any]:
     """Findings about a solid. `draw` triangulates its faces and returns True if every face has triangles."""
     faces = _faces(solid)
-    meanwhile = _Meanwhile(partial(_measures, solid, faces)) if copies else None
-    checked = _checked(solid)
+    meanwhile = _ForkedWork(partial(_measures, solid, faces)) if copies else None
+    checked = _shape_findings(solid)
     tessellates = checked["valid"] and draw(solid, faces)
     if meanwhile and not tessellates:
         meanwhile.stop()
@@ -190,24 +197,24 @@ def _faces(solid: Any) -> list[Any]:
     return [TopoDS.Face(face) for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
 
 
-def _checked(solid: Any) -> dict[str, Any]:
+def _shape_findings(solid: Any) -> dict[str, Any]:
     from OCP.BRep import BRep_Tool
     from OCP.BRepCheck import BRepCheck_Analyzer
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     faces, box = _faces(solid), _box(solid)
-    checked = BRepCheck_Analyzer(solid, True, True)
-    valid = bool(checked.IsValid())
+    analyzer = BRepCheck_Analyzer(solid, True, True)
+    valid = bool(analyzer.IsValid())
     return {
         "valid": valid,
         "closed": all(BRep_Tool.IsClosed_s(shell) for shell in _parts(solid, TopAbs_ShapeEnum.TopAbs_SHELL)),
         "faces": len(faces),
         "box": box,
-        "bad": [] if valid else _crossing([face for face in faces if not checked.IsValid(face)] or faces),
+        "bad": [] if valid else _crossing([face for face in faces if not analyzer.IsValid(face)] or faces),
     }
 
 
-def _drawn(drawing: ModuleType, deflection: float, solid: Any) -> bool:
+def _triangulates(drawing: ModuleType, deflection: float, solid: Any) -> bool:
     from OCP.BRep import BRep_Tool
     from OCP.TopLoc import TopLoc_Location
 
@@ -226,15 +233,15 @@ def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
     from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
     from OCP.TopLoc import TopLoc_Location
 
-    how = IMeshTools_Parameters()
-    how.Deflection, how.Angle, how.InParallel = deflection or _deflection(solid), angle, True
-    how.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Delabella
-    BRepMesh_IncrementalMesh(solid, how)
-    left = [face for face in faces if BRep_Tool.Triangulation_s(face, TopLoc_Location()) is None]
-    how.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Watson
-    for face in left:
-        BRepMesh_IncrementalMesh(face, how)
-    return all(BRep_Tool.Triangulation_s(face, TopLoc_Location()) is not None for face in left)
+    parameters = IMeshTools_Parameters()
+    parameters.Deflection, parameters.Angle, parameters.InParallel = deflection or _deflection(solid), angle, True
+    parameters.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Delabella
+    BRepMesh_IncrementalMesh(solid, parameters)
+    unmeshed = [face for face in faces if BRep_Tool.Triangulation_s(face, TopLoc_Location()) is None]
+    parameters.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Watson
+    for face in unmeshed:
+        BRepMesh_IncrementalMesh(face, parameters)
+    return all(BRep_Tool.Triangulation_s(face, TopLoc_Location()) is not None for face in unmeshed)
 
 
 def _deflection(solid: Any) -> float:
@@ -248,29 +255,29 @@ def _deflection(solid: Any) -> float:
 
 
 @cache
-def _beside(name: str) -> ModuleType:
+def _neighbour_module(name: str) -> ModuleType:
     """Import a module beside this file by its path, because an import of dsfab would load much more."""
     path = Path(__file__).parent / name
-    at = spec_from_file_location(path.stem, path)
-    if at is None or at.loader is None:
+    spec = spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
         raise ImportError(f"{name} is not where piece_check.py looks for it")
-    found = module_from_spec(at)
-    at.loader.exec_module(found)
-    return found
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def _measures(solid: Any, faces: list[Any], volume: bool = True) -> tuple[float, float]:
     gap = max((_gap(face) for face in faces), default=0.0)
-    return gap, float(_beside("piece_volume.py").volume(solid)) if volume else 0.0
+    return gap, float(_neighbour_module("piece_volume.py").volume(solid)) if volume else 0.0
 
 
-def _asked(solids: list[Any]) -> list[dict[str, Any]]:
-    found, volume = [], _beside("piece_volume.py").volume_of_small_faces
+def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
+    results, volume = [], _neighbour_module("piece_volume.py").volume_of_small_faces
     for solid in solids:
-        checked = _checked(solid)
+        checked = _shape_findings(solid)
         gap, _ = _measures(solid, _faces(solid), volume=False)
-        found.append({**checked, "gap": gap, "volume": volume(solid) if checked["valid"] else 0.0})
-    return found
+        results.append({**checked, "gap": gap, "volume": volume(solid) if checked["valid"] else 0.0})
+    return results
 
 
 def _box(solid: Any) -> list[float]:
@@ -298,15 +305,15 @@ def _gap(face: Any) -> float:
     for shape in _parts(face, TopAbs_ShapeEnum.TopAbs_EDGE):
         edge = TopoDS.Edge(shape)
         curve = BRep_Tool.Curve_s(edge, 0.0, 1.0)
-        first, last = BRep_Tool.Range_s(edge)
+        begin, end = BRep_Tool.Range_s(edge)
         flat = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0)
         if flat is None:
             continue
-        on = Adaptor3d_CurveOnSurface(Geom2dAdaptor_Curve(flat, first, last), surface)
-        both = BRepLib_ValidateEdge(GeomAdaptor_Curve(curve, first, last), on, True)
-        both.SetControlPointsNumber(samples)
-        both.Process()
-        widest = max(widest, both.GetMaxDistance())
+        curve_on_face = Adaptor3d_CurveOnSurface(Geom2dAdaptor_Curve(flat, begin, end), surface)
+        comparison = BRepLib_ValidateEdge(GeomAdaptor_Curve(curve, begin, end), curve_on_face, True)
+        comparison.SetControlPointsNumber(samples)
+        comparison.Process()
+        widest = max(widest, comparison.GetMaxDistance())
     return widest
 
 
@@ -317,36 +324,36 @@ def _crossing(faces: list[Any]) -> list[list[float]]:
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS, TopoDS_Edge
 
-    found = list[list[float]]()
+    ends = list[list[float]]()
     for face in faces:
         if BRepCheck_Analyzer(face).IsValid():
             continue
         named = []
         for wire in _parts(face, TopAbs_ShapeEnum.TopAbs_WIRE):
-            one, two = TopoDS_Edge(), TopoDS_Edge()
-            status = BRepCheck_Wire(TopoDS.Wire(wire)).SelfIntersect(face, one, two)
+            edge_a, edge_b = TopoDS_Edge(), TopoDS_Edge()
+            status = BRepCheck_Wire(TopoDS.Wire(wire)).SelfIntersect(face, edge_a, edge_b)
             if status != BRepCheck_Status.BRepCheck_NoError:
-                named += [edge for edge in (one, two) if not edge.IsNull()]
+                named += [edge for edge in (edge_a, edge_b) if not edge.IsNull()]
         for edge in named or [TopoDS.Edge(shape) for shape in _parts(face, TopAbs_ShapeEnum.TopAbs_EDGE)]:
             curve = BRepAdaptor_Curve(edge)
-            for at in (curve.FirstParameter(), curve.LastParameter()):
-                point = curve.Value(at)
-                found.append([point.X(), point.Y(), point.Z()])
-    return found
+            for parameter in (curve.FirstParameter(), curve.LastParameter()):
+                point = curve.Value(parameter)
+                ends.append([point.X(), point.Y(), point.Z()])
+    return ends
 
 
-def _loaded() -> list[str]:
+def _late_arguments() -> list[str]:
     import OCP.BRepMesh
     import OCP.STEPControl  # noqa: F401
 
-    _beside("piece_volume.py")
+    _neighbour_module("piece_volume.py")
     return list(json.loads(sys.stdin.readline()))
 
 
 if __name__ == "__main__":
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # copies of this process have no threads, and need none
     gc.disable()  # a tenth of the time that importing OCCT takes
-    path, *more = sys.argv[1:] or _loaded()
+    path, *more = sys.argv[1:] or _late_arguments()
     folder, deflection = (more[0], float(more[1])) if more else ("", 0.0)
     findings = whole_findings if "whole" in more[2:] else solid_findings
     sys.stdout.write(json.dumps({"solids": findings(path, folder, deflection, COPIES)}) + "\n")

@@ -34,10 +34,10 @@ def parts(shape: Any, kind: Any) -> Iterator[Any]:
     """Yield the faces, edges ... of a shape, with their orientation in it."""
     from OCP.TopExp import TopExp_Explorer
 
-    found = TopExp_Explorer(shape, kind)
-    while found.More():
-        yield found.Current()
-        found.Next()
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
 
 
 def volume(solid: Any) -> float:
@@ -50,7 +50,7 @@ def volume(solid: Any) -> float:
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS
 
-    corners = [BRep_Tool.Pnt_s(TopoDS.Vertex(one)) for one in parts(solid, TopAbs_ShapeEnum.TopAbs_VERTEX)]
+    corners = [BRep_Tool.Pnt_s(TopoDS.Vertex(vertex)) for vertex in parts(solid, TopAbs_ShapeEnum.TopAbs_VERTEX)]
     count = max(len(corners), 1)
     x, y, z = (sum(axis) / count for axis in zip(*((p.X(), p.Y(), p.Z()) for p in corners), strict=True))
     about, faces = gp_Pnt(x, y, z), parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)
@@ -65,9 +65,9 @@ def volume_of_small_faces(solid: Any) -> float:
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
-    found = GProp_GProps()
-    BRepGProp.VolumePropertiesGK_s(solid, found, VOLUME, False, False, False, False, False)
-    return float(found.Mass())
+    properties = GProp_GProps()
+    BRepGProp.VolumePropertiesGK_s(solid, properties, VOLUME, False, False, False, False, False)
+    return float(properties.Mass())
 
 
 def _cone(face: Any, about: Any) -> float:
@@ -84,7 +84,7 @@ def _cone(face: Any, about: Any) -> float:
     edges = [TopoDS.Edge(edge) for edge in parts(ahead, TopAbs_ShapeEnum.TopAbs_EDGE)]
     if len(edges) >= MANY_EDGES:
         surface = _spline_surface(ahead)
-        outline = [found for edge in edges if (found := _spline_on(edge, ahead))]
+        outline = [spline for edge in edges if (spline := _spline_on(edge, ahead))]
         if surface is not None and len(outline) == len(edges):
             turned = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
             return (-1 if turned else 1) * _cone_on_spline(surface, outline, about)
@@ -96,13 +96,13 @@ def _spline_surface(face: Any) -> Any | None:
     from OCP.Geom import Geom_BSplineSurface
 
     surface = BRep_Tool.Surface_s(face)
-    plain = isinstance(surface, Geom_BSplineSurface) and not (surface.IsURational() or surface.IsVRational())
-    return surface if plain else None
+    is_unweighted = isinstance(surface, Geom_BSplineSurface) and not (surface.IsURational() or surface.IsVRational())
+    return surface if is_unweighted else None
 
 
 def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
     """Curve of an edge on a face; None unless it is a complete B-spline without weights."""
-    whole = 1e-9  # share of its length by which an edge may end before its curve
+    end_tolerance = 1e-9  # share of its length by which an edge may end before its curve
     from OCP.BRep import BRep_Tool
     from OCP.Geom2d import Geom2d_BSplineCurve
     from OCP.TopAbs import TopAbs_Orientation
@@ -110,8 +110,8 @@ def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
     curve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0)
     if not isinstance(curve, Geom2d_BSplineCurve) or curve.IsRational() or curve.IsPeriodic():
         return None
-    first, last = BRep_Tool.Range_s(edge)
-    if abs(curve.FirstParameter() - first) + abs(curve.LastParameter() - last) > whole * (last - first):
+    begin, end = BRep_Tool.Range_s(edge)
+    if abs(curve.FirstParameter() - begin) + abs(curve.LastParameter() - end) > end_tolerance * (end - begin):
         return None
     forward = edge.Orientation() == TopAbs_Orientation.TopAbs_FORWARD
     knots = [curve.Knot(i) for i in range(1, curve.NbKnots() + 1) for _ in range(curve.Multiplicity(i))]
@@ -131,36 +131,36 @@ def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) ->
     v = [surface.VKnot(i) for i in range(1, surface.NbVKnots() + 1)]
     p, q = 3 * surface.UDegree(), 3 * surface.VDegree()
     x, y = legendre.leggauss(p)[0], legendre.leggauss(q)[0]
-    f = _integrand(surface, about, _between(u, x), _between(v, y)).reshape(len(u) - 1, p, len(v) - 1, q)
+    f = _integrand(surface, about, _span_places(u, x), _span_places(v, y)).reshape(len(u) - 1, p, len(v) - 1, q)
     to_u, to_v = np.linalg.inv(legendre.legvander(x, p - 1)), np.linalg.inv(legendre.legvander(y, q - 1))
     G = legendre.legint(np.einsum("am,imjn,bn->iajb", to_u, f, to_v), lbnd=-1, axis=1)
     G *= np.diff(u)[:, None, None, None] / 2
     G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # add all earlier spans; each polynomial is 1 at 1
-    at, dv = _outline_points(outline)
-    i, s = _local(u, at[:, 0])
-    j, t = _local(v, at[:, 1])
+    places, dv = _outline_points(outline)
+    i, s = _local(u, places[:, 0])
+    j, t = _local(v, places[:, 1])
     along_u, along_v = legendre.legvander(s, p) * dv[:, None], legendre.legvander(t, q - 1)
     span = i * (len(v) - 1) + j
     order = np.argsort(span)
     groups = np.split(order, np.flatnonzero(np.diff(span[order])) + 1)
     # without BLAS, whose threads wait for each other on a busy machine
-    found = (np.einsum("ka,ab->kb", along_u[k], G[i[k[0]], :, j[k[0]], :]) * along_v[k] for k in groups)
-    return sum(float(some.sum()) for some in found)
+    terms = (np.einsum("ka,ab->kb", along_u[k], G[i[k[0]], :, j[k[0]], :]) * along_v[k] for k in groups)
+    return sum(float(term.sum()) for term in terms)
 
 
 def _integrand(surface: Any, about: Any, u: Any, v: Any) -> Any:
     """(k l,) f at all pairs of parameters u (k,) and v (l,)."""
     from OCP.gp import gp_Pnt, gp_Vec
 
-    at, along_u, along_v, found = gp_Pnt(), gp_Vec(), gp_Vec(), []
-    for one in u.tolist():
-        for other in v.tolist():
-            surface.D1(one, other, at, along_u, along_v)
-            found.append(gp_Vec(about, at).Dot(along_u.Crossed(along_v)) / 3)
-    return np.array(found)
+    point, along_u, along_v, values = gp_Pnt(), gp_Vec(), gp_Vec(), []
+    for u_value in u.tolist():
+        for v_value in v.tolist():
+            surface.D1(u_value, v_value, point, along_u, along_v)
+            values.append(gp_Vec(about, point).Dot(along_u.Crossed(along_v)) / 3)
+    return np.array(values)
 
 
-def _between(knots: list[float], x: Any) -> Any:
+def _span_places(knots: list[float], x: Any) -> Any:
     """((n - 1) k,) places x (k,), from -1 to 1, in each span of n knots."""
     K = np.array(knots)
     return ((K[1:] + K[:-1])[:, None] / 2 + np.diff(K)[:, None] / 2 * x).ravel()
@@ -179,12 +179,12 @@ def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
     places, weights = [], []
     for degree in sorted({curve.degree for curve in outline}):
         spans = [_spans(curve) for curve in outline if curve.degree == degree]
-        K, poles, way = (np.concatenate(column) for column in zip(*spans, strict=True))
+        K, poles, direction = (np.concatenate(column) for column in zip(*spans, strict=True))
         half = (K[:, degree] - K[:, degree - 1]) / 2
         for x, weight in zip(*legendre.leggauss(points), strict=True):
-            at, slope = _de_boor(K, poles, K[:, degree - 1] + (1 + x) * half)
-            places.append(at)
-            weights.append(weight * way * half * slope[:, 1])
+            points_on_span, slope = _de_boor(K, poles, K[:, degree - 1] + (1 + x) * half)
+            places.append(points_on_span)
+            weights.append(weight * direction * half * slope[:, 1])
     return np.concatenate(places), np.concatenate(weights)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.worker import piece_check, step_triangles
-from dsfab.export.subprocesses import Ahead, ProgramError, last_line
+from dsfab.export.subprocesses import PreparedProgram, ProgramError, last_line
 
 SECONDS, SECONDS_PER_MB = 60.0, 10.0
 """Time limits for reading."""
@@ -43,8 +43,8 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
     deflection : largest distance from curved faces, mm; a share of the solids' size if 0.
     """
     with tempfile.TemporaryDirectory() as folder:
-        found = _step_read_drawn(path, folder, *((str(deflection),) if deflection else ()))
-        return mesh_in(folder, found)
+        report = _step_read_drawn(path, folder, *((str(deflection),) if deflection else ()))
+        return mesh_in(folder, report)
 
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
@@ -58,22 +58,24 @@ def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> St
         path.write_bytes(shape)
         if faces is not None:
             np.save(only, faces)
-        found = _step_read_drawn(path, folder, str(deflection), *((str(only),) if faces is not None else ()))
-        return mesh_in(folder, found, shape)
+        report = _step_read_drawn(path, folder, str(deflection), *((str(only),) if faces is not None else ()))
+        return mesh_in(folder, report, shape)
 
 
 def _step_read_drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
     limit = SECONDS + SECONDS_PER_MB * path.stat().st_size / 1e6
     try:
-        found: dict[str, float] = json.loads(last_line(step_triangles.__file__, str(path), folder, *how, seconds=limit))
+        report: dict[str, float] = json.loads(
+            last_line(step_triangles.__file__, str(path), folder, *how, seconds=limit)
+        )
     except subprocess.TimeoutExpired:
         raise ExportError(f"reading {path} did not end within {limit:.0f} s; check the STL or 3MF file") from None
     except ProgramError as error:
         raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export it again") from None
-    return found
+    return report
 
 
-def mesh_in(folder: str, found: dict[str, float], shape: bytes = b"") -> StepMesh:
+def mesh_in(folder: str, report: dict[str, float], shape: bytes = b"") -> StepMesh:
     """Read the results of `step_triangles` from a folder; `report` holds `deflection` and perhaps `solids`; shape : if
     known.
 
@@ -81,8 +83,8 @@ def mesh_in(folder: str, found: dict[str, float], shape: bytes = b"") -> StepMes
     """
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
-        solids = int(found["solids"] if "solids" in found else mesh["solids"])
-        return StepMesh(mesh["V"], mesh["F"], mesh["face"], solids, float(found["deflection"]), shape)
+        solids = int(report["solids"] if "solids" in report else mesh["solids"])
+        return StepMesh(mesh["V"], mesh["F"], mesh["face"], solids, float(report["deflection"]), shape)
 
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
@@ -108,12 +110,12 @@ class OcctFinding:
     F: Ints
 
 
-def occt() -> Ahead:
+def occt() -> PreparedProgram:
     """Start the program for `findings` in advance, because it takes most of a second to load OCCT."""
-    return Ahead(piece_check.__file__)
+    return PreparedProgram(piece_check.__file__)
 
 
-def findings(program: Ahead, text: str, deflection: float, limit: float) -> list[OcctFinding]:
+def findings(program: PreparedProgram, text: str, deflection: float, limit: float) -> list[OcctFinding]:
     """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
 
     deflection : largest distance of the triangles from the solid, millimetres.
@@ -122,14 +124,18 @@ def findings(program: Ahead, text: str, deflection: float, limit: float) -> list
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")
         try:
-            said = _said(program, str(path), folder, deflection, limit)
+            records = _said(program, str(path), folder, deflection, limit)
         except (subprocess.TimeoutExpired, ProgramError):
             return []
-        return [_finding(one, Path(folder) / f"{i}.stl") for i, one in enumerate(said)]
+        return [_finding(record, Path(folder) / f"{i}.stl") for i, record in enumerate(records)]
 
 
 def whole_findings(
-    program: Ahead, text: str, deflection: float, limit: float, drawn: Callable[[StepMesh], None] = lambda mesh: None
+    program: PreparedProgram,
+    text: str,
+    deflection: float,
+    limit: float,
+    on_triangles: Callable[[StepMesh], None] = lambda mesh: None,
 ) -> list[OcctFinding]:
     """Return findings as `findings`, for solids that are judged together; they have no triangles of their own.
 
@@ -140,41 +146,46 @@ def whole_findings(
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")
         try:
-            look = partial(_occt_check_drawn, folder, deflection, drawn)
-            said = _said(program, str(path), folder, deflection, limit, look)
+            look = partial(_pass_triangles, folder, deflection, on_triangles)
+            records = _said(program, str(path), folder, deflection, limit, look)
         except (subprocess.TimeoutExpired, ProgramError):
             return []
-        return [_finding(one, Path(folder) / "none.stl") for one in said]
+        return [_finding(record, Path(folder) / "none.stl") for record in records]
 
 
-def _occt_check_drawn(folder: str, deflection: float, drawn: Callable[[StepMesh], None]) -> None:
-    drawn(mesh_in(folder, {"deflection": deflection}))
+def _pass_triangles(folder: str, deflection: float, on_triangles: Callable[[StepMesh], None]) -> None:
+    on_triangles(mesh_in(folder, {"deflection": deflection}))
 
 
 def _said(
-    program: Ahead, path: str, folder: str, deflection: float, limit: float, look: Callable[[], None] | None = None
+    program: PreparedProgram,
+    path: str,
+    folder: str,
+    deflection: float,
+    limit: float,
+    look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Return the program's answer; `look` is called as soon as its triangles are written."""
-    program.ask(path, folder, str(deflection), *["whole"] * bool(look))
-    drawn = Path(folder) / "mesh.npz"
-    line = program.answer_and(drawn.exists, look, limit) if look else program.answer(limit)
+    program.send(path, folder, str(deflection), *["whole"] * bool(look))
+    mesh_path = Path(folder) / "mesh.npz"
+    line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)
     return list(json.loads(line)["solids"])
 
 
-def _finding(said: dict[str, Any], path: Path) -> OcctFinding:
+def _finding(record: dict[str, Any], path: Path) -> OcctFinding:
     data = path.read_bytes() if path.is_file() else b""
     corners = np.frombuffer(data, RECORD, offset=84)["corners"] if len(data) > 84 else np.zeros((0, 3, 3))
     V, F = distinct_points(corners.reshape(-1, 3))
-    bad = np.array(said.pop("bad"), dtype=np.float64).reshape(-1, 3)
-    return OcctFinding(**said, bad=bad, V=V.astype(np.float64), F=F.reshape(-1, 3))
+    bad = np.array(record.pop("bad"), dtype=np.float64).reshape(-1, 3)
+    return OcctFinding(**record, bad=bad, V=V.astype(np.float64), F=F.reshape(-1, 3))
 
 
 def distinct_points(points: Floats) -> tuple[Floats, Ints]:
     """Distinct rows of points (k, 3), in order, and the index of each: `np.unique`, four times as fast."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]
-    first = np.ones(len(points), dtype=bool)
-    first[1:] = (ranked[1:] != ranked[:-1]).any(axis=1)
+    is_first = np.ones(len(points), dtype=bool)
+    is_first[1:] = (ranked[1:] != ranked[:-1]).any(axis=1)
     number = np.empty(len(points), dtype=np.int64)
-    number[order] = np.cumsum(first) - 1
-    return ranked[first], number
+    number[order] = np.cumsum(is_first) - 1
+    return ranked[is_first], number

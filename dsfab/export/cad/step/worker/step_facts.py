@@ -62,10 +62,10 @@ def read(path: Path) -> Any:
 def _parts(shape: Any, kind: Any) -> list[Any]:
     from OCP.TopExp import TopExp_Explorer
 
-    parts, found = [], TopExp_Explorer(shape, kind)
-    while found.More():
-        parts.append(found.Current())
-        found.Next()
+    parts, explorer = [], TopExp_Explorer(shape, kind)
+    while explorer.More():
+        parts.append(explorer.Current())
+        explorer.Next()
     return parts
 
 
@@ -77,18 +77,18 @@ def _lines(shape: Any) -> dict[str, Any]:
 
     curves = [shape]
     while len(curves) == 1 and curves[0].ShapeType() == TopAbs_ShapeEnum.TopAbs_COMPOUND:
-        curves = list(_children(curves[0]))
+        curves = list(_subshapes(curves[0]))
     edges = (BRepAdaptor_Curve(TopoDS.Edge(edge)) for edge in _parts(shape, TopAbs_ShapeEnum.TopAbs_EDGE))
     return {"lines": len(curves), "length": sum(GCPnts_AbscissaPoint.Length_s(edge) for edge in edges)}
 
 
-def _children(shape: Any) -> Iterator[Any]:
+def _subshapes(shape: Any) -> Iterator[Any]:
     from OCP.TopoDS import TopoDS_Iterator
 
-    found = TopoDS_Iterator(shape)
-    while found.More():
-        yield found.Value()
-        found.Next()
+    iterator = TopoDS_Iterator(shape)
+    while iterator.More():
+        yield iterator.Value()
+        iterator.Next()
 
 
 def _triangles(shape: Any) -> dict[str, Any]:

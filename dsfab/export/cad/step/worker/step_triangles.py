@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 
-ACROSS = 1e-4
+DEFLECTION_SHARE = 1e-4
 """Default deflection over the diagonal of the bounding box."""
 
 
 def read(path: Path) -> Any:
     """Read the shape in a STEP or `.bin` file, millimetres; raises ValueError if OCCT finds none."""
     if path.suffix == ".bin":
-        return kept(path)
+        return read_binary(path)
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.Message import Message
     from OCP.STEPControl import STEPControl_Reader
@@ -42,7 +42,7 @@ def read(path: Path) -> Any:
     return reader.OneShape()
 
 
-def kept(path: Path) -> Any:
+def read_binary(path: Path) -> Any:
     """Read a shape that `write_binary` wrote; raises ValueError if that fails."""
     from OCP.BinTools import BinTools
     from OCP.TopoDS import TopoDS_Shape
@@ -53,7 +53,7 @@ def kept(path: Path) -> Any:
     return shape
 
 
-def keep(shape: Any, path: Path) -> None:
+def write_binary(shape: Any, path: Path) -> None:
     """Write OCCT's binary shape, without triangles."""
     from OCP.BinTools import BinTools, BinTools_FormatVersion
 
@@ -61,17 +61,20 @@ def keep(shape: Any, path: Path) -> None:
         raise OSError(f"{path} cannot be written")
 
 
-def tessellated(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
+def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
     """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all; number of solids and deflection.
 
     Selected faces are drawn together, so that neighbours share the points of their edges.
     """
     from OCP.TopAbs import TopAbs_ShapeEnum
 
-    solids, deflection = list(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)), deflection or ACROSS * _diagonal(shape)
+    solids, deflection = (
+        list(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)),
+        deflection or DEFLECTION_SHARE * _diagonal(shape),
+    )
     faces = [face for solid in solids for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
     numbers = list(range(len(faces)) if only is None else map(int, only))
-    for solid in solids if only is None else [_together([faces[k] for k in numbers])]:
+    for solid in solids if only is None else [_compound([faces[k] for k in numbers])]:
         draw(solid, deflection)
     return _mesh(faces, numbers), {"solids": len(solids), "deflection": deflection}
 
@@ -91,41 +94,41 @@ def keep_drawn(shape: Any, folder: Path) -> None:
 
     solids = list(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
     faces = [face for solid in solids for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
-    keep(shape, folder / "shape.bin")
+    write_binary(shape, folder / "shape.bin")
     part = folder / "part.npz"
     np.savez(part, **_mesh(faces, range(len(faces))), solids=len(solids))
     part.replace(folder / "mesh.npz")
 
 
 def _mesh(faces: list[Any], numbers: Iterable[int]) -> dict[str, Any]:
-    V, F, of, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
+    V, F, face_numbers, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
     for k in numbers:
         points, corners = _triangles(faces[k])
         V.append(points)
         F.append(corners + count)
-        of.append(np.full(len(corners), k))
+        face_numbers.append(np.full(len(corners), k))
         count += len(points)
-    return {"V": np.concatenate(V), "F": np.concatenate(F), "face": np.concatenate(of)}
+    return {"V": np.concatenate(V), "F": np.concatenate(F), "face": np.concatenate(face_numbers)}
 
 
-def _together(faces: list[Any]) -> Any:
+def _compound(faces: list[Any]) -> Any:
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
-    builder, whole = BRep_Builder(), TopoDS_Compound()
-    builder.MakeCompound(whole)
+    builder, compound = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(compound)
     for face in faces:
-        builder.Add(whole, face)
-    return whole
+        builder.Add(compound, face)
+    return compound
 
 
 def _parts(shape: Any, kind: Any) -> Iterator[Any]:
     from OCP.TopExp import TopExp_Explorer
 
-    found = TopExp_Explorer(shape, kind)
-    while found.More():
-        yield found.Current()
-        found.Next()
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
 
 
 def _diagonal(shape: Any) -> float:
@@ -156,22 +159,22 @@ def _triangles(face: Any) -> tuple[Any, Any]:
     return V, F[:, ::-1] if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else F
 
 
-def written(path: str, folder: str, deflection: str = "0", faces: str = "") -> str:
+def write_results(path: str, folder: str, deflection: str = "0", faces: str = "") -> str:
     """Read a file, write its results to a folder, and return one line of JSON; raises ValueError if OCCT cannot read
     it."""
     file, place = Path(path), Path(folder)
     shape = read(file)
     if file.suffix != ".bin":
-        keep(shape, place / "shape.bin")
-    mesh, found = tessellated(shape, float(deflection), np.load(faces) if faces else None)
+        write_binary(shape, place / "shape.bin")
+    mesh, facts = triangles_of(shape, float(deflection), np.load(faces) if faces else None)
     np.savez(place / "mesh.npz", **mesh)
-    return json.dumps(found)
+    return json.dumps(facts)
 
 
 if __name__ == "__main__":
     gc.disable()  # a tenth of the time that importing OCCT takes
     try:
-        said = written(*sys.argv[1:])
+        said = write_results(*sys.argv[1:])
     except ValueError as error:
         sys.exit(str(error))  # the caller shows this sentence without a traceback
     sys.stdout.write(said + "\n")

@@ -34,10 +34,10 @@ from math import acos, cos, degrees, radians
 from pathlib import Path
 from typing import Any, NamedTuple
 
-ADDS = 1e-5
+TOGETHER_LIMIT = 1e-5
 """Largest relative error of the volume of two halves together, see `VolumeErrors`."""
 
-ALONE = 1e-4
+ALONE_LIMIT = 1e-4
 """Largest relative error with each half measured by itself, as programs report volumes."""
 
 PLANES = (
@@ -59,33 +59,33 @@ SMOOTH = cos(radians(1.0))
 """Cosine of the angle up to which one edge continues another."""
 
 
-def use(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
+def use_findings(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
     """Return the findings about a file."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     begin = time.process_time()
     shape = _read(str(path))
-    bounds, whole = _bounds(shape), _volume(shape)
-    tried = list(_cuts(shape, bounds, whole, cuts, all_of_them))
-    missed = [one.fault for one in tried]
+    bounds, whole_volume = _bounds(shape), _volume(shape)
+    tried = list(_cuts(shape, bounds, whole_volume, cuts, all_of_them))
+    missed = [errors.fault for errors in tried]
     go_on = all_of_them or not any(missed)
-    box = _missed(_split(shape, _box(bounds)), whole) if go_on else INVALID
-    rounded = _fillets(shape) if go_on else (0, 0)
+    box = _volume_errors(_split(shape, _box(bounds)), whole_volume) if go_on else INVALID
+    rounded = _fillet_counts(shape) if go_on else (0, 0)
     return {
         "solids": len(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)),
         "valid": _valid(shape),
         "faces": len(_parts(shape, TopAbs_ShapeEnum.TopAbs_FACE)),
-        "volume": whole,
-        "plain": _volume(shape, plain=True),
+        "volume": whole_volume,
+        "plain": _volume(shape, use_plain_rule=True),
         "box": bounds,
         "sound": missed.count(0.0),
-        "worst": max((one.together for one in tried if one.together < 1), default=0.0),
-        "alone": max((one.alone for one in tried if one.alone < 1), default=0.0),
+        "worst": max((errors.together for errors in tried if errors.together < 1), default=0.0),
+        "alone": max((errors.alone for errors in tried if errors.alone < 1), default=0.0),
         "missed": missed,
         "boxed": not box.fault,
         "box_missed": box.fault,
         "closed": go_on and _closed_section(shape, bounds, PLANES[0]),
-        "again": go_on and _again(shape, whole),
+        "again": go_on and _survives_rewriting(shape, whole_volume),
         "fillets": rounded[0],
         "sharp": rounded[1],
         "seconds": time.process_time() - begin,
@@ -98,8 +98,8 @@ def sample(path: Path) -> dict[str, Any]:
     shape = _read(str(path))
     bounds = _bounds(shape)
     halves = _split(shape, _half_space(bounds, PLANES[0]))
-    off = _missed(halves, _volume(shape)).fault if halves else 1.0
-    return {"box": bounds, "halves": bool(halves), "off": off, "seconds": time.process_time() - begin}
+    lost = _volume_errors(halves, _volume(shape)).fault if halves else 1.0
+    return {"box": bounds, "halves": bool(halves), "off": lost, "seconds": time.process_time() - begin}
 
 
 def _read(path: str) -> Any:
@@ -133,10 +133,10 @@ def _bounds(shape: Any) -> list[float]:
 def _parts(shape: Any, kind: Any) -> list[Any]:
     from OCP.TopExp import TopExp_Explorer
 
-    found, parts = TopExp_Explorer(shape, kind), []
-    while found.More():
-        parts.append(found.Current())
-        found.Next()
+    explorer, parts = TopExp_Explorer(shape, kind), []
+    while explorer.More():
+        parts.append(explorer.Current())
+        explorer.Next()
     return parts
 
 
@@ -146,7 +146,7 @@ def _valid(shape: Any) -> bool:
     return bool(BRepCheck_Analyzer(shape).IsValid())
 
 
-def _volume(shape: Any, plain: bool = False) -> float:
+def _volume(shape: Any, use_plain_rule: bool = False) -> float:
     # Relative error of the Gauss-Kronrod rule. The adaptive rule was off by 4e-3 on a plate with 67 holes, which then
     # seemed to lose volume at every cut.
     accuracy = 1e-6
@@ -154,14 +154,14 @@ def _volume(shape: Any, plain: bool = False) -> float:
     from OCP.GProp import GProp_GProps
 
     properties = GProp_GProps()
-    if plain:
+    if use_plain_rule:
         BRepGProp.VolumeProperties_s(shape, properties)
     else:
         BRepGProp.VolumePropertiesGK_s(shape, properties, accuracy, False, False, False, False, False)
     return float(properties.Mass())
 
 
-class Missed(NamedTuple):
+class VolumeErrors(NamedTuple):
     """Relative error of the volume of two halves: `alone`, measured each by itself, and `together`, measured as one
     shape.
 
@@ -180,34 +180,36 @@ class Missed(NamedTuple):
     @property
     def fault(self) -> float:
         """Relative error if it is too large, else 0."""
-        return self.together if self.together > ADDS else 0.0
+        return self.together if self.together > TOGETHER_LIMIT else 0.0
 
 
-INVALID = Missed(1.0, 1.0)
+INVALID = VolumeErrors(1.0, 1.0)
 
 
-def _missed(halves: list[Any], whole: float) -> Missed:
+def _volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
     """Compare the volume of halves with the whole; [] means an invalid half."""
     if not halves:
         return INVALID
-    alone = abs(sum(map(_volume, halves)) / whole - 1)
-    return Missed(alone, abs(_volume(_as_one(halves)) / whole - 1) if ADDS < alone <= ALONE else alone)
+    alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
+    return VolumeErrors(
+        alone, abs(_volume(_compound(halves)) / whole_volume - 1) if TOGETHER_LIMIT < alone <= ALONE_LIMIT else alone
+    )
 
 
-def _as_one(shapes: list[Any]) -> Any:
+def _compound(shapes: list[Any]) -> Any:
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
-    builder, one = BRep_Builder(), TopoDS_Compound()
-    builder.MakeCompound(one)
+    builder, compound = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(compound)
     for shape in shapes:
-        builder.Add(one, shape)
-    return one
+        builder.Add(compound, shape)
+    return compound
 
 
-def _cuts(shape: Any, bounds: list[float], whole: float, cuts: int, all_of_them: bool) -> Iterator[Missed]:
+def _cuts(shape: Any, bounds: list[float], whole_volume: float, cuts: int, all_of_them: bool) -> Iterator[VolumeErrors]:
     for plane in PLANES[:cuts]:
-        missed = _missed(_split(shape, _half_space(bounds, plane)), whole)
+        missed = _volume_errors(_split(shape, _half_space(bounds, plane)), whole_volume)
         yield missed
         if missed.fault and not all_of_them:
             return
@@ -228,9 +230,9 @@ def _plane(bounds: list[float], plane: tuple[float, ...]) -> tuple[Any, Any]:
     diagonal = sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5
     length = sum(x * x for x in plane[:3]) ** 0.5
     normal = [x / length for x in plane[:3]]
-    at = [(a + b) / 2 + plane[3] * diagonal * n for a, b, n in zip(low, high, normal, strict=True)]
-    side = gp_Pnt(*(x - diagonal * n for x, n in zip(at, normal, strict=True)))
-    return gp_Pln(gp_Pnt(*at), gp_Dir(*normal)), side
+    point = [(a + b) / 2 + plane[3] * diagonal * n for a, b, n in zip(low, high, normal, strict=True)]
+    side = gp_Pnt(*(x - diagonal * n for x, n in zip(point, normal, strict=True)))
+    return gp_Pln(gp_Pnt(*point), gp_Dir(*normal)), side
 
 
 def _box(bounds: list[float]) -> Any:
@@ -238,8 +240,8 @@ def _box(bounds: list[float]) -> Any:
     from OCP.gp import gp_Pnt
 
     low, high = bounds[:3], bounds[3:]
-    one, two = ([a + s * (b - a) for a, b, s in zip(low, high, share, strict=True)] for share in BOX)
-    return BRepPrimAPI_MakeBox(gp_Pnt(*one), gp_Pnt(*two)).Solid()
+    low_corner, high_corner = ([a + s * (b - a) for a, b, s in zip(low, high, share, strict=True)] for share in BOX)
+    return BRepPrimAPI_MakeBox(gp_Pnt(*low_corner), gp_Pnt(*high_corner)).Solid()
 
 
 def _split(shape: Any, tool: Any) -> list[Any]:
@@ -251,27 +253,27 @@ def _split(shape: Any, tool: Any) -> list[Any]:
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
 
-    whole, within, none, both = (List_TopoDS_Shape() for _ in range(4))
-    whole.Append(shape)
+    shape_list, within, none, shape_and_tool = (List_TopoDS_Shape() for _ in range(4))
+    shape_list.Append(shape)
     within.Append(tool)
-    both.Append(shape)
-    both.Append(tool)
+    shape_and_tool.Append(shape)
+    shape_and_tool.Append(tool)
     cells = BOPAlgo_CellsBuilder()
-    cells.SetArguments(both)
+    cells.SetArguments(shape_and_tool)
     cells.SetNonDestructive(True)
     cells.SetToFillHistory(False)
     cells.Perform()
     if cells.HasErrors():
         return []
     parts = []
-    for take, avoid in ((both, none), (whole, within)):
+    for take, avoid in ((shape_and_tool, none), (shape_list, within)):
         cells.RemoveAllFromResult()
         cells.AddToResult(take, avoid)
         parts.append(cells.Shape())
     return parts if all(map(_valid, parts)) else []
 
 
-def _farthest_alone(points: Any) -> float:
+def _largest_nearest_distance(points: Any) -> float:
     from scipy.spatial import cKDTree
 
     away: Any = cKDTree(points).query(points, k=2)[0]
@@ -291,12 +293,12 @@ def _closed_section(shape: Any, bounds: list[float], plane: tuple[float, ...]) -
     ends = list[list[float]]()
     for edge in _parts(section.Shape(), TopAbs_ShapeEnum.TopAbs_EDGE):
         for vertex in _parts(edge, TopAbs_ShapeEnum.TopAbs_VERTEX):
-            at = BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))
-            ends.append([at.X(), at.Y(), at.Z()])
-    return bool(ends) and _farthest_alone(ends) <= meet
+            point = BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))
+            ends.append([point.X(), point.Y(), point.Z()])
+    return bool(ends) and _largest_nearest_distance(ends) <= meet
 
 
-def _again(shape: Any, whole: float) -> bool:
+def _survives_rewriting(shape: Any, whole_volume: float) -> bool:
     from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
     from OCP.TopAbs import TopAbs_ShapeEnum
 
@@ -306,28 +308,28 @@ def _again(shape: Any, whole: float) -> bool:
         path = str(Path(folder) / "again.step")
         writer.Write(path)
         copy = _read(path)
-    counts = [len(_parts(one, TopAbs_ShapeEnum.TopAbs_FACE)) for one in (shape, copy)]
-    return counts[0] == counts[1] and _valid(copy) and abs(_volume(copy) / whole - 1) <= ADDS
+    counts = [len(_parts(version, TopAbs_ShapeEnum.TopAbs_FACE)) for version in (shape, copy)]
+    return counts[0] == counts[1] and _valid(copy) and abs(_volume(copy) / whole_volume - 1) <= TOGETHER_LIMIT
 
 
-def _fillets(shape: Any) -> tuple[int, int]:
+def _fillet_counts(shape: Any) -> tuple[int, int]:
     from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 
-    edges = _across(shape)
+    edges = _thickness_edges(shape)
     tried = edges[:: max(1, -(-len(edges) // FILLETS))]
-    good = 0
+    count = 0
     for edge, length in tried:
         fillet = BRepFilletAPI_MakeFillet(shape)
         fillet.Add(min(ROUND, OF_EDGE * length), edge)
         try:
             fillet.Build()
-            good += fillet.IsDone() and _valid(fillet.Shape())
+            count += fillet.IsDone() and _valid(fillet.Shape())
         except Exception:
             continue
-    return good, len(tried)
+    return count, len(tried)
 
 
-def _across(shape: Any) -> list[tuple[Any, float]]:
+def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
     """Sharp edges from skin to skin with their lengths; the commonest length of straight edges is the thickness.
 
     Edges that continue others smoothly are pieces of rims, which may happen to be as long.
@@ -343,14 +345,18 @@ def _across(shape: Any) -> list[tuple[Any, float]]:
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, faces)
     for i in range(1, faces.Extent() + 1):
         edge = TopoDS.Edge(faces.FindKey(i))
-        curve, beside = BRepAdaptor_Curve(edge), [TopoDS.Face(face) for face in faces.FindFromIndex(i)]
-        first, last = BRep_Tool.Range_s(edge)
-        a, middle, b = (curve.Value(x) for x in (first, (first + last) / 2, last))
+        curve, adjacent = BRepAdaptor_Curve(edge), [TopoDS.Face(face) for face in faces.FindFromIndex(i)]
+        begin, end = BRep_Tool.Range_s(edge)
+        a, middle, b = (curve.Value(x) for x in (begin, (begin + end) / 2, end))
         length = a.Distance(b)
-        if len(beside) == 2 and length and a.Distance(middle) + middle.Distance(b) <= (1 + 1e-9) * length:
-            straight.append((edge, length, beside))
+        if len(adjacent) == 2 and length and a.Distance(middle) + middle.Distance(b) <= (1 + 1e-9) * length:
+            straight.append((edge, length, adjacent))
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_VERTEX, TopAbs_ShapeEnum.TopAbs_EDGE, edges)
-    sharp = [one for one in straight if _turn(one[0], one[2]) >= SHARP and _ends_at_corners(one[0], edges)]
+    sharp = [
+        candidate
+        for candidate in straight
+        if _turn(candidate[0], candidate[2]) >= SHARP and _ends_at_corners(candidate[0], edges)
+    ]
     usual = Counter(round(length, 1) for _, length, _ in sharp).most_common(1)
     return [(edge, length) for edge, length, _ in sharp if abs(length / usual[0][0] - 1) < 0.1]
 
@@ -363,24 +369,27 @@ def _ends_at_corners(edge: Any, edges: Any) -> bool:
     from OCP.TopoDS import TopoDS
 
     for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)):
-        others = (TopoDS.Edge(other) for other in edges.FindFromKey(vertex) if not other.IsSame(edge))
-        way, *ways = (BRepAdaptor_Curve(one).DN(BRep_Tool.Parameter_s(vertex, one), 1) for one in (edge, *others))
-        if any(abs(way.Dot(w)) > SMOOTH * way.Magnitude() * w.Magnitude() for w in ways):
+        neighbours = (TopoDS.Edge(neighbour) for neighbour in edges.FindFromKey(vertex) if not neighbour.IsSame(edge))
+        direction, *directions = (
+            BRepAdaptor_Curve(end_edge).DN(BRep_Tool.Parameter_s(vertex, end_edge), 1)
+            for end_edge in (edge, *neighbours)
+        )
+        if any(abs(direction.Dot(w)) > SMOOTH * direction.Magnitude() * w.Magnitude() for w in directions):
             return False
     return True
 
 
-def _turn(edge: Any, beside: list[Any]) -> float:
+def _turn(edge: Any, faces: list[Any]) -> float:
     from OCP.BRep import BRep_Tool
     from OCP.GeomLProp import GeomLProp_SLProps
     from OCP.TopAbs import TopAbs_Orientation
 
-    first, last = BRep_Tool.Range_s(edge)
+    begin, end = BRep_Tool.Range_s(edge)
     normals = []
-    for face in beside:
-        at = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0).Value((first + last) / 2)
-        found = GeomLProp_SLProps(BRep_Tool.Surface_s(face), at.X(), at.Y(), 1, 1e-9).Normal()
-        normals.append(found.Reversed() if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else found)
+    for face in faces:
+        place = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0).Value((begin + end) / 2)
+        normal = GeomLProp_SLProps(BRep_Tool.Surface_s(face), place.X(), place.Y(), 1, 1e-9).Normal()
+        normals.append(normal.Reversed() if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else normal)
     return degrees(acos(max(-1.0, min(1.0, normals[0].Dot(normals[1])))))
 
 
@@ -390,5 +399,5 @@ if __name__ == "__main__":
         found = sample(Path(given[0]))
     else:
         count = int(given[1]) if len(given) > 1 else len(PLANES)
-        found = use(Path(given[0]), count, "all" in given)
+        found = use_findings(Path(given[0]), count, "all" in given)
     sys.stdout.write(json.dumps(found) + "\n")
