@@ -1,8 +1,8 @@
 """Results of the stages of a design, as frozen values (see `dsfab.design.Design`)."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from dsfab.core.arrays import Bools, Floats
 from dsfab.diffusion import DiffusionTensors, Modes, Symmetry
 from dsfab.pattern import CornerPhase
 from dsfab.preset.model import Pattern, Preset
-from dsfab.slicing import Chart, Sheet, Tidy
+from dsfab.slicing import Chart, Sheet, Tidy, TrialCut
 from dsfab.statics import Answers, Equilibrium
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import CornerField, DividedField
@@ -211,6 +211,7 @@ class PatternResult:
     asked       : [pattern] with the results of `auto`; None without.
     tidy        : stripes for the cut to remove, because they lead nowhere; None removes none.
     attempts    : trials for the method `auto`, best first; empty for another method.
+    trial       : the last cut of the search for widths, until slicing continues from it; pickles leave it out.
     """
 
     names: tuple[str, ...]
@@ -226,6 +227,19 @@ class PatternResult:
     tidy: Tidy | None = None
     asked: Pattern | None = None
     attempts: tuple[Attempt, ...] = ()
+    trial: TrialCut | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "trial": None}
+
+    @property
+    def cut_inputs(self) -> tuple[tuple[Floats | CornerField | DividedField, ...], tuple[Floats, ...], Tidy | None]:
+        """Fields, levels and tidy: the inputs of the cut."""
+        return self.fields, self.levels, self.tidy
+
+    def with_trial(self, trial: TrialCut | None) -> "PatternResult":
+        """Return the pattern with a trial cut, if the cut is of this pattern."""
+        return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:
         """Return the half-widths (n,) of a family, in periods; 0 for an unused family."""

@@ -1,16 +1,15 @@
 """Slicing goes on from the sheet that the search for widths ended with, and gives what it gives without."""
 
-import gc
-import weakref
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import dsfab
-from dsfab.design import Design, finishing, slicing_and_thickening
-from dsfab.slicing import cut, cut_polygons
-from dsfab.surface.fields import DividedField
+from dsfab.design import Design, Log, finishing, slicing_and_thickening
+from dsfab.slicing import tidied_polygons, tidied_sheet
+from dsfab.slicing.finishing import finish
 
 COARSE = {"surface.edge": 0.6, "pattern.major.spacing": 2.0, "pattern.minor.spacing": 1.4, "pattern.keep": 0.8}
 
@@ -21,7 +20,7 @@ def dome() -> dsfab.Preset:
 
 
 def drawn(preset: dsfab.Preset) -> Design:
-    """A design up to its pattern, whose rehearsal is at hand."""
+    """A design up to its pattern, whose trial cut is at hand."""
     return Design.from_preset(preset).until("pattern")
 
 
@@ -46,68 +45,70 @@ def assert_same(one: Design, other: Design) -> None:
     assert one.notes == other.notes
 
 
+def without_trial(design: Design) -> Design:
+    """The same design, whose pattern has no trial cut."""
+    names = ("surface", "statics", "diffusion")
+    pattern = replace(design.pattern, trial=None)
+    results = {name: getattr(design, name) for name in names}
+    log = Log(None, notes=list(design.notes))
+    return Design.from_results(design.preset, log, pattern=pattern, **results)
+
+
 @pytest.mark.slow
-def test_the_sheet_is_the_same_without_a_rehearsal(dome):
-    rehearsed, plain = drawn(dome), drawn(dome)
-    assert finishing._TRIAL_CUTS.pop(plain.surface)
-    assert_same(rehearsed, plain)
+def test_the_sheet_is_the_same_without_a_trial_cut(dome):
+    design = drawn(dome)
+    assert design.pattern.trial
+    assert_same(design, without_trial(design))
 
 
 def test_nothing_is_cut_or_rounded_again(dome, monkeypatch):
     design = drawn(dome)
-    cuts, rounded = (
-        counting(monkeypatch, slicing_and_thickening, "cut"),
-        counting(monkeypatch, finishing, "unrounded_cells"),
-    )
+    cuts = counting(monkeypatch, slicing_and_thickening, "tidied_sheet")
+    finished = counting(monkeypatch, finish, "unrounded_sheet")
     assert design.slicing.sheet.surface.m
-    assert cuts == rounded == []
-    assert design.surface not in finishing._TRIAL_CUTS
+    assert cuts == finished == []
+    assert design.pattern.trial is None  # its memory is needed later
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "change", [{"slicing.snap": 0.1}, {"slicing.pinch": "split"}, {"slicing.min_opening": 0.2}], ids=str
 )
-def test_other_terms_are_cut_anew(dome, change, monkeypatch):
-    other = dsfab.load_preset("dome", COARSE | change)
-    rehearsed, plain = drawn(other), drawn(other)
-    del finishing._TRIAL_CUTS[plain.surface]
-    cuts = counting(monkeypatch, slicing_and_thickening, "cut")
-    assert_same(rehearsed, plain)
-    assert cuts == ["cut", "cut"]
+def test_other_options_are_cut_anew(dome, change, monkeypatch):
+    design = drawn(dsfab.load_preset("dome", COARSE | change))
+    plain = without_trial(design)
+    cuts = counting(monkeypatch, slicing_and_thickening, "tidied_sheet")
+    assert_same(design, plain)
+    assert len(cuts) == 2
 
 
-def test_another_pattern_on_the_same_surface_is_cut_anew(dome):
-    design = drawn(dome)
-    rehearsal = finishing._TRIAL_CUTS[design.surface]
-    assert rehearsal.matches(replace(design.pattern, factor=2.0), rehearsal.terms)
-    assert not rehearsal.matches(replace(design.pattern, levels=design.pattern.levels[:1]), rehearsal.terms)
-    assert not rehearsal.matches(replace(design.pattern, tidy=None), rehearsal.terms)
-    assert not rehearsal.matches(replace(design.pattern, fields=design.pattern.fields[:1]), rehearsal.terms)
+def test_another_pattern_is_cut_anew(dome):
+    pattern = drawn(dome).pattern
+    trial, options = pattern.trial, pattern.trial.options
+    assert trial.serves(replace(pattern, factor=2.0).cut_inputs, options)
+    assert trial.serves(pattern.cut_inputs, options._replace(member=0.1))
+    for change in ({"levels": pattern.levels[:1]}, {"tidy": None}, {"fields": pattern.fields[:1]}):
+        assert not trial.serves(replace(pattern, **change).cut_inputs, options)
+        assert replace(pattern, trial=None, **change).with_trial(trial).trial is None
 
 
-def test_a_rehearsal_lets_its_surface_go(dome):
-    """Also where what is kept lies on parts of its faces, and so holds the surface."""
-    design = drawn(dome)
-    assert any(isinstance(field, DividedField) for field in design.pattern.fields)
-    surface = weakref.ref(design.surface)
-    assert surface() in finishing._TRIAL_CUTS
-    del design
-    gc.collect()
-    assert surface() is None
+def test_a_pickled_pattern_has_no_trial_cut(dome):
+    pattern = drawn(dome).pattern
+    assert pattern.trial
+    assert pickle.loads(pickle.dumps(pattern)).trial is None
 
 
 def test_a_share_is_found_with_as_many_cuts_as_are_measured(dome, monkeypatch):
     """The last cut that a search measures is the one that is finished."""
-    cuts = counting(monkeypatch, finishing, "cut_polygons")
+    cuts = counting(monkeypatch, finishing, "tidied_polygons")
     drawn(dome)
     assert cuts == []
 
 
-def test_cut_fills_the_polygons(dome):
+def test_a_sheet_fills_the_polygons(dome):
     pattern = drawn(dome).pattern
     surface = dome.surface.build()
-    polygons = cut_polygons(surface, pattern.fields, pattern.levels, 0.05, pattern.tidy)
-    sheet = cut(surface, pattern.fields, pattern.levels, 0.05, pattern.tidy)
+    polygons = tidied_polygons(surface, pattern.fields, pattern.levels, 0.05, pattern.tidy)
+    sheet = tidied_sheet(surface, pattern.fields, pattern.levels, 0.05, pattern.tidy)
     area = sheet.surface.areas[sheet.material].sum()
     assert polygons.material_area == pytest.approx(area, rel=1e-12)

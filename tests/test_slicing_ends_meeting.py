@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.slicing import Tidy, cut
+from dsfab.slicing import Tidy, cut, tidied_sheet
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID
 from dsfab.surface import Surface
@@ -35,10 +35,10 @@ def between(plate: Surface, low: float, high: float) -> np.ndarray:
     return np.asarray((np.abs(y - 1.5) < 0.5) & (x > low) & (x < high))
 
 
-def tidied_sheet(plate: Surface, blank: np.ndarray, half: float = 0.2):
+def sheet_of_stripe(plate: Surface, blank: np.ndarray, half: float = 0.2):
     fields = [stripe(plate, half, blank), post(plate)]
     tidy = Tidy((True, True), (None, None), np.zeros(plate.n, dtype=bool))
-    sheet = cut(plate, fields, [[0.0], [0.0]], 0, tidy)
+    sheet = tidied_sheet(plate, fields, [[0.0], [0.0]], 0, tidy)
     assert sheet.surface.area == pytest.approx(plate.area)
     assert (np.diff(sheet.parent) >= 0).all()
     assert not manifold_faults(sheet.surface.F, sheet.surface.edges, sheet.surface.n)
@@ -55,7 +55,7 @@ def test_a_stripe_goes_on_across_a_face_without_a_phase_as_wide_as_it_is(plate, 
     """The straight lines between its two ends are its own edges: no corner of the face stays, none is missing."""
     blank = between(plate, *faces)
     assert blank.sum() == 1
-    kept = material(tidied_sheet(plate, blank, half))
+    kept = material(sheet_of_stripe(plate, blank, half))
     assert kept == pytest.approx(5 * 2 * half + 0.2 * (3 - 2 * half), abs=1e-9)
     without = cut(plate, [stripe(plate, half, blank), post(plate)], [[0.0], [0.0]], 0)
     assert abs(material(without) - kept) > 1e-3  # a gap, or a node with corners
@@ -63,14 +63,14 @@ def test_a_stripe_goes_on_across_a_face_without_a_phase_as_wide_as_it_is(plate, 
 
 def test_one_end_alone_is_taken_off_to_the_last_crossing(plate):
     """The stripe goes no further than the blank faces, and comes out of them nowhere."""
-    kept = material(tidied_sheet(plate, between(plate, 2.0, 5.0)))
+    kept = material(sheet_of_stripe(plate, between(plate, 2.0, 5.0)))
     assert kept == pytest.approx(0.2 * 3 + 0.4 * 0.9, abs=1e-9)
 
 
 def test_where_a_field_is_not_drawn_on_a_part_of_the_surface_nothing_is_filled(plate):
     """Both its ends are at one gap, which is larger than what meets at a vertex."""
     blank = (plate.centroids[:, 0] > 2.0) & (plate.centroids[:, 0] < 4.0)
-    sheet = tidied_sheet(plate, blank)
+    sheet = sheet_of_stripe(plate, blank)
     assert not sheet.material[blank[sheet.parent]].any()
 
 
@@ -96,5 +96,5 @@ def test_an_end_at_a_corner_is_one_whichever_way_its_neighbours_see_it(turned):
     z, d = plate.V[:, 0] - plate.V[:, 1] - 1, np.full(plate.n, 0.2)
     field = CornerField(np.stack([z + d, z - d], axis=1), sign, np.zeros((plate.m, 3)), blank)
     tidy = Tidy((True,), (None,), np.ones(plate.n, dtype=bool))
-    cells = cut(plate, [field], [[0.0]], 0, tidy)
+    cells = tidied_sheet(plate, [field], [[0.0]], 0, tidy)
     assert cells.material[blank[cells.parent]].any()

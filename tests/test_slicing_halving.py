@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from dsfab.core.arrays import split_value
 from dsfab.pattern import CornerPhase, EvenFamily, Stripes, Widths
 from dsfab.slicing import chart_of, cut, halve_lines
-from dsfab.slicing.cutting.loose_ends import split_value
 from dsfab.slicing.measures.chart import _group_equal_rows
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, hat_gradients

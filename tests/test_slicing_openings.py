@@ -5,7 +5,7 @@ import pytest
 
 from dsfab import load_preset
 from dsfab.design.pattern_measures import largest_filling
-from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_openings, filled_slits
+from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_openings, filled_slits, tidied_sheet
 from dsfab.slicing.finishing import openings
 from dsfab.slicing.finishing.openings import CRUMB, NARROWER
 from dsfab.surface import Surface
@@ -21,7 +21,7 @@ def grid_of(surface: Surface, d: float, closed=None) -> Sheet:
     fields = [np.stack([z + w, z - w], axis=1) for z, w in ((y / 0.5 + 0.5, 0.1), (x / 0.25 + 0.5, d))]
     anchor = np.zeros(surface.n, dtype=bool)
     tidy = None if closed is None else Tidy((True, True), (None, None), anchor, (None, closed))
-    return cut(surface, fields, [np.arange(-6.0, 8.0)] * 2, 0, tidy)
+    return tidied_sheet(surface, fields, [np.arange(-6.0, 8.0)] * 2, 0, tidy)
 
 
 @pytest.mark.parametrize("d", [0.24, 0.28, 0.4])
@@ -225,7 +225,7 @@ def test_tidied_modes_have_neither_slits_nor_dead_ends_and_keep_their_share(name
     assert made.sheet.surface.area / made.surface.area == pytest.approx(
         made.preset.pattern.width.solid_fraction, abs=2e-3
     )
-    drawn = Openings.from_sheet(cut(made.surface, made.pattern.fields, made.pattern.levels, 0.05, made.pattern.tidy))
+    drawn = Openings.from_sheet(tidied_sheet(made.surface, *made.pattern.cut_inputs[:2], 0.05, made.pattern.tidy))
     assert drawn.slits.sum() > slits / 2
 
 

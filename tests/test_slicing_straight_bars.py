@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from dsfab.slicing import Sheet, Tidy, cut, material_area
+from dsfab.slicing import Sheet, Tidy, material_area, tidied_sheet
 from dsfab.slicing.cutting import straight_bars
 from dsfab.slicing.cutting.cells import Cells
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
-from dsfab.slicing.cutting.straight_bars import FairBar
+from dsfab.slicing.finishing.straight_bars import FairBar
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
 from tests.test_slicing_stubs import FRAME, HALF, HIGH, LONG, PLATE, blank_face, material, parts
@@ -28,7 +28,7 @@ def sheet_of(rise: float, snap: float = 0.0, blank: tuple[float, float] = (AT + 
     fields = [-np.minimum(y, HIGH - y), stripe, np.stack([x + d, x - d], axis=1)]
     levels = [[-FRAME], [0.0], [LEFT - 0.1, RIGHT + 0.1]]
     tidy = Tidy((False, True, True), (None,) * 3, np.zeros(PLATE.n, dtype=bool))
-    sheet = cut(PLATE, fields, levels, snap, tidy)
+    sheet = tidied_sheet(PLATE, fields, levels, snap, tidy)
     assert material_area(PLATE, fields, levels, snap, tidy) == pytest.approx(material(sheet))
     assert sheet.surface.area == pytest.approx(PLATE.area)
     assert not manifold_faults(sheet.surface.F, sheet.surface.edges, sheet.surface.n)

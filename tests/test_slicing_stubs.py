@@ -9,9 +9,9 @@ from dsfab.design import draft
 from dsfab.design.pattern_measures import measured_pattern
 from dsfab.preset.file import with_overrides
 from dsfab.preset.proposal import preset_for
-from dsfab.slicing import Tidy, cut, material_area
+from dsfab.slicing import Tidy, material_area, tidied_sheet
 from dsfab.slicing.cutting.sheet import Sheet
-from dsfab.slicing.cutting.stubs import LARGE, LARGER
+from dsfab.slicing.finishing.stubs import LARGE, LARGER
 from dsfab.surface import pieces
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
@@ -51,7 +51,7 @@ def sheet_of(posts: list[float], y: float, at: float, more: tuple = (), kept_edg
     levels = [[-FRAME], *([0.0] for _ in more), [0.0], posts]
     striped = (False, *(False for _ in more), True, True)
     tidy = Tidy(striped, (None,) * len(striped), np.zeros(PLATE.n, dtype=bool))
-    sheet = cut(PLATE, fields, levels, 0, tidy)
+    sheet = tidied_sheet(PLATE, fields, levels, 0, tidy)
     assert material_area(PLATE, fields, levels, 0, tidy) == pytest.approx(material(sheet))
     assert sheet.surface.area == pytest.approx(PLATE.area)
     assert not manifold_faults(sheet.surface.F, sheet.surface.edges, sheet.surface.n)
@@ -96,7 +96,7 @@ def test_what_cuts_off_an_eyelet_goes_though_the_opening_is_larger_than_most(mon
     sheet = sheet_of(posts, 2.22, 1.7)
     assert sheet.stubs == 1
     assert material(sheet) == pytest.approx(whole(posts) - 2 * HALF * 1.3, abs=1e-9)
-    monkeypatch.setattr("dsfab.slicing.cutting.stubs.EYELET", 0.0)
+    monkeypatch.setattr("dsfab.slicing.finishing.stubs.EYELET", 0.0)
     assert sheet_of(posts, 2.22, 1.7).stubs == 0
 
 
@@ -106,7 +106,7 @@ def test_what_divides_good_openings_stays(monkeypatch):
     sheet = sheet_of(posts, 1.5, 3.45)
     assert sheet.stubs == 0
     assert material(sheet) == pytest.approx(whole(posts), abs=1e-9)
-    monkeypatch.setattr("dsfab.slicing.cutting.stubs.GOOD", 9.0)
+    monkeypatch.setattr("dsfab.slicing.finishing.stubs.GOOD", 9.0)
     assert sheet_of(posts, 1.5, 3.45).stubs == 1
 
 
@@ -148,9 +148,11 @@ def test_hooks_of_a_surface_of_ones_own_go_and_nothing_gets_worse(name, least, g
     made = draft(with_overrides(preset_for(mesh), {"pattern.major.spacing": 0.3} if name == "roof" else {}))
     found = []
     for large, larger in ((0.0, 0.0), (LARGE, LARGER)):
-        monkeypatch.setattr("dsfab.slicing.cutting.stubs.LARGE", large)
-        monkeypatch.setattr("dsfab.slicing.cutting.stubs.LARGER", larger)
-        sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, made.preset.slicing.snap, made.pattern.tidy)
+        monkeypatch.setattr("dsfab.slicing.finishing.stubs.LARGE", large)
+        monkeypatch.setattr("dsfab.slicing.finishing.stubs.LARGER", larger)
+        sheet = tidied_sheet(
+            made.surface, made.pattern.fields, made.pattern.levels, made.preset.slicing.snap, made.pattern.tidy
+        )
         solid = sheet.subset().surface
         away = np.linalg.norm(solid.centroids[:, :2] - gone, axis=1).min() / made.preset.pattern.major.spacing
         found.append((sheet.stubs, parts(sheet), measured_pattern(made, False, sheet).dead_ends, away))

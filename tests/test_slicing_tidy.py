@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.slicing import Tidy, cut, material_area
+from dsfab.slicing import Tidy, material_area, tidied_sheet
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.surface import Surface
 from dsfab.surface.topology import manifold_faults
@@ -40,7 +40,7 @@ def near(plate: Surface, low: float, high: float) -> np.ndarray:
 def test_an_end_in_the_air_is_taken_off_to_the_last_crossing(plate):
     drawn, levels = fields(plate)
     loose = tidy(plate, near(plate, 0.74, 0.8))
-    sheet = cut(plate, drawn, levels, 0, loose)
+    sheet = tidied_sheet(plate, drawn, levels, 0, loose)
     x = sheet.surface.centroids[sheet.material][:, 0] / np.ptp(plate.V[:, 0])
     assert x.max() < 0.55
     kept = sheet.surface.areas[sheet.material].sum() / plate.area

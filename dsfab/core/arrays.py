@@ -170,3 +170,23 @@ def first_few(indices: Ints, count: int = 5) -> str:
     """Return the first `count` of indices (k,) as text for error messages: '3, 17, 20, ...'."""
     shown = ", ".join(str(int(i)) for i in indices[:count])
     return shown + (", ..." if len(indices) > count else "")
+
+
+ALIKE = 0.05
+"""Values (relative) of openings or bars that differ by less may be equal but for the mesh."""
+
+
+def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
+    """Return a value near `threshold` that splits values (k,) into small and large ones.
+
+    It is the threshold itself, or the middle of the widest gap within `tolerance` of it. So nearly equal things, such
+    as the openings between two rings of a dome, are on the same side.
+    """
+    close_values = values[np.abs(values - threshold) < tolerance]
+    if not len(close_values):
+        return threshold
+    below = values[values <= threshold - tolerance].max(initial=threshold - 2 * tolerance)
+    above = values[values >= threshold + tolerance].min(initial=threshold + 2 * tolerance)
+    x = np.sort(np.array([below, *close_values, above]))
+    widest = int(np.argmax(np.round(np.diff(x), 6)))
+    return float(x[widest : widest + 2].mean())

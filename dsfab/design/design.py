@@ -292,7 +292,9 @@ class Design:
     def slicing(self) -> SlicingResult:
         """Stage 5: the cut surface, and the sheet that remains."""
         require_buildable(self.preset, self.statics)
-        return slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
+        result = slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
+        vars(self)["pattern"] = replace(self.pattern, trial=None)  # large, and not needed again
+        return result
 
     @cached_property
     def sheet(self) -> Sheet:

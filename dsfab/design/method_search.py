@@ -168,7 +168,7 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
         return replace(candidate, attempt=Attempt(candidate.attempt.name, refused=str(error)), sheet=None)
     worth = compliance, compliance / trial.uncut, sliced.sheet.surface.area / analysis.surface.area
     measured = _with_quality(candidate, analysis, worth, pattern, sliced.cells, sliced.sheet)
-    return replace(measured, notes=(*candidate.notes, *log.notes), drawn=pattern)
+    return replace(measured, notes=(*candidate.notes, *log.notes), drawn=replace(pattern, trial=None))
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:

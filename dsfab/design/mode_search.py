@@ -19,7 +19,7 @@ from dsfab.design.stripe_pattern import SHARE_SNAP, WidthSearch, drawable_famili
 from dsfab.pattern import DrawableFamily, Layer, counted_share, evened_grading
 from dsfab.preset.model import AUTO, FAMILIES, Preset
 from dsfab.results import Candidate, Choice, EvenStripes, PatternResult, StressedSurface
-from dsfab.slicing import Sheet, Tidy, cut, filled_slits, resolve_pinches
+from dsfab.slicing import Sheet, Tidy, filled_slits, resolve_pinches, tidied_sheet
 from dsfab.statics import Aid, FaceStiffness, Quantity, solve_for
 from dsfab.surface import LoadCase, Surface, pieces
 
@@ -88,7 +88,8 @@ class Trial:
         """Cut layers and return the sheet. Raises DsfabError if it does not carry the loads."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
-        cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP, tidy)
+        fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
+        cells = tidied_sheet(surface, fields, levels, SHARE_SNAP, tidy)
         cells = resolve_pinches(cells, self.preset.statics.thickness / 2).sheet
         cells = filled_slits(cells, merging_rule(self.preset))[0] if tidy else cells
         material = cells.subset()

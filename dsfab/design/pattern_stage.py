@@ -19,7 +19,7 @@ from dsfab.design.surface_and_statics import statics_step
 from dsfab.diffusion import principal_stresses
 from dsfab.preset.model import Family, Pattern, Preset
 from dsfab.results import Attempt, EvenStripes, PatternResult, StaticsResult, StressedSurface
-from dsfab.slicing import cut_polygons
+from dsfab.slicing import tidied_polygons
 from dsfab.surface import LoadParts, Surface
 
 
@@ -69,7 +69,7 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
     Widths are those of a sketch, without round corners and filled openings.
     """
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
-    polygons = cut_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
+    polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
     area = polygons.cells.areas(polygons.X)[0] * ~polygons.void
     share = np.minimum(np.bincount(polygons.parent, area, surface.m) / surface.areas, 1.0)
     return share[even.symmetry.faces].mean(axis=0) if even.symmetry else share

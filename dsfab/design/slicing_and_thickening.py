@@ -8,23 +8,14 @@ import numpy as np
 from dsfab.core.arrays import Floats, Ints, first_few
 from dsfab.core.errors import PatternError, SolidError
 from dsfab.core.messages import force, length
-from dsfab.design.finishing import (
-    ROUNDING_ROUNDS,
-    FinishedCells,
-    SmallestWidths,
-    finished_cells,
-    kept_to_least_widths,
-    least_neck,
-    merges_slits,
-    smallest_widths,
-    take_trial_cut,
-)
+from dsfab.design.finishing import finishing_options, kept_to_least_widths
 from dsfab.design.log import Log
 from dsfab.design.pattern_measures import largest_filling
 from dsfab.design.sheet_loads import LOST_LOAD_REMEDY, held_vertices, lost_load
 from dsfab.preset.model import Pattern, Preset
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
-from dsfab.slicing import Sheet, cut, improve_cells
+from dsfab.slicing import Sheet, improve_cells
+from dsfab.slicing.finishing.finish import FinishedSheet, FinishingOptions, finish, tidied_sheet
 from dsfab.slicing.measures.widths import kept_cells
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, thicken, with_extras
@@ -41,18 +32,15 @@ def slicing_step(
     """
     options = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
-        smallest = smallest_widths(pattern.preset_with_choices(preset), surface)
-        trial_cut = take_trial_cut(preset, surface, pattern, smallest)
-        cells = (
-            trial_cut.cells if trial_cut else cut(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy)
-        )
+        finishing, trial = finishing_options(preset, surface, pattern), pattern.trial
+        trial = trial if trial and trial.serves(pattern.cut_inputs, finishing) else None
+        cells = trial.cells if trial else tidied_sheet(surface, *pattern.cut_inputs[:2], options.snap, pattern.tidy)
         cut_cells = cells
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
-        merge = merges_slits(preset, pattern)
-        finished = finished_cells(preset, cells, options, smallest, merge, ROUNDING_ROUNDS, trial_cut)
-        resolved, neck = pattern.preset_with_choices(preset), least_neck(smallest, merge, preset.pattern.fillet)
-        cells = kept_to_least_widths(resolved, finished.cells, surface, log, merge, neck, trial_cut)
+        finished = finish(cells, finishing, trial)
+        resolved = pattern.preset_with_choices(preset)
+        cells = kept_to_least_widths(resolved, finished.cells, surface, log, finishing, trial)
         better = improve_cells(cells, surface, options.tolerance) if options.improve else None
         cells = better.sheet if better else cells
         sheet = cells.subset()
@@ -64,38 +52,41 @@ def slicing_step(
         lost_loads = lost_load(surface, sheet, supported_sheet, [case.load for case in statics.cases.values()])
         if options.loose == "drop" and supported_sheet is not sheet:
             sheet, kept_pieces = supported_sheet, tuple(p for p in all_pieces if p.held)
-    _note_slicing(preset, sheet, all_pieces, statics.load, finished.pinches, lost_loads, log)
+    _note_slicing(preset, sheet, all_pieces, statics.load, finished.counts["pinches"], lost_loads, log)
     _note_loads(preset, surface, sheet, statics, log)
-    _note_finishing(preset, finished, smallest, cut_cells.stubs, log)
-    if finished.filled + finished.merged >= FILLED_PLATE:
+    _note_finishing(preset, finished, finishing, cut_cells.stubs, log)
+    if finished.counts["filled"] + finished.counts["merged"] >= FILLED_PLATE:
         _note_filled_plate(preset.pattern, surface, cut_cells, finished.cells, log)
     if better:
         log.note("slicing", better.summary)
-    return SlicingResult(cells, sheet, kept_pieces, finished.pinches)
+    return SlicingResult(cells, sheet, kept_pieces, finished.counts["pinches"])
 
 
-def _note_finishing(preset: Preset, finished: FinishedCells, smallest: SmallestWidths, stubs: int, log: Log) -> None:
+def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingOptions, stubs: int, log: Log) -> None:
+    filled, merged, bridged, spikes, widened = (
+        finished.counts[name] for name in ("filled", "merged", "bridged", "spikes", "widened")
+    )
     if stubs:
         which = "members that meet past their last crossings, or pass beside a singular point of the stress,"
         log.note("slicing", f"{which} were cut off, straightened or evened at {_places(stubs)}")
-    if finished.filled:
-        than = length(smallest.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
-        openings, verb = (f"{finished.filled} openings", "were") if finished.filled > 1 else ("an opening", "was")
+    if filled:
+        than = length(options.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
+        openings, verb = (f"{filled} openings", "were") if filled > 1 else ("an opening", "was")
         log.note("slicing", f"{openings} smaller than {than} {verb} filled")
-    if finished.merged:
+    if merged:
         log.note(
             "slicing",
-            f"{_slits(finished.merged)} narrower than the members beside: filled, so that these are one there",
+            f"{_slits(merged)} narrower than the members beside: filled, so that these are one there",
         )
-    if finished.bridged:
-        log.note("slicing", f"{_bridges(finished.bridged)} where openings are narrower than {length(smallest.neck)}")
-    if finished.spikes:
-        log.note("slicing", f"{_spikes(finished.spikes)} cut off that stuck out into openings")
-    if finished.widened:
+    if bridged:
+        log.note("slicing", f"{_bridges(bridged)} where openings are narrower than {length(options.neck)}")
+    if spikes:
+        log.note("slicing", f"{_spikes(spikes)} cut off that stuck out into openings")
+    if widened:
         least = length(preset.slicing.min_member or 0)
-        log.note("slicing", f"members were widened to {least} at {_places(finished.widened)}")
+        log.note("slicing", f"members were widened to {least} at {_places(widened)}")
     if radius := preset.pattern.fillet:
-        log.note("slicing", _fillet_message(radius, finished.rounded))
+        log.note("slicing", _fillet_message(radius, finished.radii))
 
 
 def _note_filled_plate(options: Pattern, surface: Surface, cut_cells: Sheet, finished: Sheet, log: Log) -> None:

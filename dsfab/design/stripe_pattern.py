@@ -10,14 +10,7 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import PatternError
 from dsfab.core.messages import length
-from dsfab.design.finishing import (
-    added_share,
-    bridged_share,
-    closed_share,
-    least_drawn_member,
-    least_member,
-    trial_closed_share,
-)
+from dsfab.design.finishing import closed_share, least_drawn_member, least_member, trial_cut, with_bridges
 from dsfab.design.kept_material import SHARE_TOLERANCE, corrected_pattern, kept_regions, tidy_of
 from dsfab.design.log import Log
 from dsfab.pattern import (
@@ -37,7 +30,7 @@ from dsfab.pattern import (
 )
 from dsfab.preset.model import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
-from dsfab.slicing import PolygonMesh, cut_polygons
+from dsfab.slicing import PolygonMesh, TrialCut, tidied_polygons
 from dsfab.surface import Surface
 
 EXACT = 1e-9
@@ -77,6 +70,7 @@ class _MeasuredShares:
     """Cut layers and return the share of the surface that they keep.
 
     reached : all shares.    layers, polygons : the latest layers, and the surface cut along them.
+    trial   : the latest finished cut.
     """
 
     preset: Preset
@@ -84,12 +78,13 @@ class _MeasuredShares:
     reached: list[float] = field(default_factory=list)
     layers: Sequence[Layer] | None = None
     polygons: PolygonMesh | None = None
+    trial: TrialCut | None = None
 
     def __call__(self, layers: Sequence[Layer]) -> float:
         self.forget()  # frees memory for the next cut
         surface = self.given.surface
         fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
-        self.polygons = cut_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))
+        self.polygons = tidied_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))
         self.layers = layers
         self.reached.append(self.polygons.material_area / surface.area)
         return self.reached[-1]
@@ -97,6 +92,18 @@ class _MeasuredShares:
     def nearest(self, target: float) -> float:
         """Return the measured share nearest to a target."""
         return min(self.reached, key=lambda one: abs(one - target))
+
+    def added(self, pattern: PatternResult) -> float:
+        """Finish the latest layers as a trial cut, and return the share that this, mainly round corners, adds."""
+        self.trial = trial_cut(self.preset, self.given.surface, pattern, self.polygons)
+        return self.trial.added_area / self.given.surface.area if self.trial else 0.0
+
+    def bridged(self) -> float:
+        """Continue the latest trial cut with bridges and least widths, and return the share that these add."""
+        if self.trial is None:
+            return 0.0
+        self.trial, share = with_bridges(self.preset, self.given.surface, self.trial)
+        return share
 
     def forget(self) -> None:
         """Drop the latest layers."""
@@ -142,15 +149,13 @@ def pattern_step(
         if not (finished or options.for_workshop):
             result, total = draw(), share.nearest(requested)
         else:
-            measure_share = added_share if finished else closed_share
 
-            def measure_added(pattern: PatternResult) -> float:
-                return measure_share(preset, surface, pattern, share.polygons)
+            def closed(pattern: PatternResult) -> float:
+                return closed_share(preset, surface, pattern, share.polygons)
 
-            def measure_bridges() -> float:
-                return bridged_share(surface) + trial_closed_share(preset, surface) if finished else 0.0
-
-            result, total = corrected_pattern(options.width, draw, share.nearest, measure_added, measure_bridges)
+            added = share.added if finished else closed
+            result, total = corrected_pattern(options.width, draw, share.nearest, added, share.bridged)
+            result = result.with_trial(share.trial)
         log.note("pattern", _solved_width_message(preset, widths, result.factor, total))
     return result
 

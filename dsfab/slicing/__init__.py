@@ -1,11 +1,11 @@
 """Stage 5, slicing: from stripes to a sheet that is cut along their edges."""
 
-from dsfab.slicing.cutting.cut import cut, cut_polygons, divided_field_values, material_area, sheet_of
+from dsfab.slicing.cutting.cut import cut, cut_polygons, divided_field_values, sheet_of
 from dsfab.slicing.cutting.halving import LineHalving, halve_lines
-from dsfab.slicing.cutting.loose_ends import Tidy
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy
 from dsfab.slicing.cutting.sheet import Sheet, weight_entries
 from dsfab.slicing.finishing.fairing import divided_walls, faired_walls
+from dsfab.slicing.finishing.finish import TrialCut, material_area, tidied_polygons, tidied_sheet
 from dsfab.slicing.finishing.least_widths import (
     LeastWidths,
     bridged_gaps,
@@ -32,6 +32,7 @@ __all__ = [
     "PolygonMesh",
     "Sheet",
     "Tidy",
+    "TrialCut",
     "bridged_gaps",
     "bridged_necks",
     "chart_of",
@@ -49,6 +50,8 @@ __all__ = [
     "resolve_pinches",
     "sheet_of",
     "stripe_overlay",
+    "tidied_polygons",
+    "tidied_sheet",
     "weight_entries",
     "widened_members",
     "with_least_widths",

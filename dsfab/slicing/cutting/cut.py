@@ -19,12 +19,9 @@ from dsfab.slicing.cutting.cells import (
     triangulate,
 )
 from dsfab.slicing.cutting.corner_fields import corner_band
-from dsfab.slicing.cutting.loose_ends import Tidy, with_closed_openings, with_meeting_ends, without_loose_ends
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.cutting.split import Snapping, Split, clean_split
-from dsfab.slicing.cutting.straight_bars import with_straight_bars
-from dsfab.slicing.cutting.stubs import without_stubs
 from dsfab.surface import Surface, corners_of, faces_at
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.surface.mesh import ZERO_AREA
@@ -51,9 +48,9 @@ def cut(
     snap   : fraction of a vertex's largest edge range (0 to 0.4). The cut first moves values that are closer to a level
              onto it. This moves a line by at most this fraction of an edge and avoids slivers. Use 0 for exact areas; a
              floor of `SNAP_FLOOR` always holds, and corners of cells without area move too.
-    tidy   : the loose ends to remove; None keeps all.
+    tidy   : stripes that a later pass may remove (see `tidied_polygons`), so that later fields divide them too.
 
-    Later fields do not cut the material of earlier ones. A face that lies wholly on a level is void.
+    Otherwise later fields do not cut the material of earlier ones. A face that lies wholly on a level is void.
     Returns the cells in the order of their parent faces; the first n vertices are the uncut ones.
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
     """
@@ -66,25 +63,16 @@ def sheet_of(mesh: PolygonMesh) -> Sheet:
     return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs)
 
 
-def material_area(
-    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
-) -> float:
-    """Material area of `cut` with the same arguments, square metres, without filling cells with triangles."""
-    return cut_polygons(surface, fields, levels, snap, tidy).material_area
-
-
 def cut_polygons(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> PolygonMesh:
     """Return the polygons of `cut` before they are filled with triangles."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
-    steps = [
-        _checked_levels(k, x, field_levels) for k, (x, field_levels) in enumerate(zip(values, levels, strict=True))
-    ]
+    steps = distinct_levels(values, levels)
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
-    mesh, adjacent = PolygonMesh.from_surface(surface, divided), list[Bools]()
+    mesh = PolygonMesh.from_surface(surface, divided)
     for k, (field, x, lines) in enumerate(zip(fields, values, steps, strict=True)):
         blank = np.zeros(surface.m, dtype=bool)
         if isinstance(field, CornerField):
@@ -98,20 +86,13 @@ def cut_polygons(
                 on_parts = {j: split.with_new_values(y) for j, y in on_parts.items() if j > k}
         mesh = mesh.with_material(k, material, blank)
         if tidy:
-            adjacent.append(_adjacent_faces(surface, blank))
-            mesh = replace(mesh, again=mesh.again | tidy.recut_polygons(mesh, k, blank | adjacent[k]))
-    if not tidy:
-        return mesh
-    mesh = with_meeting_ends(mesh, fields, steps)
-    nodes = (mesh.also == mesh.family) & ~mesh.void
-    mesh, stubs = without_stubs(without_loose_ends(with_closed_openings(mesh, tidy.closed), tidy), nodes, tidy)
-    nodes = (mesh.also == mesh.family) & ~mesh.void
-    near_blank = np.array(adjacent)[mesh.family, mesh.parent]  # means nothing for void polygons
-    mesh, straight = with_straight_bars(mesh, nodes, near_blank, tidy, surface.size)
-    return replace(mesh, stubs=stubs + straight)
+            near_blank = blank | adjacent_faces(surface, blank)
+            mesh = replace(mesh, again=mesh.again | tidy.recut_polygons(mesh, k, near_blank))
+    return mesh
 
 
-def _adjacent_faces(surface: Surface, faces: Bools) -> Bools:
+def adjacent_faces(surface: Surface, faces: Bools) -> Bools:
+    """Return a mask (m,) of the faces that share a vertex with marked faces (m,), without these."""
     return faces_at(surface.F, corners_of(surface.F, faces, surface.n)) & ~faces
 
 
@@ -195,6 +176,11 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
     if len(bad):
         raise PatternError(f"field {k} is not finite at {len(bad)} of {surface.n} vertices (first: {first_few(bad)})")
     return x
+
+
+def distinct_levels(values: Sequence[Floats], levels: Sequence[ArrayLike]) -> list[Floats]:
+    """Return the levels of each field, with values (n,) or (n, 2), without equal levels."""
+    return [_checked_levels(k, x, lines) for k, (x, lines) in enumerate(zip(values, levels, strict=True))]
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantiles
+from dsfab.core.arrays import Bools, Floats, Ints, split_value, weighted_quantiles
 from dsfab.slicing.cutting.corner_fields import PolygonField, StripeCut
-from dsfab.slicing.cutting.loose_ends import split_value
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField

@@ -7,10 +7,9 @@ from typing import Literal, Self
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, split_value
 from dsfab.core.limits import CROWDING
 from dsfab.slicing.cutting.cut import Recut
-from dsfab.slicing.cutting.loose_ends import split_value
 from dsfab.slicing.cutting.sheet import (
     VOID,
     Sheet,

@@ -5,12 +5,12 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.loose_ends import Tidy, between_crossings, split_value
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, adjacent_sides
+from dsfab.core.arrays import Bools, Floats, Ints, split_value
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy, adjacent_sides
 from dsfab.slicing.cutting.sheet import VOID
 from dsfab.slicing.cutting.split import Snapping, clean_split
-from dsfab.slicing.cutting.stubs import with_crossings
+from dsfab.slicing.finishing.loose_ends import between_crossings
+from dsfab.slicing.finishing.stubs import with_crossings
 from dsfab.surface import link_components
 
 TINY = 1e-12

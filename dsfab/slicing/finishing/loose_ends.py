@@ -1,19 +1,16 @@
 """Loose ends of stripes: cut back to the last crossing, joined at singular faces, or closed into material."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.arrays import Bools, Floats, Ints, split_value
 from dsfab.slicing.cutting.cells import Cells, nearest_levels
-from dsfab.slicing.cutting.polygon_mesh import Contacts, PolygonMesh
+from dsfab.slicing.cutting.polygon_mesh import Contacts, PolygonMesh, Tidy
 from dsfab.slicing.cutting.sheet import VOID
 from dsfab.surface import link_components
 from dsfab.surface.fields import CornerField
-
-ALIKE = 0.05
-"""Values (relative) of openings or bars that differ by less may be equal but for the mesh."""
 
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> PolygonMesh:
@@ -42,56 +39,8 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     return replace(mesh, family=family, also=also)
 
 
-def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
-    """Return a value near `threshold` that splits values (k,) into small and large ones.
-
-    It is the threshold itself, or the middle of the widest gap within `tolerance` of it. So nearly equal things, such
-    as the openings between two rings of a dome, are on the same side.
-    """
-    close_values = values[np.abs(values - threshold) < tolerance]
-    if not len(close_values):
-        return threshold
-    below = values[values <= threshold - tolerance].max(initial=threshold - 2 * tolerance)
-    above = values[values >= threshold + tolerance].min(initial=threshold + 2 * tolerance)
-    x = np.sort(np.array([below, *close_values, above]))
-    widest = int(np.argmax(np.round(np.diff(x), 6)))
-    return float(x[widest : widest + 2].mean())
-
-
 CROSSING, KEPT, NODE = -1, -2, -3
 """Kinds of polygons besides the numbers of fields."""
-
-
-@dataclass(frozen=True, eq=False)
-class Tidy:
-    """Input of `cut` for the removal of loose ends.
-
-    striped : for each field True if it draws stripes; other material stays.
-    astray  : for each field (m,) faces in which its stripes run across their direction, or None.
-    anchor  : (n,) vertices at which stripes may end: supports and loads.
-    closed  : for each field (n,) values or None: openings with a positive mean become material.
-    """
-
-    striped: tuple[bool, ...]
-    astray: tuple[Bools | None, ...]
-    anchor: Bools
-    closed: tuple[Floats | None, ...] = ()
-
-    def __post_init__(self) -> None:
-        lock(self, "anchor", np.bool_, (None,))
-
-    def recut_polygons(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """(c,) material of field k that later fields must divide: stripes that meet a blank face (m,) or go astray."""
-        own_polygons = (mesh.family == k) | (mesh.also == k)
-        if not self.striped[k] or not own_polygons.any():
-            return np.zeros_like(own_polygons)
-        astray = self.astray[k]
-        suspect = blank if astray is None else blank | astray
-        suspect_vertices = np.zeros(len(mesh.X), dtype=bool)
-        suspect_vertices[mesh.cells.corner[suspect[mesh.face]]] = True
-        part = mesh.part_labels(own_polygons)
-        touched = own_polygons & mesh.cells.per_polygon(np.logical_or, suspect_vertices[mesh.cells.corner])
-        return np.asarray(own_polygons & np.isin(part, part[touched]))
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> PolygonMesh:

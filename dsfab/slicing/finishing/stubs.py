@@ -18,10 +18,10 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.loose_ends import Tidy, dependent_polygons, split_value
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, adjacent_sides
+from dsfab.core.arrays import Bools, Floats, Ints, split_value
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy, adjacent_sides
 from dsfab.slicing.cutting.sheet import VOID
+from dsfab.slicing.finishing.loose_ends import dependent_polygons
 from dsfab.surface import link_components
 
 LARGE = 1.6
