@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from dsfab.slicing import Sheet, Tidy, material_area, tidied_sheet
-from dsfab.slicing.cutting import straight_bars
 from dsfab.slicing.cutting.cells import Cells
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
+from dsfab.slicing.finishing import straight_bars
 from dsfab.slicing.finishing.straight_bars import FairBar
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults

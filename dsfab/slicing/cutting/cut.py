@@ -67,8 +67,7 @@ def cut_polygons(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> PolygonMesh:
     """Return the polygons of `cut` before they are filled with triangles."""
-    values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
-    steps = distinct_levels(values, levels)
+    values, steps = checked_lines(surface, fields, levels)
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -164,6 +163,14 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
         ) from refused
 
 
+def checked_lines(
+    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike]
+) -> tuple[list[Floats], list[Floats]]:
+    """Return the values (n,) or (n, 2) of each field, and its levels without equal ones; raises as `cut` does."""
+    values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
+    return values, [_checked_levels(k, x, lines) for k, (x, lines) in enumerate(zip(values, levels, strict=True))]
+
+
 def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
     if isinstance(field, DividedField):
         if (field.divided.whole.n, field.divided.whole.m) != (surface.n, surface.m):
@@ -176,11 +183,6 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
     if len(bad):
         raise PatternError(f"field {k} is not finite at {len(bad)} of {surface.n} vertices (first: {first_few(bad)})")
     return x
-
-
-def distinct_levels(values: Sequence[Floats], levels: Sequence[ArrayLike]) -> list[Floats]:
-    """Return the levels of each field, with values (n,) or (n, 2), without equal levels."""
-    return [_checked_levels(k, x, lines) for k, (x, lines) in enumerate(zip(values, levels, strict=True))]
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dsfab.core.arrays import Bools, Floats
-from dsfab.slicing.cutting.cut import Field, adjacent_faces, cut_polygons, distinct_levels, sheet_of
+from dsfab.slicing.cutting.cut import Field, adjacent_faces, checked_lines, cut_polygons, sheet_of
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.finishing.fairing import divided_walls, faired_walls
@@ -29,7 +29,7 @@ from dsfab.slicing.finishing.spikes import without_spikes
 from dsfab.slicing.finishing.straight_bars import with_straight_bars
 from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
-from dsfab.surface.fields import CornerField, DividedField
+from dsfab.surface.fields import CornerField
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
 """Gaps between rounded members narrower than this share of a neck are bridged too, in up to this number of rounds."""
@@ -56,18 +56,12 @@ def tidied_polygons(
     mesh = cut_polygons(surface, fields, levels, snap, tidy)
     if not tidy:
         return mesh
-    mesh = with_meeting_ends(mesh, fields, distinct_levels([_vertex_values(x) for x in fields], levels))
+    mesh = with_meeting_ends(mesh, fields, checked_lines(surface, fields, levels)[1])
     nodes = _nodes(mesh)
     mesh = without_loose_ends(with_closed_openings(mesh, tidy.closed), tidy)
     mesh, stubs = without_stubs(mesh, nodes, tidy)
     mesh, bars = with_straight_bars(mesh, _nodes(mesh), _near_singular(mesh, surface, fields), tidy, surface.size)
     return replace(mesh, stubs=stubs + bars)
-
-
-def _vertex_values(x: Field) -> Floats:
-    if isinstance(x, DividedField):
-        return x.at_vertices
-    return x.x if isinstance(x, CornerField) else np.asarray(x, dtype=np.float64)
 
 
 def _nodes(mesh: PolygonMesh) -> Bools:
