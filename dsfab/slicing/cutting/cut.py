@@ -186,7 +186,7 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """The levels without equal ones. An odd group of equal levels leaves one, an even group none.
+    """The levels without repetitions. An odd number of equal levels leaves one, an even number none.
 
     For two fields each group leaves one.
     """
@@ -204,7 +204,7 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Recut:
-    """Cells (k,) of a sheet, ascending, their vertices (v,), ascending, and both as a mesh of polygons."""
+    """Cells (k,) of a sheet and their vertices (v,), both ascending, and the same cells as a mesh of polygons."""
 
     sheet: Sheet
     cells: Ints
