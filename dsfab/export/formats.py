@@ -3,7 +3,7 @@
 import difflib
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -25,38 +25,64 @@ from dsfab.export.writing import atomic_file, write_chunks
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 
-Takes = Literal["mesh", "lines", "both", "fields", "members", "bodies", "forces", "frame", "bars", "utilisation"]
+MemberContent = Literal["members", "bodies", "section forces", "member forces", "utilisation", "beam model"]
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format of files.
+    """A format of files: its functions for a part.
 
     prepare : returns the part with the format's rounding.    encode : returns the bytes.
     check   : reads the file back; raises ExportError if the content differs.
+    ready   : raises ExportError if a library of the format is not installed.
     """
 
     prepare: Callable[[Part], Part]
     encode: Callable[[Part], Iterator[bytes]]
     check: Callable[[Part, Path], ReadBack]
-    sheets: bool
-    """Whether the format can hold an open sheet."""
-    attempts: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
-    """Alternatives of the part, the best first; `write` takes the first that passes the check. An ExportError in place
-    of a part is an alternative that is refused without a trial.
+    ready: Callable[[], None] = field(default=lambda: None, kw_only=True)
+
+
+@dataclass(frozen=True)
+class MeshFormat(Format):
+    """A format of a solid, or of any mesh.
+
+    sheets       : whether it can hold an open sheet.
+    alternatives : returns alternatives of the part, the best first; `write` takes the first that passes the check. An
+                   ExportError in place of a part is an alternative that is refused without a trial.
+    sentence     : returns a sentence about the alternative that `write` took, from the refusals before it.
+    refusal      : returns the error to raise if `write` refused all alternatives.
     """
-    told: Callable[[Part, Sequence[ExportError]], str] = lambda part, refused: ""
-    """Line about the alternative that `write` took, from the refusals before it."""
+
+    sheets: bool = True
+    alternatives: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
+    sentence: Callable[[Part, Sequence[ExportError]], str] = lambda part, refused: ""
     refusal: Callable[[Sequence[ExportError]], ExportError] = lambda refused: refused[-1]
-    """The error to raise if `write` refused all alternatives."""
-    takes: Takes = "mesh"
-    """Content: a mesh; lines on a sheet; a solid and lines; fields; members; members as bodies; section forces; the
-    beam model; member forces; or their utilisation.
+
+
+@dataclass(frozen=True)
+class SheetFormat(Format):
+    """A format of lines, or of fields.
+
+    content : lines on a sheet; a solid and lines; or fields of the uncut surface.
+    curves  : whether the format needs exact lines because it holds smooth curves.
     """
+
+    content: Literal["lines", "solid and lines", "fields"] = "lines"
     curves: bool = False
-    """Whether the format needs exact lines because it holds smooth curves."""
-    ready: Callable[[], None] = lambda: None
-    """Raises ExportError if a library of the format is not installed."""
+
+
+@dataclass(frozen=True)
+class MemberFormat(Format):
+    """A format of members, of their forces, or of their beam model.
+
+    content  : members and nodes; members as bodies; forces in the sheet's faces or along members; utilisation; or
+               the beam model.
+    sentence : returns a sentence about the content, or ''.
+    """
+
+    content: MemberContent
+    sentence: Callable[[Part], str] = lambda part: ""
 
 
 @dataclass(frozen=True)
@@ -78,105 +104,88 @@ class Written:
         return f"{suffix_of(self.path)[1:]}: {self.size / 1e6:.3g} MB, {self.found.summary}, {seconds} s"
 
 
-_STEP = Format(
+_STEP = MeshFormat(
     strategies.prepare,
     file.encode,
     file.check,
     sheets=False,
-    attempts=strategies.attempts,
-    told=strategies.route_sentence,
+    alternatives=strategies.attempts,
+    sentence=strategies.route_sentence,
     refusal=strategies.refusal,
 )
 
-FORMATS: dict[str, Format] = {
-    ".stl": Format(triangles.prepare_stl, triangles.encode_stl, triangles.check_stl, sheets=True),
-    ".3mf": Format(triangles.prepare_3mf, triangles.encode_3mf, triangles.check_3mf, sheets=False),
+FORMATS: dict[str, MeshFormat | SheetFormat | MemberFormat] = {
+    ".stl": MeshFormat(triangles.prepare_stl, triangles.encode_stl, triangles.check_stl),
+    ".3mf": MeshFormat(triangles.prepare_3mf, triangles.encode_3mf, triangles.check_3mf, sheets=False),
     ".step": _STEP,
     ".stp": _STEP,
     ".stpz": replace(_STEP, encode=file.encode_compressed, check=file.check_compressed),
-    ".lines.step": Format(
-        file.prepare_lines, file.encode_lines, file.check_lines_file, sheets=True, takes="lines", curves=True
+    ".lines.step": SheetFormat(file.prepare_lines, file.encode_lines, file.check_lines_file, curves=True),
+    ".brep": replace(_STEP, encode=file.encode_brep, check=file.check_brep, sentence=file.route_sentence),
+    ".ifc": MeshFormat(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.require_ifcopenshell),
+    ".obj": MeshFormat(triangles.prepare_obj, triangles.encode_obj, triangles.check_obj),
+    ".ply": MeshFormat(triangles.prepare_ply, triangles.encode_ply, triangles.check_ply),
+    ".off": MeshFormat(triangles.prepare_off, triangles.encode_off, triangles.check_off),
+    ".glb": MeshFormat(gltf.prepare, gltf.encode, gltf.check),
+    ".3dm": SheetFormat(
+        rhino.prepare, rhino.encode, rhino.check, curves=True, ready=rhino.require_rhino3dm, content="solid and lines"
     ),
-    ".brep": replace(_STEP, encode=file.encode_brep, check=file.check_brep, told=file.route_sentence),
-    ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.require_ifcopenshell),
-    ".obj": Format(triangles.prepare_obj, triangles.encode_obj, triangles.check_obj, sheets=True),
-    ".ply": Format(triangles.prepare_ply, triangles.encode_ply, triangles.check_ply, sheets=True),
-    ".off": Format(triangles.prepare_off, triangles.encode_off, triangles.check_off, sheets=True),
-    ".glb": Format(gltf.prepare, gltf.encode, gltf.check, sheets=True),
-    ".3dm": Format(
-        rhino.prepare, rhino.encode, rhino.check, sheets=True, takes="both", curves=True, ready=rhino.require_rhino3dm
+    ".dxf": SheetFormat(dxf.prepare, dxf.encode, dxf.check, curves=True),
+    ".svg": SheetFormat(svg.prepare, svg.encode, svg.check),
+    ".csv": SheetFormat(geometry.prepare_csv, geometry.encode_csv, geometry.check_csv),
+    ".json": SheetFormat(geometry.prepare_json, geometry.encode_json, geometry.check_json),
+    ".members.json": MemberFormat(
+        geometry.prepare_members, geometry.encode_members_json, geometry.check_members_json, content="members"
     ),
-    ".dxf": Format(dxf.prepare, dxf.encode, dxf.check, sheets=True, takes="lines", curves=True),
-    ".svg": Format(svg.prepare, svg.encode, svg.check, sheets=True, takes="lines"),
-    ".csv": Format(geometry.prepare_csv, geometry.encode_csv, geometry.check_csv, sheets=True, takes="lines"),
-    ".json": Format(geometry.prepare_json, geometry.encode_json, geometry.check_json, sheets=True, takes="lines"),
-    ".members.json": Format(
-        geometry.prepare_members,
-        geometry.encode_members_json,
-        geometry.check_members_json,
-        sheets=True,
-        takes="members",
+    ".members.csv": MemberFormat(
+        geometry.prepare_members, geometry.encode_members, geometry.check_members, content="members"
     ),
-    ".members.csv": Format(
-        geometry.prepare_members, geometry.encode_members, geometry.check_members, sheets=True, takes="members"
+    ".nodes.csv": MemberFormat(
+        geometry.prepare_members, geometry.encode_nodes, geometry.check_nodes, content="members"
     ),
-    ".nodes.csv": Format(
-        geometry.prepare_members, geometry.encode_nodes, geometry.check_nodes, sheets=True, takes="members"
+    ".members.3dm": MemberFormat(
+        with_single_shapes, rhino.encode_members, rhino.check_members, ready=rhino.require_rhino3dm, content="bodies"
     ),
-    ".members.3dm": Format(
-        with_single_shapes,
-        rhino.encode_members,
-        rhino.check_members,
-        sheets=True,
-        takes="bodies",
-        ready=rhino.require_rhino3dm,
+    ".members.ifc": MemberFormat(
+        with_shapes, ifc.encode_members, ifc.check_members, ready=ifc.require_ifcopenshell, content="bodies"
     ),
-    ".members.ifc": Format(
-        with_shapes, ifc.encode_members, ifc.check_members, sheets=True, takes="bodies", ready=ifc.require_ifcopenshell
+    ".members.glb": MemberFormat(with_single_shapes, gltf.encode_members, gltf.check_members, content="bodies"),
+    ".members.dxf": MemberFormat(with_shapes, dxf.encode_members, dxf.check_members, content="bodies"),
+    ".vtu": SheetFormat(vtu.prepare, vtu.encode, vtu.check, content="fields"),
+    ".forces.vtu": MemberFormat(forces.prepare_fields, vtu.encode, vtu.check, content="section forces"),
+    ".forces.csv": MemberFormat(
+        forces.prepare_sheet, forces.encode_sheet, forces.check_sheet, content="section forces"
     ),
-    ".members.glb": Format(with_single_shapes, gltf.encode_members, gltf.check_members, sheets=True, takes="bodies"),
-    ".members.dxf": Format(with_shapes, dxf.encode_members, dxf.check_members, sheets=True, takes="bodies"),
-    ".vtu": Format(vtu.prepare, vtu.encode, vtu.check, sheets=True, takes="fields"),
-    ".forces.vtu": Format(forces.prepare_fields, vtu.encode, vtu.check, sheets=True, takes="forces"),
-    ".forces.csv": Format(forces.prepare_sheet, forces.encode_sheet, forces.check_sheet, sheets=True, takes="forces"),
-    ".member_forces.csv": Format(
-        forces.prepare_members, forces.encode_members, forces.check_members, sheets=True, takes="bars"
+    ".member_forces.csv": MemberFormat(
+        forces.prepare_members, forces.encode_members, forces.check_members, content="member forces"
     ),
-    ".member_forces.xlsx": Format(
+    ".member_forces.xlsx": MemberFormat(
         forces.prepare_members,
         forces.encode_workbook,
         forces.check_workbook,
-        sheets=True,
-        takes="bars",
         ready=saf.require_xlsxwriter,
+        content="member forces",
     ),
-    ".member_utilisation.csv": Format(
+    ".member_utilisation.csv": MemberFormat(
         forces.prepare_utilisation,
         forces.encode_utilisation,
         forces.check_utilisation,
-        sheets=True,
-        told=forces.sentence,
-        takes="utilisation",
+        sentence=forces.sentence,
+        content="utilisation",
     ),
-    opensees.SUFFIX: Format(
-        saf.prepare, opensees.encode, opensees.check, sheets=True, told=saf.agreement_text, takes="frame"
+    opensees.SUFFIX: MemberFormat(
+        saf.prepare, opensees.encode, opensees.check, sentence=saf.agreement_text, content="beam model"
     ),
-    calculix.SUFFIX: Format(
-        saf.prepare,
-        calculix.encode,
-        calculix.check,
-        sheets=True,
-        told=saf.agreement_text,
-        takes="frame",
+    calculix.SUFFIX: MemberFormat(
+        saf.prepare, calculix.encode, calculix.check, sentence=saf.agreement_text, content="beam model"
     ),
-    saf.SUFFIX: Format(
+    saf.SUFFIX: MemberFormat(
         saf.prepare,
         saf.encode,
         saf.check,
-        sheets=True,
-        told=saf.agreement_text,
-        takes="frame",
+        sentence=saf.agreement_text,
         ready=saf.require_xlsxwriter,
+        content="beam model",
     ),
 }
 """Formats by suffix."""
@@ -210,17 +219,17 @@ def write(
     form = format_of(path)
     form.ready()
     part = part_of(thing, path.name[: -len(suffix_of(path))] if name is None else name)
-    if not (part.is_solid or form.sheets):
-        open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if f.sheets)
+    if not (part.is_solid or holds_sheets(form)):
+        open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if holds_sheets(f))
         raise ExportError(
             f"a {path.suffix.lower()} file holds closed solids and {part.name!r} is an open sheet; "
             f"thicken it first, or write {open_formats}"
         )
     part = form.prepare(_with_options(part, step, details))
     with atomic_file(path) as temporary:
-        attempt, refused, readback = _put(form, part, temporary)
-    if note and (how := form.told(attempt, refused)):
-        note(how)
+        sentence, readback = _put(form, part, temporary)
+    if note and sentence:
+        note(sentence)
     if report:
         report(Written(path, path.stat().st_size, time.perf_counter() - begin, readback))
     return path
@@ -259,20 +268,30 @@ def _with_options(part: Part, step: StepOptions | str, details: Details | None) 
     )
 
 
-def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportError], ReadBack]:
+def holds_sheets(form: Format) -> bool:
+    """Return whether a format can hold an open sheet."""
+    return not isinstance(form, MeshFormat) or form.sheets
+
+
+def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: Path) -> tuple[str, ReadBack]:
+    """Write and check the first alternative that passes; return the format's sentence about it and its content."""
+    if not isinstance(form, MeshFormat):
+        write_chunks(temporary, form.encode(part))
+        readback = form.check(part, temporary)
+        return form.sentence(part) if isinstance(form, MemberFormat) else "", readback
     refused = list[ExportError]()
-    for attempt in form.attempts(part):
-        if isinstance(attempt, ExportError):
-            refused.append(attempt)
+    for alternative in form.alternatives(part):
+        if isinstance(alternative, ExportError):
+            refused.append(alternative)
             continue
         try:
-            write_chunks(temporary, form.encode(attempt))
-            readback = form.check(attempt, temporary)
+            write_chunks(temporary, form.encode(alternative))
+            readback = form.check(alternative, temporary)
         except ExportError as error:
             refused.append(error)
             temporary.unlink(missing_ok=True)
         else:
-            return attempt, refused, readback
+            return form.sentence(alternative, refused), readback
     raise form.refusal(refused)
 
 
@@ -283,7 +302,7 @@ def suffix_of(path: Path) -> str:
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())
 
 
-def format_of(path: Path) -> Format:
+def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
     """Return the format of a suffix in any case; raises ExportError that names the most similar suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:

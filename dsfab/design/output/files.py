@@ -26,7 +26,7 @@ from dsfab.design.output.records import (
 )
 from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
-from dsfab.export.formats import FORMATS, Takes, format_of, suffix_of
+from dsfab.export.formats import FORMATS, MemberContent, MemberFormat, MeshFormat, SheetFormat, format_of, suffix_of
 from dsfab.export.part import NO_PAIRS, Curved, DividedSheet, StripedSheet
 from dsfab.members import cells_by_stripes
 from dsfab.preset.model import Export
@@ -234,22 +234,23 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
     The solid for formats of meshes, with lines if these hold both. The sheet for formats of lines, members, bodies,
     section forces and beams. The uncut surface for fields.
     """
-    options, takes = design.preset.export, FORMATS[suffix].takes
-    if takes == "fields":
-        values = design_fields(design) if design.fields is None else design.fields
-        return design.surface, {"details": Details(values=values)}
-    if details_of := _OF_SHEET.get(takes):
-        return design.sheet.surface, {"details": details_of(design)}
-    if takes == "mesh":
+    options, form = design.preset.export, FORMATS[suffix]
+    if isinstance(form, MemberFormat):
+        return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
+    if isinstance(form, MeshFormat):
         corners = outline_corners(design.sheet, design.surface)
         made_of = {"material": design.preset.statics.material}
         details = Details(measures=_measures(design), records=made_of, origin=_origin(design))
         step = replace(step_options(options), corners=corners, curved=partial(curved_design, design))
         return design.solid, {"step": step, "details": details}
+    assert isinstance(form, SheetFormat)
+    if form.content == "fields":
+        values = design_fields(design) if design.fields is None else design.fields
+        return design.surface, {"details": Details(values=values)}
     tolerance = options.step_tolerance or OUTLINE * design.preset.statics.thickness
-    exact = FORMATS[suffix].curves  # its tolerance is for the curves alone
-    details = Details(design_lines(design, 0.0 if exact else tolerance), tolerance, facts=_facts(design))
-    return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
+    lines = design_lines(design, 0.0 if form.curves else tolerance)  # tolerance of exact lines: for the curves alone
+    details = Details(lines, tolerance, facts=_facts(design))
+    return (design.solid if form.content == "solid and lines" else design.sheet.surface), {"details": details}
 
 
 def body_details(design: Design) -> Details:
@@ -262,15 +263,15 @@ def body_details(design: Design) -> Details:
     )
 
 
-_OF_SHEET: dict[Takes, Callable[[Design], Details]] = {
+_MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
     "members": lambda design: Details(records=graph_records(design.members)),
     "bodies": body_details,
-    "forces": lambda design: Details(records=force_records(design)),
-    "bars": lambda design: Details(records=bar_records(design)),
+    "section forces": lambda design: Details(records=force_records(design)),
+    "member forces": lambda design: Details(records=bar_records(design)),
     "utilisation": lambda design: Details(records=utilisation_records(design)),
-    "frame": lambda design: Details(records=beam_records(design)),
+    "beam model": lambda design: Details(records=beam_records(design)),
 }
-"""Details of a design for each kind of format of the sheet, except lines."""
+"""Functions from a design to the content of formats of members."""
 
 
 def step_options(options: Export) -> StepOptions:

@@ -267,7 +267,7 @@ def prepare(part: Part) -> Part:
     return part
 
 
-def agreement_text(part: Part, refused: Sequence[ExportError]) -> str:
+def agreement_text(part: Part) -> str:
     """Return the comparison of beams and sheet, a line for each case."""
     return "\n".join(part.details.records["told"])
 

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -283,6 +283,6 @@ def check_utilisation(part: Part, path: Path) -> ReadBack:
     return ReadBack(len(rows), "rows")
 
 
-def sentence(part: Part, refused: Sequence[ExportError]) -> str:
+def sentence(part: Part) -> str:
     """Return a sentence on the member with the largest utilisation."""
     return "; ".join(part.details.records["utilisation"]["told"])
