@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -16,6 +16,9 @@ from dsfab.core.units import MM_PER_M
 from dsfab.surface import StructureLine, Surface, bounding_box, signed_volume, total_area
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
+
+if TYPE_CHECKING:
+    from dsfab.members.frame import Frame
 
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 NO_PAIRS.setflags(write=False)
@@ -129,6 +132,8 @@ class Details:
     values    : by name with SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, where known.
+    frame     : the beam model of the members; then `facts` tell how it agrees with the sheet.
+    description : text about the whole.
     records   : notes, members and nodes in millimetres, or section forces or beams in SI units, see
                 `dsfab.design.output.records`; for solids `material`, its name.
     shapes    : members as bodies, metres.
@@ -141,8 +146,16 @@ class Details:
     facts: tuple[str, ...] = ()
     measures: Mapping[str, float] = field(default_factory=dict)
     records: Mapping[str, Any] = field(default_factory=dict)
+    frame: "Frame | None" = None
+    description: str = ""
     shapes: tuple[MemberShape, ...] = ()
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def beam_model(self) -> "Frame":
+        """The beam model, of details that have one."""
+        assert self.frame is not None
+        return self.frame
 
     def scaled_by(self, factor: float) -> "Details":
         """Return the details with `lines`, `shapes` and `tolerance` in another unit of length."""

@@ -18,7 +18,6 @@ from dsfab.design.design import Design
 from dsfab.design.output.fields import design_fields, design_lines
 from dsfab.design.output.records import (
     bar_records,
-    beam_records,
     force_records,
     graph_records,
     member_shapes,
@@ -263,13 +262,22 @@ def body_details(design: Design) -> Details:
     )
 
 
+def frame_details(design: Design) -> Details:
+    """Return the beam model with sentences on its agreement with the sheet.
+
+    Raises StaticsError if no member has an axis, or if nothing carries a load.
+    """
+    facts = tuple(agreement.summary for agreement in design.frame_agreement())
+    return Details(frame=design.frame, description=design.preset.description, facts=facts)
+
+
 _MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
     "members": lambda design: Details(records=graph_records(design.members)),
     "bodies": body_details,
     "section forces": lambda design: Details(records=force_records(design)),
     "member forces": lambda design: Details(records=bar_records(design)),
     "utilisation": lambda design: Details(records=utilisation_records(design)),
-    "beam model": lambda design: Details(records=beam_records(design)),
+    "beam model": frame_details,
 }
 """Functions from a design to the content of formats of members."""
 

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsfab.core.arrays import Floats
-from dsfab.core.materials import MATERIALS
 from dsfab.core.units import MM_PER_M
 from dsfab.design import Design
 from dsfab.export import MemberShape
@@ -16,7 +15,6 @@ from dsfab.thickening import SHIFT, closed_skin, offsets
 
 if TYPE_CHECKING:
     from dsfab.members.eurocode import Utilisation
-    from dsfab.members.frame import Frame
 
 
 LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9
@@ -124,45 +122,6 @@ def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberSha
     axis = member.axis.P if member.axis else np.zeros((0, 3))
     edges = tuple(piece.V[np.append(loop, loop[0])] for loop in piece.loops)
     return MemberShape(member.id, member.family or member.kind, V, faces, axis, edges, member.kind in PLATES)
-
-
-def beam_records(design: Design) -> dict[str, Any]:
-    """Return `frame_records` of a design with `actions` by case, `description`, and `told`: sentences on agreement of
-    beams and sheet.
-
-    Raises StaticsError if no member has an axis, or if nothing carries a load.
-    """
-    return frame_records(design.frame) | {
-        "actions": dict(design.frame.actions),
-        "description": design.preset.description,
-        "told": [agreement.summary for agreement in design.frame_agreement()],
-    }
-
-
-def frame_records(frame: "Frame") -> dict[str, Any]:
-    """Return `frame`, columns of the beam model (see `dsfab.members.frame.Frame`), and `material`."""
-    named = MATERIALS.get(frame.material.name)
-    names = (
-        *("points", "nodes", "ends", "width", "thickness", "eccentricity", "length", "fixed", "spring"),
-        *("area", "inertia", "shear_area"),
-    )
-    return {
-        "frame": {name: getattr(frame, name) for name in names}
-        | {
-            "z": frame.axes[:, 2],
-            "member": [frame.members[k] if k >= 0 else "" for k in frame.member],
-            "loads": dict(frame.loads),
-            "combinations": {name: dict(factors) for name, factors in frame.combinations.items()},
-        },
-        "material": {
-            "name": frame.material.name,
-            "young": frame.material.young,
-            "shear": frame.material.shear,
-            "poisson": frame.material.poisson,
-            "density": frame.material.density,
-            "expansion": named.expansion if named else None,
-        },
-    }
 
 
 COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
