@@ -18,7 +18,9 @@ from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 
 if TYPE_CHECKING:
-    from dsfab.members.frame import Frame
+    from dsfab.members.eurocode import Utilisation
+    from dsfab.members.frame import Frame, MemberForces
+    from dsfab.statics import SectionForces
 
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 NO_PAIRS.setflags(write=False)
@@ -133,7 +135,9 @@ class Details:
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, where known.
     frame     : the beam model of the members; then `facts` tell how it agrees with the sheet.
-    description : text about the whole.
+    section_forces : by case and combination, in the faces of `sheet`, metres.
+    member_forces  : by member.    utilisation : of the members.
+    description    : text about the whole.
     records   : notes, members and nodes in millimetres, or section forces or beams in SI units, see
                 `dsfab.design.output.records`; for solids `material`, its name.
     shapes    : members as bodies, metres.
@@ -147,6 +151,10 @@ class Details:
     measures: Mapping[str, float] = field(default_factory=dict)
     records: Mapping[str, Any] = field(default_factory=dict)
     frame: "Frame | None" = None
+    sheet: Surface | None = None
+    section_forces: Mapping[str, "SectionForces"] = field(default_factory=dict)
+    member_forces: Mapping[str, "MemberForces"] | None = None
+    utilisation: "Utilisation | None" = None
     description: str = ""
     shapes: tuple[MemberShape, ...] = ()
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -17,11 +17,8 @@ from dsfab.core.limits import OUTLINE
 from dsfab.design.design import Design
 from dsfab.design.output.fields import design_fields, design_lines
 from dsfab.design.output.records import (
-    bar_records,
-    force_records,
     graph_records,
     member_shapes,
-    utilisation_records,
 )
 from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
@@ -274,9 +271,9 @@ def frame_details(design: Design) -> Details:
 _MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
     "members": lambda design: Details(records=graph_records(design.members)),
     "bodies": body_details,
-    "section forces": lambda design: Details(records=force_records(design)),
-    "member forces": lambda design: Details(records=bar_records(design)),
-    "utilisation": lambda design: Details(records=utilisation_records(design)),
+    "section forces": lambda design: Details(section_forces=design.section_forces, sheet=design.sheet.surface),
+    "member forces": lambda design: Details(member_forces=design.member_forces),
+    "utilisation": lambda design: Details(utilisation=design.member_utilisation),
     "beam model": frame_details,
 }
 """Functions from a design to the content of formats of members."""

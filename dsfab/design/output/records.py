@@ -1,6 +1,6 @@
 """Plain records of a design for files: members, nodes, beam model, section forces and utilisation."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -9,13 +9,8 @@ from dsfab.core.units import MM_PER_M
 from dsfab.design import Design
 from dsfab.export import MemberShape
 from dsfab.members import Member, MemberAxis, MemberGraph, Node
-from dsfab.statics import CONVENTION, SectionForces
 from dsfab.surface import Surface
 from dsfab.thickening import SHIFT, closed_skin, offsets
-
-if TYPE_CHECKING:
-    from dsfab.members.eurocode import Utilisation
-
 
 LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9
 """Decimals of millimetres, and of directions and curvatures per metre."""
@@ -122,96 +117,3 @@ def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberSha
     axis = member.axis.P if member.axis else np.zeros((0, 3))
     edges = tuple(piece.V[np.append(loop, loop[0])] for loop in piece.loops)
     return MemberShape(member.id, member.family or member.kind, V, faces, axis, edges, member.kind in PLATES)
-
-
-COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
-
-
-def bar_records(design: Design) -> dict[str, Any]:
-    """Return `bars` by member, and `columns`, the names of the six forces.
-
-    Each has `bay` (k,), the place `s` (k,) along the axis, and `forces` (k, 6) by case and combination, with the
-    `least` and the `greatest` of several.
-
-    Raises StaticsError if the cut sheet does not carry its loads.
-    """
-    bars = {}
-    for name, forces in design.member_forces.items():
-        least, greatest = np.moveaxis(forces.envelope, -1, 0)
-        several = {"least": least, "greatest": greatest} if len(forces.forces) > 1 else {}
-        bars[name] = {"bay": list(forces.bay), "s": forces.s, "forces": {**forces.forces, **several}}
-    return {"bars": bars, "columns": list(COLUMNS)}
-
-
-def utilisation_records(design: Design) -> dict[str, Any]:
-    """Return `utilisation` of a design, for a file.
-
-    `rows` by bay, worst first: `member`, `bay`, numbers and words as in `export.utilisation`; `checks`, names with
-    clauses; `standard`, `assumed`, `unchecked`, sentences; `told`, the worst of all.
-
-    Raises StaticsError if neither the material nor a strength is set, or if nothing carries a load.
-    """
-    return utilisation_rows(design.member_utilisation)
-
-
-def utilisation_rows(utilisation: "Utilisation") -> dict[str, Any]:
-    """Return `utilisation_records` of a computed utilisation."""
-    bays, rows = utilisation.bays, []
-    for bay in utilisation.order.tolist():
-        check, case, station = utilisation.governing(bay)
-        rows.append(
-            {
-                "member": bays.member[bay],
-                "bay": bays.name[bay],
-                "utilisation": float(utilisation.largest[bay]),
-                "check": check.name,
-                "clause": check.clause,
-                "case": case,
-                "along": float(bays.s[bay, station]),
-                "width": float(bays.width[bay, station]),
-                "length": float(bays.length[bay]),
-                "forces": bays.forces[case][bay, station],
-                "each": utilisation.worst[bay],
-            }
-        )
-    words = {"standard": utilisation.standard, "assumed": utilisation.assumed, "unchecked": utilisation.unchecked}
-    facts = {"rows": rows, "checks": [str(check) for check in utilisation.checks], "thickness": bays.thickness}
-    return {"utilisation": {**words, **facts, "told": [utilisation.summary]}, "columns": list(COLUMNS)}
-
-
-def force_records(design: Design) -> dict[str, Any]:
-    """Return section forces of a design, for a file.
-
-    `convention`, lines of text; `faces`, columns (m,) or (m, 3); `cases`, by name, the columns of each load case and
-    combination.
-
-    Raises StaticsError if the cut sheet does not carry its loads.
-    """
-    forces_by_case = design.section_forces
-    surface, first_case = design.sheet.surface, next(iter(forces_by_case.values()))
-    faces = {
-        "centre [m]": surface.centroids,
-        "area [m2]": surface.areas,
-        "local x [1]": first_case.frame[:, 0],
-        "local y [1]": first_case.frame[:, 1],
-        "normal [1]": surface.normals,
-    }
-    return {
-        "convention": list(CONVENTION),
-        "faces": faces,
-        "cases": {name: _columns(forces) for name, forces in forces_by_case.items()},
-    }
-
-
-def _columns(forces: SectionForces) -> dict[str, Floats]:
-    columns: dict[str, Floats] = {}
-    for name, unit in (("n", "N/m"), ("m", "N m/m")):
-        for index, axes in enumerate(("x", "y", "xy")):
-            columns[f"{name}_{axes} [{unit}]"] = getattr(forces, name)[:, index]
-    columns |= {f"q_{axis} [N/m]": np.asarray(forces.q[:, index]) for index, axis in enumerate("xy")}
-    for name, unit in (("n", "N/m"), ("m", "N m/m")):
-        values, angle, direction = forces.principal(name)
-        columns |= {f"{name}_{index} [{unit}]": np.asarray(values[:, index - 1]) for index in (1, 2)}
-        columns[f"{name}_1 from local x [degrees]"] = angle
-        columns[f"{name}_1 direction [1]"] = direction
-    return columns
