@@ -273,7 +273,7 @@ def test_what_goes_into_which_format(design):
         details = how.get("details", Details())
         assert bool(details.lines) == (content in ("lines", "solid and lines"))
         assert bool(details.values) == (content == "fields")
-        assert bool(details.records) == (content in ("solid", "members", "bodies"))
+        assert bool(details.members) == (content in ("members", "bodies"))
         assert bool(details.section_forces) == (content == "section forces")
         assert bool(details.member_forces) == (content == "member forces")
         assert bool(details.frame) == (content == "beam model")

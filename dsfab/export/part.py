@@ -1,9 +1,9 @@
 """`Part`: the mesh, lines and facts of a file in millimetres, with the divided sheet and the bodies of members."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -18,6 +18,7 @@ from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 
 if TYPE_CHECKING:
+    from dsfab.members import MemberGraph
     from dsfab.members.eurocode import Utilisation
     from dsfab.members.frame import Frame, MemberForces
     from dsfab.statics import SectionForces
@@ -138,8 +139,10 @@ class Details:
     section_forces : by case and combination, in the faces of `sheet`, metres.
     member_forces  : by member.    utilisation : of the members.
     description    : text about the whole.
-    records   : notes, members and nodes in millimetres, or section forces or beams in SI units, see
-                `dsfab.design.output.records`; for solids `material`, its name.
+    material       : name of the material, or ''.
+    members        : members and nodes.
+    whole_members  : whether members that cross lie one over the other, so that each has its whole area.
+    drawings       : drawing files of each member's parts, by its name.
     shapes    : members as bodies, metres.
     origin    : origin of the file on its site (m), in the coordinates of a survey (east, north, up).
     """
@@ -149,7 +152,10 @@ class Details:
     values: Mapping[str, Floats] = field(default_factory=dict)
     facts: tuple[str, ...] = ()
     measures: Mapping[str, float] = field(default_factory=dict)
-    records: Mapping[str, Any] = field(default_factory=dict)
+    material: str = ""
+    members: "MemberGraph | None" = None
+    whole_members: bool = False
+    drawings: Mapping[str, Sequence[str]] = field(default_factory=dict)
     frame: "Frame | None" = None
     sheet: Surface | None = None
     section_forces: Mapping[str, "SectionForces"] = field(default_factory=dict)

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -176,20 +175,6 @@ def with_single_shapes(part: Part) -> Part:
 def _single(shape: MemberShape) -> MemberShape:
     rounded = in_single_precision(Part(shape.V, shape.F, shape.id, is_solid=True))
     return replace(shape, V=rounded.V, F=rounded.F)
-
-
-def member_entries(part: Part) -> dict[str, Mapping[str, Any]]:
-    """Return the records of members by name, see `dsfab.design.output.records`, in millimetres."""
-    return {entry["id"]: entry for entry in part.details.records["members"]}
-
-
-def member_facts(entry: Mapping[str, Any]) -> dict[str, str]:
-    """Return the facts of a member for an object of a drawing program."""
-    facts = {key: str(entry[key]) for key in ("kind", "family", "stripe") if entry[key] != ""}
-    facts |= {"length_mm": f"{entry['length']:.1f}", "width_mm": f"{entry['width']['median']:.1f}"}
-    if entry["ends"]:
-        facts |= {"start": entry["ends"][0], "end": entry["ends"][1]}
-    return facts | ({"nodes": " ".join(entry["nodes"])} if entry["nodes"] else {})
 
 
 def layer_colour(layer: str) -> tuple[int, int, int]:

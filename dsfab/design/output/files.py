@@ -16,15 +16,11 @@ from dsfab.core.errors import ExportError
 from dsfab.core.limits import OUTLINE
 from dsfab.design.design import Design
 from dsfab.design.output.fields import design_fields, design_lines
-from dsfab.design.output.records import (
-    graph_records,
-    member_shapes,
-)
-from dsfab.export import Details, StepOptions
+from dsfab.export import Details, MemberShape, StepOptions
 from dsfab.export import write as written
 from dsfab.export.formats import FORMATS, MemberContent, MemberFormat, MeshFormat, SheetFormat, format_of, suffix_of
 from dsfab.export.part import NO_PAIRS, Curved, DividedSheet, StripedSheet
-from dsfab.members import cells_by_stripes
+from dsfab.members import Member, cells_by_stripes
 from dsfab.preset.model import Export
 from dsfab.preset.surface_section import FileSurface
 from dsfab.results import PatternResult
@@ -32,7 +28,7 @@ from dsfab.slicing import Sheet, cut
 from dsfab.slicing.measures.lines import outline_corners, outline_labels
 from dsfab.surface import Surface, corner_fans, half_edges, link_components, pieces
 from dsfab.surface.orientation import flips_along_tree, one_sided_pieces
-from dsfab.thickening import SHIFT, Side, Solid, offsets
+from dsfab.thickening import SHIFT, Side, Solid, closed_skin, offsets
 
 if TYPE_CHECKING:
     import build123d
@@ -235,8 +231,8 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
     if isinstance(form, MeshFormat):
         corners = outline_corners(design.sheet, design.surface)
-        made_of = {"material": design.preset.statics.material}
-        details = Details(measures=_measures(design), records=made_of, origin=_origin(design))
+        material = design.preset.statics.material or ""
+        details = Details(measures=_measures(design), material=material, origin=_origin(design))
         step = replace(step_options(options), corners=corners, curved=partial(curved_design, design))
         return design.solid, {"step": step, "details": details}
     assert isinstance(form, SheetFormat)
@@ -250,13 +246,40 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
 
 
 def body_details(design: Design) -> Details:
-    """Return members as bodies, with their records and material."""
-    tolerance = design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness
-    records = graph_records(design.members) | {"material": design.preset.statics.material}
-    shapes = member_shapes(design)
+    """Return members as bodies, with their facts and material."""
     return Details(
-        tolerance=tolerance, measures=_measures(design), records=records, shapes=shapes, origin=_origin(design)
+        tolerance=design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness,
+        measures=_measures(design),
+        material=design.preset.statics.material or "",
+        members=design.members,
+        shapes=member_shapes(design),
+        origin=_origin(design),
     )
+
+
+PLATES = ("disc", "plate", "fill")
+"""Kinds of members that are not long and narrow."""
+
+
+def member_shapes(design: Design) -> tuple[MemberShape, ...]:
+    """Return bodies of the members, metres, in the order of their names.
+
+    Members overlap at crossings, so that all bodies together exceed the solid's volume; their own areas
+    (see `dsfab.export.members`) count each area once.
+    """
+    sheet, options = design.members.sheet, design.preset.thickening
+    offset = offsets(design.surface, design.preset.statics.thickness, options.side)
+    D = sheet.carry_corners(offset.at_corners(design.surface.F), design.surface.F)
+    return tuple(_shape(sheet.surface, D, member, SHIFT[options.side]) for member in design.members.members)
+
+
+def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberShape:
+    used, F = np.unique(surface.F[member.cells], return_inverse=True)
+    piece = Surface(surface.V[used], F.reshape(-1, 3))
+    V, faces = closed_skin(piece, D[used], shift)
+    axis = member.axis.P if member.axis else np.zeros((0, 3))
+    edges = tuple(piece.V[np.append(loop, loop[0])] for loop in piece.loops)
+    return MemberShape(member.id, member.family or member.kind, V, faces, axis, edges, member.kind in PLATES)
 
 
 def frame_details(design: Design) -> Details:
@@ -269,7 +292,7 @@ def frame_details(design: Design) -> Details:
 
 
 _MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
-    "members": lambda design: Details(records=graph_records(design.members)),
+    "members": lambda design: Details(members=design.members),
     "bodies": body_details,
     "section forces": lambda design: Details(section_forces=design.section_forces, sheet=design.sheet.surface),
     "member forces": lambda design: Details(member_forces=design.member_forces),

@@ -13,6 +13,7 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
+from dsfab.core.units import MM_PER_M
 from dsfab.export.curves import (
     Curve,
     chains,
@@ -23,6 +24,7 @@ from dsfab.export.curves import (
     sample_parameters,
 )
 from dsfab.export.drawing.views import DrawingView, views
+from dsfab.export.members import graph_of, rounded_lists
 from dsfab.export.part import MemberShape, Part
 from dsfab.export.readback import ReadBack, count_error, with_lines
 from dsfab.export.writing import one_line
@@ -181,9 +183,10 @@ def encode_members(part: Part) -> Iterator[bytes]:
             for entity in entities:
                 entity.set_xdata(APPLICATION, [(1000, shape.id)])
             document.groups.new(shape.id, description=f"member {shape.id}").set_data(entities)
-        for node in part.details.records["nodes"]:
-            point = space.add_point(node["point"], dxfattribs={"layer": _members_layer(document, "", "NODES")})
-            point.set_xdata(APPLICATION, [(1000, node["id"])])
+        for node in graph_of(part).nodes:
+            place, layer = rounded_lists(MM_PER_M * node.point), _members_layer(document, "", "NODES")
+            point = space.add_point(place, dxfattribs={"layer": layer})
+            point.set_xdata(APPLICATION, [(1000, node.id)])
         data = dxf_bytes(document)
     yield data
 
