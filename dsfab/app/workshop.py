@@ -129,7 +129,7 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
-        whole_members=True,  # in layers
+        whole_members=True,  # members lie in layers
         drawings=drawing_files(plan),
         measures={**details.measures, "thickness": plan.thickness},
     )
