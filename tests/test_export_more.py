@@ -273,11 +273,11 @@ def test_what_goes_into_which_format(design):
         details = how.get("details", Details())
         assert bool(details.lines) == (content in ("lines", "solid and lines"))
         assert bool(details.values) == (content == "fields")
-        assert bool(details.members) == (content in ("members", "bodies"))
-        assert bool(details.section_forces) == (content == "section forces")
-        assert bool(details.member_forces) == (content == "member forces")
-        assert bool(details.frame) == (content == "beam model")
-        assert bool(details.shapes) == (content == "bodies")
+        assert bool(details.members) == (content in ("members", "shapes"))
+        assert bool(details.section_forces) == (content == "section_forces")
+        assert bool(details.member_forces) == (content == "member_forces")
+        assert bool(details.frame) == (content == "frame")
+        assert bool(details.shapes) == (content == "shapes")
         if details.lines:
             assert isinstance(details.lines[0], StructureLine)
             assert details.tolerance == design.preset.statics.thickness / 40

@@ -113,7 +113,7 @@ def test_the_folder_delivers_what_the_design_does(suffix, design, back, tmp_path
             same(ours.points, theirs.points)
         return
     if (
-        getattr(FORMATS[suffix], "content", "") == "bodies"
+        getattr(FORMATS[suffix], "content", "") == "shapes"
     ):  # each of them writes these bodies, and takes seconds for it
         (_, one), (_, two) = (deliverable(x, suffix) for x in (design, back))
         assert len(one["details"].shapes) > 10

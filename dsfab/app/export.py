@@ -36,9 +36,10 @@ ELSEWHERE = {
 GROUPS = {
     "solid and lines": "the solid",
     "lines": "lines and drawings",
-    "bodies": "members",
-    "beam model": "beam models",
-    "member forces": "forces of members",
+    "shapes": "members",
+    "frame": "beam models",
+    "section_forces": "section forces",
+    "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
 """Groups of formats in words, by their content; the content itself in any other."""

@@ -18,28 +18,37 @@ from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.strategies import Estimate, estimates
 from dsfab.export.drawing import dxf, svg
 from dsfab.export.mesh import gltf, triangles
-from dsfab.export.part import Details, Part, Route, StepOptions, part_of
-from dsfab.export.readback import ReadBack, with_shapes, with_single_shapes
+from dsfab.export.part import Details, Part, Route, StepOptions, in_single_precision, part_of
+from dsfab.export.readback import ReadBack, with_single_shapes
 from dsfab.export.tables import forces, geometry
 from dsfab.export.writing import atomic_file, write_chunks
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 
-MemberContent = Literal["members", "bodies", "section forces", "member forces", "utilisation", "beam model"]
+MemberContent = Literal["members", "shapes", "section_forces", "member_forces", "utilisation", "frame"]
+MISSING: dict[MemberContent, str] = {
+    "members": "no members to write; only a design knows them",
+    "shapes": "no members to write; only a design knows them",
+    "section_forces": "no section forces; only a design knows them",
+    "member_forces": "no forces of members; only a design knows them",
+    "utilisation": "no members to check; only a design knows them",
+    "frame": "no beam model; only a design knows it",
+}
+"""Words of the error for content that a part lacks."""
 
 
 @dataclass(frozen=True)
 class Format:
     """A format of files: its functions for a part.
 
-    prepare : returns the part with the format's rounding.    encode : returns the bytes.
-    check   : reads the file back; raises ExportError if the content differs.
+    encode  : returns the bytes.    check : reads the file back; raises ExportError if the content differs.
+    prepare : returns the part with the format's rounding.
     ready   : raises ExportError if a library of the format is not installed.
     """
 
-    prepare: Callable[[Part], Part]
     encode: Callable[[Part], Iterator[bytes]]
     check: Callable[[Part, Path], ReadBack]
+    prepare: Callable[[Part], Part] = lambda part: part
     ready: Callable[[], None] = field(default=lambda: None, kw_only=True)
 
 
@@ -76,12 +85,11 @@ class SheetFormat(Format):
 class MemberFormat(Format):
     """A format of members, of their forces, or of their beam model.
 
-    content  : members and nodes; members as bodies; forces in the sheet's faces or along members; utilisation; or
-               the beam model.
+    content  : the field of `Details` that the format writes.
     sentence : returns a sentence about the content, or ''.
     """
 
-    content: MemberContent
+    content: MemberContent = field(kw_only=True)
     sentence: Callable[[Part], str] = lambda part: ""
 
 
@@ -105,9 +113,9 @@ class Written:
 
 
 _STEP = MeshFormat(
-    strategies.prepare,
     file.encode,
     file.check,
+    strategies.prepare,
     sheets=False,
     alternatives=strategies.attempts,
     sentence=strategies.route_sentence,
@@ -115,77 +123,55 @@ _STEP = MeshFormat(
 )
 
 FORMATS: dict[str, MeshFormat | SheetFormat | MemberFormat] = {
-    ".stl": MeshFormat(triangles.prepare_stl, triangles.encode_stl, triangles.check_stl),
-    ".3mf": MeshFormat(triangles.prepare_3mf, triangles.encode_3mf, triangles.check_3mf, sheets=False),
+    ".stl": MeshFormat(triangles.encode_stl, triangles.check_stl, triangles.prepare_stl),
+    ".3mf": MeshFormat(triangles.encode_3mf, triangles.check_3mf, in_single_precision, sheets=False),
     ".step": _STEP,
     ".stp": _STEP,
     ".stpz": replace(_STEP, encode=file.encode_compressed, check=file.check_compressed),
-    ".lines.step": SheetFormat(file.prepare_lines, file.encode_lines, file.check_lines_file, curves=True),
+    ".lines.step": SheetFormat(file.encode_lines, file.check_lines_file, curves=True),
     ".brep": replace(_STEP, encode=file.encode_brep, check=file.check_brep, sentence=file.route_sentence),
-    ".ifc": MeshFormat(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.require_ifcopenshell),
-    ".obj": MeshFormat(triangles.prepare_obj, triangles.encode_obj, triangles.check_obj),
-    ".ply": MeshFormat(triangles.prepare_ply, triangles.encode_ply, triangles.check_ply),
-    ".off": MeshFormat(triangles.prepare_off, triangles.encode_off, triangles.check_off),
-    ".glb": MeshFormat(gltf.prepare, gltf.encode, gltf.check),
+    ".ifc": MeshFormat(ifc.encode, ifc.check, sheets=False, ready=ifc.require_ifcopenshell),
+    ".obj": MeshFormat(triangles.encode_obj, triangles.check_obj),
+    ".ply": MeshFormat(triangles.encode_ply, triangles.check_ply),
+    ".off": MeshFormat(triangles.encode_off, triangles.check_off),
+    ".glb": MeshFormat(gltf.encode, gltf.check, in_single_precision),
     ".3dm": SheetFormat(
-        rhino.prepare, rhino.encode, rhino.check, curves=True, ready=rhino.require_rhino3dm, content="solid and lines"
+        rhino.encode,
+        rhino.check,
+        in_single_precision,
+        curves=True,
+        ready=rhino.require_rhino3dm,
+        content="solid and lines",
     ),
-    ".dxf": SheetFormat(dxf.prepare, dxf.encode, dxf.check, curves=True),
-    ".svg": SheetFormat(svg.prepare, svg.encode, svg.check),
-    ".csv": SheetFormat(geometry.prepare_csv, geometry.encode_csv, geometry.check_csv),
-    ".json": SheetFormat(geometry.prepare_json, geometry.encode_json, geometry.check_json),
-    ".members.json": MemberFormat(
-        geometry.prepare_members, geometry.encode_members_json, geometry.check_members_json, content="members"
-    ),
-    ".members.csv": MemberFormat(
-        geometry.prepare_members, geometry.encode_members, geometry.check_members, content="members"
-    ),
-    ".nodes.csv": MemberFormat(
-        geometry.prepare_members, geometry.encode_nodes, geometry.check_nodes, content="members"
-    ),
+    ".dxf": SheetFormat(dxf.encode, dxf.check, curves=True),
+    ".svg": SheetFormat(svg.encode, svg.check),
+    ".csv": SheetFormat(geometry.encode_csv, geometry.check_csv),
+    ".json": SheetFormat(geometry.encode_json, geometry.check_json),
+    ".members.json": MemberFormat(geometry.encode_members_json, geometry.check_members_json, content="members"),
+    ".members.csv": MemberFormat(geometry.encode_members, geometry.check_members, content="members"),
+    ".nodes.csv": MemberFormat(geometry.encode_nodes, geometry.check_nodes, content="members"),
     ".members.3dm": MemberFormat(
-        with_single_shapes, rhino.encode_members, rhino.check_members, ready=rhino.require_rhino3dm, content="bodies"
+        rhino.encode_members, rhino.check_members, with_single_shapes, ready=rhino.require_rhino3dm, content="shapes"
     ),
     ".members.ifc": MemberFormat(
-        with_shapes, ifc.encode_members, ifc.check_members, ready=ifc.require_ifcopenshell, content="bodies"
+        ifc.encode_members, ifc.check_members, ready=ifc.require_ifcopenshell, content="shapes"
     ),
-    ".members.glb": MemberFormat(with_single_shapes, gltf.encode_members, gltf.check_members, content="bodies"),
-    ".members.dxf": MemberFormat(with_shapes, dxf.encode_members, dxf.check_members, content="bodies"),
-    ".vtu": SheetFormat(vtu.prepare, vtu.encode, vtu.check, content="fields"),
-    ".forces.vtu": MemberFormat(forces.prepare_fields, vtu.encode, vtu.check, content="section forces"),
-    ".forces.csv": MemberFormat(
-        forces.prepare_sheet, forces.encode_sheet, forces.check_sheet, content="section forces"
-    ),
-    ".member_forces.csv": MemberFormat(
-        forces.prepare_members, forces.encode_members, forces.check_members, content="member forces"
-    ),
+    ".members.glb": MemberFormat(gltf.encode_members, gltf.check_members, with_single_shapes, content="shapes"),
+    ".members.dxf": MemberFormat(dxf.encode_members, dxf.check_members, content="shapes"),
+    ".vtu": SheetFormat(vtu.encode, vtu.check, vtu.prepare, content="fields"),
+    ".forces.vtu": MemberFormat(vtu.encode, vtu.check, forces.prepare_fields, content="section_forces"),
+    ".forces.csv": MemberFormat(forces.encode_sheet, forces.check_sheet, content="section_forces"),
+    ".member_forces.csv": MemberFormat(forces.encode_members, forces.check_members, content="member_forces"),
     ".member_forces.xlsx": MemberFormat(
-        forces.prepare_members,
-        forces.encode_workbook,
-        forces.check_workbook,
-        ready=saf.require_xlsxwriter,
-        content="member forces",
+        forces.encode_workbook, forces.check_workbook, ready=saf.require_xlsxwriter, content="member_forces"
     ),
     ".member_utilisation.csv": MemberFormat(
-        forces.prepare_utilisation,
-        forces.encode_utilisation,
-        forces.check_utilisation,
-        sentence=forces.sentence,
-        content="utilisation",
+        forces.encode_utilisation, forces.check_utilisation, sentence=forces.sentence, content="utilisation"
     ),
-    opensees.SUFFIX: MemberFormat(
-        saf.prepare, opensees.encode, opensees.check, sentence=saf.agreement_text, content="beam model"
-    ),
-    calculix.SUFFIX: MemberFormat(
-        saf.prepare, calculix.encode, calculix.check, sentence=saf.agreement_text, content="beam model"
-    ),
+    opensees.SUFFIX: MemberFormat(opensees.encode, opensees.check, sentence=saf.agreement_text, content="frame"),
+    calculix.SUFFIX: MemberFormat(calculix.encode, calculix.check, sentence=saf.agreement_text, content="frame"),
     saf.SUFFIX: MemberFormat(
-        saf.prepare,
-        saf.encode,
-        saf.check,
-        sentence=saf.agreement_text,
-        ready=saf.require_xlsxwriter,
-        content="beam model",
+        saf.encode, saf.check, sentence=saf.agreement_text, ready=saf.require_xlsxwriter, content="frame"
     ),
 }
 """Formats by suffix."""
@@ -225,7 +211,9 @@ def write(
             f"a {path.suffix.lower()} file holds closed solids and {part.name!r} is an open sheet; "
             f"thicken it first, or write {open_formats}"
         )
-    part = form.prepare(_with_options(part, step, details))
+    part = _with_options(part, step, details)
+    _require_content(form, part, suffix_of(path))
+    part = form.prepare(part)
     with atomic_file(path) as temporary:
         sentence, readback = _put(form, part, temporary)
     if note and sentence:
@@ -271,6 +259,19 @@ def _with_options(part: Part, step: StepOptions | str, details: Details | None) 
 def holds_sheets(form: Format) -> bool:
     """Return whether a format can hold an open sheet."""
     return not isinstance(form, MeshFormat) or form.sheets
+
+
+def _require_content(form: Format, part: Part, suffix: str) -> None:
+    """Raise ExportError if a part lacks the content of a format."""
+    details = part.details
+    if isinstance(form, SheetFormat) and form.content == "lines" and not details.lines:
+        raise ExportError(f"a {suffix} file holds lines and {part.name!r} comes with none; give write() details")
+    if not isinstance(form, MemberFormat):
+        return
+    if form.content == "member_forces" and details.member_forces is not None and not details.member_forces:
+        raise ExportError(f"{part.name!r} has no member with a bay between two nodes; write forces.csv, of every face")
+    if not getattr(details, form.content):
+        raise ExportError(f"{part.name!r} has {MISSING[form.content]}: use design.write(...)")
 
 
 def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: Path) -> tuple[str, ReadBack]:

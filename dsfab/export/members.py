@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsfab.core.arrays import Floats
-from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
 from dsfab.export.part import Part
 
@@ -45,11 +44,9 @@ class MemberFacts:
 
 
 def graph_of(part: Part) -> "MemberGraph":
-    """Return the members of a part; raises ExportError if it has none."""
-    graph = part.details.members
-    if graph is None or not graph.members:
-        raise ExportError(f"{part.name!r} has no members to write; only a design knows them: use design.write(...)")
-    return graph
+    """Return the members of a part that has some."""
+    assert part.details.members is not None
+    return part.details.members
 
 
 def facts_of_members(part: Part) -> dict[str, MemberFacts]:

@@ -121,13 +121,6 @@ def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
     return ReadBack(len(lines_read), "lines", length_read / expected - 1, "length")
 
 
-def with_lines(part: Part, format_name: str) -> Part:
-    """Return the part itself; raises ExportError if it has no lines for the file."""
-    if not part.details.lines:
-        raise ExportError(f"a {format_name} file holds lines and {part.name!r} comes with none; give write() details")
-    return part
-
-
 def count_error(part: Part, what: str, expected: int, count_read: int) -> ExportError:
     """Return the error for a count that reads back different."""
     return ExportError(f"{part.name!r} reads back with {count_read} {what} instead of {expected}; write another format")
@@ -160,16 +153,9 @@ COLOURS = {"major": (31, 78, 156), "minor": (179, 38, 30), "keep": (46, 125, 50)
 GREY = (120, 120, 120)
 
 
-def with_shapes(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no members."""
-    if not part.details.shapes:
-        raise ExportError(f"{part.name!r} has no members to write; only a design knows them: use design.write(...)")
-    return part
-
-
 def with_single_shapes(part: Part) -> Part:
     """Return the part with its members in single precision."""
-    return replace(with_shapes(part), details=replace(part.details, shapes=tuple(map(_single, part.details.shapes))))
+    return replace(part, details=replace(part.details, shapes=tuple(map(_single, part.details.shapes))))
 
 
 def _single(shape: MemberShape) -> MemberShape:

@@ -293,11 +293,11 @@ def frame_details(design: Design) -> Details:
 
 _MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
     "members": lambda design: Details(members=design.members),
-    "bodies": body_details,
-    "section forces": lambda design: Details(section_forces=design.section_forces, sheet=design.sheet.surface),
-    "member forces": lambda design: Details(member_forces=design.member_forces),
+    "shapes": body_details,
+    "section_forces": lambda design: Details(section_forces=design.section_forces, sheet=design.sheet.surface),
+    "member_forces": lambda design: Details(member_forces=design.member_forces),
     "utilisation": lambda design: Details(utilisation=design.member_utilisation),
-    "beam model": frame_details,
+    "frame": frame_details,
 }
 """Functions from a design to the content of formats of members."""
 

@@ -265,13 +265,6 @@ def require_xlsxwriter() -> None:
         raise ExportError(".xlsx files need the library XlsxWriter; install it with: pip install XlsxWriter")
 
 
-def prepare(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no beam model."""
-    if part.details.frame is None:
-        raise ExportError(f"{part.name!r} has no beam model; only a design knows it: use design.write(...)")
-    return part
-
-
 def agreement_text(part: Part) -> str:
     """Return the comparison of beams and sheet, a line for each case."""
     return "\n".join(part.details.facts)

@@ -217,11 +217,6 @@ def require_ifcopenshell() -> None:
         raise ExportError('.ifc files need the library ifcopenshell; install it with: pip install "dsfab[ifc]"')
 
 
-def prepare(part: Part) -> Part:
-    """Return the part itself, because the text holds every significant digit."""
-    return part
-
-
 def encode(part: Part) -> Iterator[bytes]:
     """Yield project, site, building and roof, then a plate for each piece; equal parts give equal bytes."""
     shell, solids = solids_of(part)

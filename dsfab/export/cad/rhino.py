@@ -29,7 +29,7 @@ from dsfab.export.curves import (
     sample_parameters,
 )
 from dsfab.export.members import facts_of_members, graph_of, rounded_lists
-from dsfab.export.part import Part, in_single_precision
+from dsfab.export.part import Part
 from dsfab.export.readback import (
     ReadBack,
     check_mesh,
@@ -61,11 +61,6 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
     """Raise ExportError if rhino3dm is not installed; `what` begins the sentence."""
     if importlib.util.find_spec("rhino3dm") is None:
         raise ExportError(f'{what} the library rhino3dm; install it with: pip install "dsfab[rhino]"')
-
-
-def prepare(part: Part) -> Part:
-    """The part in single precision."""
-    return in_single_precision(part)
 
 
 def encode(part: Part) -> Iterator[bytes]:

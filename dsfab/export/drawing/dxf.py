@@ -26,7 +26,7 @@ from dsfab.export.curves import (
 from dsfab.export.drawing.views import DrawingView, views
 from dsfab.export.members import graph_of, rounded_lists
 from dsfab.export.part import MemberShape, Part
-from dsfab.export.readback import ReadBack, count_error, with_lines
+from dsfab.export.readback import ReadBack, count_error
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine, polyline_length, simplified_line
 
@@ -35,11 +35,6 @@ COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
 """Numbers of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
 WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}
 """Line weights, hundredths of a millimetre."""
-
-
-def prepare(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no lines."""
-    return with_lines(part, ".dxf")
 
 
 def encode(part: Part) -> Iterator[bytes]:

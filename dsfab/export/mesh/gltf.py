@@ -11,7 +11,7 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats
 from dsfab.core.units import MM_PER_M
 from dsfab.export.members import facts_of_members
-from dsfab.export.part import Part, in_single_precision
+from dsfab.export.part import Part
 from dsfab.export.readback import (
     ReadBack,
     check_mesh,
@@ -23,11 +23,6 @@ from dsfab.export.writing import one_line
 
 FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
 """Numbers of the standard for kinds of arrays."""
-
-
-def prepare(part: Part) -> Part:
-    """Return the part in single precision."""
-    return in_single_precision(part)
 
 
 def encode(part: Part) -> Iterator[bytes]:

@@ -30,16 +30,9 @@ READ = 1e-6
 """Numbers read back may be off by this share of their column's largest."""
 
 
-def prepare_sheet(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no section forces."""
-    if not part.details.section_forces:
-        raise ExportError(f"{part.name!r} has no section forces; only a design knows them: use design.write(...)")
-    return part
-
-
 def prepare_fields(part: Part) -> Part:
     """Return the part with the fields of a VTU file, one value per face; each name begins with its case."""
-    details = prepare_sheet(part).details
+    details = part.details
     values = {name: column for name, column in _faces(part).items() if not name.startswith(("centre", "area"))}
     for case, forces in details.section_forces.items():
         values |= {f"{case} {name}": column for name, column in _columns(forces).items() if "degrees" not in name}
@@ -140,15 +133,6 @@ MEMBER_NOTES = (
     "least and greatest: of all cases and combinations, each number by itself",
     "bays end where joints begin; Vz is the weak one: up to a fifth of it is missing in ribs of 3 or 4 faces",
 )
-
-
-def prepare_members(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no member forces."""
-    if part.details.member_forces is None:
-        raise ExportError(f"{part.name!r} has no forces of members; only a design knows them: use design.write(...)")
-    if not part.details.member_forces:
-        raise ExportError(f"{part.name!r} has no member with a bay between two nodes; write forces.csv, of every face")
-    return part
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
@@ -271,13 +255,6 @@ UTILISATION_NOTES = (
     "units: metres, newtons, newton metres; forces as in member_forces.csv, where that check decides",
 )
 HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", "width [m]", "thickness [m]", "bay [m]")
-
-
-def prepare_utilisation(part: Part) -> Part:
-    """Return the part itself; raises ExportError if no members were checked."""
-    if part.details.utilisation is None:
-        raise ExportError(f"{part.name!r} has no members to check; only a design knows them: use design.write(...)")
-    return part
 
 
 def encode_utilisation(part: Part) -> Iterator[bytes]:

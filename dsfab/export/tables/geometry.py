@@ -13,14 +13,9 @@ import numpy as np
 from dsfab import __version__
 from dsfab.export.members import graph_of, member_entries, node_entry, rounded_mm
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, check_lines, count_error, with_lines
+from dsfab.export.readback import ReadBack, check_lines, count_error
 
 HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point", "x_mm", "y_mm", "z_mm")
-
-
-def prepare_csv(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no lines."""
-    return with_lines(part, ".csv")
 
 
 def encode_csv(part: Part) -> Iterator[bytes]:
@@ -46,11 +41,6 @@ def check_csv(part: Part, path: Path) -> ReadBack:
     return check_lines(part, lines)
 
 
-def prepare_json(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no lines."""
-    return with_lines(part, ".json")
-
-
 def encode_json(part: Part) -> Iterator[bytes]:
     """Yield one object, with a line of text for each line; coordinates to 1e-6 mm."""
     head = {
@@ -72,12 +62,6 @@ def check_json(part: Part, path: Path) -> ReadBack:
     """Read the object back."""
     lines = json.loads(path.read_text(encoding="utf-8"))["lines"]
     return check_lines(part, [np.array(line["points"], dtype=np.float64) for line in lines])
-
-
-def prepare_members(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no members."""
-    graph_of(part)
-    return part
 
 
 def encode_members_json(part: Part) -> Iterator[bytes]:
