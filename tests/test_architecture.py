@@ -2,10 +2,10 @@
 
     core
       └── surface
-            ├── statics  diffusion  pattern  slicing  thickening ── export
-            └── preset ── results ── members ── design ── workshop
-                                                  └── study ── render ── report ── app
-                                                       verification  reproduction ┘
+            ├── statics  diffusion  pattern  slicing  thickening
+            └── preset ── results ── members ── export ── design ── workshop
+                                                            └── study ── render ── report ── app
+                                                                 verification  reproduction ┘
 
 The docstring of each `__init__` says what its room holds. A room stands on the rooms before it and knows no later one.
 """
@@ -41,7 +41,7 @@ ALLOWED: dict[str, set[str]] = {
     "core": set(),
     "surface": GROUND,
     **{stage: GROUND | {"surface"} for stage in STAGES},
-    "export": GROUND | {"surface", "thickening"},
+    "export": GROUND | {"surface", "statics", "thickening", "members"},
     "preset": GROUND | {"surface"} | STAGES,
     "results": GROUND | {"surface", "preset"} | STAGES,
     "members": GROUND | {"surface", "statics", "slicing", "results"},

@@ -13,9 +13,7 @@ from tests.test_export_pieces import three
 
 ifcopenshell = pytest.importorskip("ifcopenshell", reason="ifcopenshell (extra ifc) is not installed")
 
-STEEL = Details(
-    measures={"thickness": 0.05, "density": 7850.0, "young": 210e9, "poisson": 0.3}, records={"material": "S235"}
-)
+STEEL = Details(measures={"thickness": 0.05, "density": 7850.0, "young": 210e9, "poisson": 0.3}, material="S235")
 
 
 def faults(path) -> list:

@@ -26,7 +26,7 @@ from dsfab.surface import Surface
 from dsfab.surface.fields import StructureLine
 from tests.zoo import grid, lifted, sphere
 
-LINES = [suffix for suffix, form in FORMATS.items() if form.takes == "lines"]
+LINES = [suffix for suffix, form in FORMATS.items() if getattr(form, "content", "") == "lines"]
 
 
 def striped(surface: Surface, along=(1.0, 0.0, 0.0), frequency: float = 2.0) -> tuple[Surface, Details]:

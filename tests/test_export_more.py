@@ -194,7 +194,7 @@ def test_a_field_that_fits_neither_vertices_nor_faces_is_refused(tmp_path):
     with pytest.raises(ExportError, match=r"the field 'u \[m\]' has 7 rows, and 'a' 9 vertices and 8 faces"):
         write(grid(2, 2, 1, 1), tmp_path / "a.vtu", details=Details(values={"u [m]": np.zeros(7)}))
     form = FORMATS[".vtu"]
-    assert form.takes == "fields"
+    assert form.content == "fields"
 
 
 def test_a_vtu_file_with_other_values_is_not_kept(tmp_path, monkeypatch):
@@ -264,17 +264,20 @@ def test_what_goes_into_which_format(design):
     with pytest.raises(DsfabError, match="what members can bear is not known"):
         deliverable(design, ".member_utilisation.csv")
     for suffix, form in FORMATS.items():
-        if form.takes == "utilisation":  # of a design with a strength: test_study_archive.py
+        content = getattr(form, "content", "solid")
+        if content == "utilisation":  # of a design with a strength: test_study_archive.py
             continue
         thing, how = deliverable(design, suffix)
-        expected = {"mesh": design.solid, "both": design.solid, "fields": design.surface}
-        expected |= dict.fromkeys(("lines", "members", "bodies", "forces", "frame", "bars"), design.sheet.surface)
-        assert thing is expected[form.takes], suffix
+        expected = {"solid": design.solid, "solid and lines": design.solid, "fields": design.surface}
+        assert thing is expected.get(content, design.sheet.surface), suffix
         details = how.get("details", Details())
-        assert bool(details.lines) == (form.takes in ("lines", "both"))
-        assert bool(details.values) == (form.takes == "fields")
-        assert bool(details.records) == (form.takes in ("mesh", "members", "bodies", "forces", "frame", "bars"))
-        assert bool(details.shapes) == (form.takes == "bodies")
+        assert bool(details.lines) == (content in ("lines", "solid and lines"))
+        assert bool(details.values) == (content == "fields")
+        assert bool(details.members) == (content in ("members", "shapes"))
+        assert bool(details.section_forces) == (content == "section_forces")
+        assert bool(details.member_forces) == (content == "member_forces")
+        assert bool(details.frame) == (content == "frame")
+        assert bool(details.shapes) == (content == "shapes")
         if details.lines:
             assert isinstance(details.lines[0], StructureLine)
             assert details.tolerance == design.preset.statics.thickness / 40

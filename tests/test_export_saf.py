@@ -11,7 +11,6 @@ from dsfab.app.export import format_suffix
 from dsfab.core.errors import ExportError
 from dsfab.design import Design
 from dsfab.design.member_model import action_cases
-from dsfab.design.output.records import frame_records
 from dsfab.export import FORMATS, Details, write
 from dsfab.members.frame import solve_frame
 from dsfab.preset.file import load_preset
@@ -23,7 +22,7 @@ from tests.pynite import solved_from
 from tests.saf import faults, read, sums
 from tests.test_frame import CLAMPED, PINNED, frame
 
-WORDS = {"actions": {"dead": "permanent", "snow": "snow", "crowd": "variable"}, "description": "", "told": ["all good"]}
+ACTIONS = {"dead": "permanent", "snow": "snow", "crowd": "variable"}
 
 
 def crooked():
@@ -43,8 +42,8 @@ def crooked():
 
 
 def written(made, path):
-    records = frame_records(made) | WORDS
-    return write(plate(1, 1, 1), path, name="crooked", details=Details(records=records))
+    details = Details(frame=replace(made, actions=ACTIONS), facts=("all good",))
+    return write(plate(1, 1, 1), path, name="crooked", details=details)
 
 
 def test_the_workbook_has_what_the_published_tables_ask(tmp_path):
@@ -161,7 +160,7 @@ def test_a_file_that_reads_back_different_is_refused(tmp_path, monkeypatch):
     other = replace(crooked(), points=crooked().points + 1e-3)
 
     def elsewhere(part):
-        yield from form.encode(replace(part, details=Details(records=frame_records(other) | WORDS)))
+        yield from form.encode(replace(part, details=Details(frame=replace(other, actions=ACTIONS))))
 
     monkeypatch.setitem(FORMATS, ".saf.xlsx", replace(form, encode=elsewhere))
     with pytest.raises(ExportError, match="the nodes of 'crooked' read back elsewhere"):

@@ -9,7 +9,6 @@ import pytest
 
 import dsfab
 from dsfab.core.errors import ExportError, StaticsError
-from dsfab.design.output.records import utilisation_rows
 from dsfab.export import Details
 from dsfab.export.tables.forces import sheet_names
 from dsfab.members import Member, MemberAxis, MemberGraph
@@ -277,8 +276,8 @@ def test_members_of_a_design_against_the_code(vault):
 
 def test_the_table_of_utilisation_reads_back_worst_first(vault, tmp_path):
     found = utilisation(MemberBays.from_forces(vault.members, vault.member_forces, 0.08), rules_for("GL24h"))
-    records = utilisation_rows(found)
-    path = dsfab.write(vault.sheet.surface, tmp_path / "vault.member_utilisation.csv", details=Details(records=records))
+    details = Details(utilisation=found)
+    path = dsfab.write(vault.sheet.surface, tmp_path / "vault.member_utilisation.csv", details=details)
     lines = path.read_text(encoding="utf-8").splitlines()
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     values = [float(row["utilisation"]) for row in rows]

@@ -18,7 +18,7 @@ from dsfab.workshop import drawing_files, workshop_plan
 from tests.designs import sliced
 from tests.test_export_ifc import amounts, faults
 
-BODIES = [suffix for suffix, form in FORMATS.items() if form.takes == "bodies"]
+BODIES = [suffix for suffix, form in FORMATS.items() if getattr(form, "content", "") == "shapes"]
 
 
 @pytest.fixture(scope="module")

@@ -90,9 +90,10 @@ def test_a_file_that_lost_a_row_is_refused(design, tmp_path, monkeypatch, suffix
     form = FORMATS[suffix]
 
     def fewer(part):
-        key = "nodes" if "nodes" in suffix else "members"
-        records = {**part.details.records, key: part.details.records[key][1:]}
-        return form.encode(replace(part, details=replace(part.details, records=records)))
+        graph = part.details.members
+        fewer = replace(graph, nodes=graph.nodes[1:] if "nodes" in suffix else ())
+        fewer = fewer if "nodes" in suffix else replace(fewer, members=graph.members[1:])
+        return form.encode(replace(part, details=replace(part.details, members=fewer)))
 
     monkeypatch.setitem(FORMATS, suffix, replace(form, encode=fewer))
     with pytest.raises(ExportError, match="reads back with"):

@@ -1,6 +1,7 @@
 """Section forces n, m and q: closed forms, equilibrium over sections, invariants, and the files that hold them."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -270,7 +271,7 @@ def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome, tmp_
         for piece in form.encode(part):
             yield piece if len(piece) < 2000 else piece.replace(b"1", b"2", 400)
 
-    monkeypatch.setitem(FORMATS, suffix, form.__class__(form.prepare, spoilt, form.check, sheets=True, takes="forces"))
+    monkeypatch.setitem(FORMATS, suffix, replace(form, encode=spoilt))
     with pytest.raises((ExportError, ValueError)):
         dome.write(tmp_path / f"a{suffix}")
     assert not any(tmp_path.iterdir())

@@ -34,18 +34,15 @@ ELSEWHERE = {
 }
 """Formats that another command writes."""
 GROUPS = {
-    "mesh": "the solid",
-    "both": "the solid",
+    "solid and lines": "the solid",
     "lines": "lines and drawings",
-    "fields": "fields",
-    "members": "members",
-    "bodies": "members",
-    "forces": "section forces",
+    "shapes": "members",
     "frame": "beam models",
-    "bars": "forces of members",
+    "section_forces": "section forces",
+    "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Groups of formats in words, by their kind of input."""
+"""Groups of formats in words, by their content; the content itself in any other."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -114,9 +111,7 @@ def write_file(preset: "Preset", built: "Design | None", request: ExportRequest,
 
     Raises DsfabError of the stage that refuses, and ExportError if the file cannot be written.
     """
-    from dsfab.export.formats import FORMATS
-
-    if request.suffix != CALCULIX_SUFFIX and FORMATS[request.suffix].takes == "utilisation":
+    if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
     return (
         _write_model(preset, request, progress)
@@ -127,7 +122,7 @@ def write_file(preset: "Preset", built: "Design | None", request: ExportRequest,
 
 def offered_formats() -> list[dict[str, str]]:
     """Return all formats by the groups of `dsfab export --help`: suffix, and the reason why it is `missing` or ''."""
-    from dsfab.export import FORMATS
+    from dsfab.export.formats import FORMATS, MeshFormat
 
     offered = []
     for suffix, form in FORMATS.items():
@@ -138,7 +133,8 @@ def offered_formats() -> list[dict[str, str]]:
             missing = ""
         except ExportError as error:
             missing = str(error)
-        offered.append({"format": suffix[1:], "group": GROUPS[form.takes], "missing": missing})
+        content = "the solid" if isinstance(form, MeshFormat) else form.content
+        offered.append({"format": suffix[1:], "group": GROUPS.get(content, content), "missing": missing})
     return [*offered, {"format": CALCULIX, "group": "a check", "missing": ""}]
 
 
@@ -184,7 +180,7 @@ def format_suffix(word: str) -> str:
 def _export_request(
     to: str | None, output: Path | None, folder: Path, name: str, sheet: SheetName | None
 ) -> ExportRequest:
-    from dsfab.export.formats import FORMATS, suffix_of
+    from dsfab.export.formats import FORMATS, MeshFormat, suffix_of
 
     if to is None and output is None:
         raise ExportError(f"nothing says what to write; add --to {', '.join(_suffix_by_word())}")
@@ -193,10 +189,13 @@ def _export_request(
     path = output if output is not None else folder / f"{name}{suffix}"
     if suffix_of(path) != suffix:
         raise ExportError(f"-o {path} does not end in {suffix}; --to {word} writes {path.stem}{suffix}")
-    if sheet is not None and suffix != CALCULIX_SUFFIX and not FORMATS[suffix].sheets:
-        holds = ", ".join(key[1:] for key, form in FORMATS.items() if form.sheets and form.takes == "mesh")
+    if sheet is None or suffix == CALCULIX_SUFFIX:
+        return ExportRequest(suffix, path, sheet)
+    meshes = {key: form for key, form in FORMATS.items() if isinstance(form, MeshFormat)}
+    if suffix in meshes and not meshes[suffix].sheets:
+        holds = ", ".join(key[1:] for key, form in meshes.items() if form.sheets)
         raise ExportError(f"a {suffix} file holds solids only; leave out --sheet, or write {holds}")
-    if suffix != CALCULIX_SUFFIX and sheet is not None and FORMATS[suffix].takes != "mesh":
+    if suffix not in meshes:
         raise ExportError(f"what a {suffix} file shows is settled, see `dsfab export --help`; leave out --sheet")
     return ExportRequest(suffix, path, sheet)
 

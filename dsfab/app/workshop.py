@@ -126,13 +126,11 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
             "with: dsfab export ... --to members.ifc"
         )
     details = body_details(design)
-    whole_members = [
-        record | {"own_area": record["area"], "counted_with": []} for record in details.records["members"]
-    ]  # members lie in layers, so each has the full area
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
-        records={**details.records, "members": whole_members, "files": drawing_files(plan)},
+        whole_members=True,  # members lie in layers
+        drawings=drawing_files(plan),
         measures={**details.measures, "thickness": plan.thickness},
     )
     with temporary_folder("dsfab") as folder:

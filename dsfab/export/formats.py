@@ -3,7 +3,7 @@
 import difflib
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,45 +18,79 @@ from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.strategies import Estimate, estimates
 from dsfab.export.drawing import dxf, svg
 from dsfab.export.mesh import gltf, triangles
-from dsfab.export.part import Details, Part, Route, StepOptions, part_of
-from dsfab.export.readback import ReadBack, with_shapes, with_single_shapes
+from dsfab.export.part import Details, Part, Route, StepOptions, in_single_precision, part_of
+from dsfab.export.readback import ReadBack, with_single_shapes
 from dsfab.export.tables import forces, geometry
 from dsfab.export.writing import atomic_file, write_chunks
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 
-Takes = Literal["mesh", "lines", "both", "fields", "members", "bodies", "forces", "frame", "bars", "utilisation"]
+MemberContent = Literal["members", "shapes", "section_forces", "member_forces", "utilisation", "frame"]
+MISSING: dict[MemberContent, str] = {
+    "members": "no members to write; only a design knows them",
+    "shapes": "no members to write; only a design knows them",
+    "section_forces": "no section forces; only a design knows them",
+    "member_forces": "no forces of members; only a design knows them",
+    "utilisation": "no members to check; only a design knows them",
+    "frame": "no beam model; only a design knows it",
+}
+"""Words of the error for content that a part lacks."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format of files.
+    """A format of files: its functions for a part.
 
-    prepare : returns the part with the format's rounding.    encode : returns the bytes.
-    check   : reads the file back; raises ExportError if the content differs.
+    encode  : returns the bytes.    check : reads the file back; raises ExportError if the content differs.
+    prepare : returns the part with the format's rounding.
+    ready   : raises ExportError if a library of the format is not installed.
     """
 
-    prepare: Callable[[Part], Part]
     encode: Callable[[Part], Iterator[bytes]]
     check: Callable[[Part, Path], ReadBack]
-    sheets: bool
-    """Whether the format can hold an open sheet."""
-    attempts: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
-    """Alternatives of the part, the best first; `write` takes the first that passes the check. An ExportError in place
-    of a part is an alternative that is refused without a trial.
+    prepare: Callable[[Part], Part] = lambda part: part
+    ready: Callable[[], None] = field(default=lambda: None, kw_only=True)
+
+
+@dataclass(frozen=True)
+class MeshFormat(Format):
+    """A format of a solid, or of any mesh.
+
+    sheets       : whether it can hold an open sheet.
+    alternatives : returns alternatives of the part, the best first; `write` takes the first that passes the check. An
+                   ExportError in place of a part is an alternative that is refused without a trial.
+    sentence     : returns a sentence about the alternative that `write` took, from the refusals before it.
+    refusal      : returns the error to raise if `write` refused all alternatives.
     """
-    told: Callable[[Part, Sequence[ExportError]], str] = lambda part, refused: ""
-    """Line about the alternative that `write` took, from the refusals before it."""
+
+    sheets: bool = True
+    alternatives: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
+    sentence: Callable[[Part, Sequence[ExportError]], str] = lambda part, refused: ""
     refusal: Callable[[Sequence[ExportError]], ExportError] = lambda refused: refused[-1]
-    """The error to raise if `write` refused all alternatives."""
-    takes: Takes = "mesh"
-    """Content: a mesh; lines on a sheet; a solid and lines; fields; members; members as bodies; section forces; the
-    beam model; member forces; or their utilisation.
+
+
+@dataclass(frozen=True)
+class SheetFormat(Format):
+    """A format of lines, or of fields.
+
+    content : lines on a sheet; a solid and lines; or fields of the uncut surface.
+    curves  : whether the format needs exact lines because it holds smooth curves.
     """
+
+    content: Literal["lines", "solid and lines", "fields"] = "lines"
     curves: bool = False
-    """Whether the format needs exact lines because it holds smooth curves."""
-    ready: Callable[[], None] = lambda: None
-    """Raises ExportError if a library of the format is not installed."""
+
+
+@dataclass(frozen=True)
+class MemberFormat(Format):
+    """A format of members, of their forces, or of their beam model.
+
+    content  : the field of `Details` that the format writes.
+    sentence : returns a sentence about the content, or ''.
+    """
+
+    content: MemberContent = field(kw_only=True)
+    sentence: Callable[[Part], str] = lambda part: ""
 
 
 @dataclass(frozen=True)
@@ -78,105 +112,66 @@ class Written:
         return f"{suffix_of(self.path)[1:]}: {self.size / 1e6:.3g} MB, {self.found.summary}, {seconds} s"
 
 
-_STEP = Format(
-    strategies.prepare,
+_STEP = MeshFormat(
     file.encode,
     file.check,
+    strategies.prepare,
     sheets=False,
-    attempts=strategies.attempts,
-    told=strategies.route_sentence,
+    alternatives=strategies.attempts,
+    sentence=strategies.route_sentence,
     refusal=strategies.refusal,
 )
 
-FORMATS: dict[str, Format] = {
-    ".stl": Format(triangles.prepare_stl, triangles.encode_stl, triangles.check_stl, sheets=True),
-    ".3mf": Format(triangles.prepare_3mf, triangles.encode_3mf, triangles.check_3mf, sheets=False),
+FORMATS: dict[str, MeshFormat | SheetFormat | MemberFormat] = {
+    ".stl": MeshFormat(triangles.encode_stl, triangles.check_stl, triangles.prepare_stl),
+    ".3mf": MeshFormat(triangles.encode_3mf, triangles.check_3mf, in_single_precision, sheets=False),
     ".step": _STEP,
     ".stp": _STEP,
     ".stpz": replace(_STEP, encode=file.encode_compressed, check=file.check_compressed),
-    ".lines.step": Format(
-        file.prepare_lines, file.encode_lines, file.check_lines_file, sheets=True, takes="lines", curves=True
-    ),
-    ".brep": replace(_STEP, encode=file.encode_brep, check=file.check_brep, told=file.route_sentence),
-    ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.require_ifcopenshell),
-    ".obj": Format(triangles.prepare_obj, triangles.encode_obj, triangles.check_obj, sheets=True),
-    ".ply": Format(triangles.prepare_ply, triangles.encode_ply, triangles.check_ply, sheets=True),
-    ".off": Format(triangles.prepare_off, triangles.encode_off, triangles.check_off, sheets=True),
-    ".glb": Format(gltf.prepare, gltf.encode, gltf.check, sheets=True),
-    ".3dm": Format(
-        rhino.prepare, rhino.encode, rhino.check, sheets=True, takes="both", curves=True, ready=rhino.require_rhino3dm
-    ),
-    ".dxf": Format(dxf.prepare, dxf.encode, dxf.check, sheets=True, takes="lines", curves=True),
-    ".svg": Format(svg.prepare, svg.encode, svg.check, sheets=True, takes="lines"),
-    ".csv": Format(geometry.prepare_csv, geometry.encode_csv, geometry.check_csv, sheets=True, takes="lines"),
-    ".json": Format(geometry.prepare_json, geometry.encode_json, geometry.check_json, sheets=True, takes="lines"),
-    ".members.json": Format(
-        geometry.prepare_members,
-        geometry.encode_members_json,
-        geometry.check_members_json,
-        sheets=True,
-        takes="members",
-    ),
-    ".members.csv": Format(
-        geometry.prepare_members, geometry.encode_members, geometry.check_members, sheets=True, takes="members"
-    ),
-    ".nodes.csv": Format(
-        geometry.prepare_members, geometry.encode_nodes, geometry.check_nodes, sheets=True, takes="members"
-    ),
-    ".members.3dm": Format(
-        with_single_shapes,
-        rhino.encode_members,
-        rhino.check_members,
-        sheets=True,
-        takes="bodies",
+    ".lines.step": SheetFormat(file.encode_lines, file.check_lines_file, curves=True),
+    ".brep": replace(_STEP, encode=file.encode_brep, check=file.check_brep, sentence=file.route_sentence),
+    ".ifc": MeshFormat(ifc.encode, ifc.check, sheets=False, ready=ifc.require_ifcopenshell),
+    ".obj": MeshFormat(triangles.encode_obj, triangles.check_obj),
+    ".ply": MeshFormat(triangles.encode_ply, triangles.check_ply),
+    ".off": MeshFormat(triangles.encode_off, triangles.check_off),
+    ".glb": MeshFormat(gltf.encode, gltf.check, in_single_precision),
+    ".3dm": SheetFormat(
+        rhino.encode,
+        rhino.check,
+        in_single_precision,
+        curves=True,
         ready=rhino.require_rhino3dm,
+        content="solid and lines",
     ),
-    ".members.ifc": Format(
-        with_shapes, ifc.encode_members, ifc.check_members, sheets=True, takes="bodies", ready=ifc.require_ifcopenshell
+    ".dxf": SheetFormat(dxf.encode, dxf.check, curves=True),
+    ".svg": SheetFormat(svg.encode, svg.check),
+    ".csv": SheetFormat(geometry.encode_csv, geometry.check_csv),
+    ".json": SheetFormat(geometry.encode_json, geometry.check_json),
+    ".members.json": MemberFormat(geometry.encode_members_json, geometry.check_members_json, content="members"),
+    ".members.csv": MemberFormat(geometry.encode_members, geometry.check_members, content="members"),
+    ".nodes.csv": MemberFormat(geometry.encode_nodes, geometry.check_nodes, content="members"),
+    ".members.3dm": MemberFormat(
+        rhino.encode_members, rhino.check_members, with_single_shapes, ready=rhino.require_rhino3dm, content="shapes"
     ),
-    ".members.glb": Format(with_single_shapes, gltf.encode_members, gltf.check_members, sheets=True, takes="bodies"),
-    ".members.dxf": Format(with_shapes, dxf.encode_members, dxf.check_members, sheets=True, takes="bodies"),
-    ".vtu": Format(vtu.prepare, vtu.encode, vtu.check, sheets=True, takes="fields"),
-    ".forces.vtu": Format(forces.prepare_fields, vtu.encode, vtu.check, sheets=True, takes="forces"),
-    ".forces.csv": Format(forces.prepare_sheet, forces.encode_sheet, forces.check_sheet, sheets=True, takes="forces"),
-    ".member_forces.csv": Format(
-        forces.prepare_members, forces.encode_members, forces.check_members, sheets=True, takes="bars"
+    ".members.ifc": MemberFormat(
+        ifc.encode_members, ifc.check_members, ready=ifc.require_ifcopenshell, content="shapes"
     ),
-    ".member_forces.xlsx": Format(
-        forces.prepare_members,
-        forces.encode_workbook,
-        forces.check_workbook,
-        sheets=True,
-        takes="bars",
-        ready=saf.require_xlsxwriter,
+    ".members.glb": MemberFormat(gltf.encode_members, gltf.check_members, with_single_shapes, content="shapes"),
+    ".members.dxf": MemberFormat(dxf.encode_members, dxf.check_members, content="shapes"),
+    ".vtu": SheetFormat(vtu.encode, vtu.check, vtu.prepare, content="fields"),
+    ".forces.vtu": MemberFormat(vtu.encode, vtu.check, forces.prepare_fields, content="section_forces"),
+    ".forces.csv": MemberFormat(forces.encode_sheet, forces.check_sheet, content="section_forces"),
+    ".member_forces.csv": MemberFormat(forces.encode_members, forces.check_members, content="member_forces"),
+    ".member_forces.xlsx": MemberFormat(
+        forces.encode_workbook, forces.check_workbook, ready=saf.require_xlsxwriter, content="member_forces"
     ),
-    ".member_utilisation.csv": Format(
-        forces.prepare_utilisation,
-        forces.encode_utilisation,
-        forces.check_utilisation,
-        sheets=True,
-        told=forces.sentence,
-        takes="utilisation",
+    ".member_utilisation.csv": MemberFormat(
+        forces.encode_utilisation, forces.check_utilisation, sentence=forces.sentence, content="utilisation"
     ),
-    opensees.SUFFIX: Format(
-        saf.prepare, opensees.encode, opensees.check, sheets=True, told=saf.agreement_text, takes="frame"
-    ),
-    calculix.SUFFIX: Format(
-        saf.prepare,
-        calculix.encode,
-        calculix.check,
-        sheets=True,
-        told=saf.agreement_text,
-        takes="frame",
-    ),
-    saf.SUFFIX: Format(
-        saf.prepare,
-        saf.encode,
-        saf.check,
-        sheets=True,
-        told=saf.agreement_text,
-        takes="frame",
-        ready=saf.require_xlsxwriter,
+    opensees.SUFFIX: MemberFormat(opensees.encode, opensees.check, sentence=saf.agreement_text, content="frame"),
+    calculix.SUFFIX: MemberFormat(calculix.encode, calculix.check, sentence=saf.agreement_text, content="frame"),
+    saf.SUFFIX: MemberFormat(
+        saf.encode, saf.check, sentence=saf.agreement_text, ready=saf.require_xlsxwriter, content="frame"
     ),
 }
 """Formats by suffix."""
@@ -210,17 +205,19 @@ def write(
     form = format_of(path)
     form.ready()
     part = part_of(thing, path.name[: -len(suffix_of(path))] if name is None else name)
-    if not (part.is_solid or form.sheets):
-        open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if f.sheets)
+    if not (part.is_solid or holds_sheets(form)):
+        open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if holds_sheets(f))
         raise ExportError(
             f"a {path.suffix.lower()} file holds closed solids and {part.name!r} is an open sheet; "
             f"thicken it first, or write {open_formats}"
         )
-    part = form.prepare(_with_options(part, step, details))
+    part = _with_options(part, step, details)
+    _require_content(form, part, suffix_of(path))
+    part = form.prepare(part)
     with atomic_file(path) as temporary:
-        attempt, refused, readback = _put(form, part, temporary)
-    if note and (how := form.told(attempt, refused)):
-        note(how)
+        sentence, readback = _put(form, part, temporary)
+    if note and sentence:
+        note(sentence)
     if report:
         report(Written(path, path.stat().st_size, time.perf_counter() - begin, readback))
     return path
@@ -259,20 +256,43 @@ def _with_options(part: Part, step: StepOptions | str, details: Details | None) 
     )
 
 
-def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportError], ReadBack]:
+def holds_sheets(form: Format) -> bool:
+    """Return whether a format can hold an open sheet."""
+    return not isinstance(form, MeshFormat) or form.sheets
+
+
+def _require_content(form: Format, part: Part, suffix: str) -> None:
+    """Raise ExportError if a part lacks the content of a format."""
+    details = part.details
+    if isinstance(form, SheetFormat) and form.content == "lines" and not details.lines:
+        raise ExportError(f"a {suffix} file holds lines and {part.name!r} comes with none; give write() details")
+    if not isinstance(form, MemberFormat):
+        return
+    if form.content == "member_forces" and details.member_forces is not None and not details.member_forces:
+        raise ExportError(f"{part.name!r} has no member with a bay between two nodes; write forces.csv, of every face")
+    if not getattr(details, form.content):
+        raise ExportError(f"{part.name!r} has {MISSING[form.content]}: use design.write(...)")
+
+
+def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: Path) -> tuple[str, ReadBack]:
+    """Write and check the first alternative that passes; return the format's sentence about it and its content."""
+    if not isinstance(form, MeshFormat):
+        write_chunks(temporary, form.encode(part))
+        readback = form.check(part, temporary)
+        return form.sentence(part) if isinstance(form, MemberFormat) else "", readback
     refused = list[ExportError]()
-    for attempt in form.attempts(part):
-        if isinstance(attempt, ExportError):
-            refused.append(attempt)
+    for alternative in form.alternatives(part):
+        if isinstance(alternative, ExportError):
+            refused.append(alternative)
             continue
         try:
-            write_chunks(temporary, form.encode(attempt))
-            readback = form.check(attempt, temporary)
+            write_chunks(temporary, form.encode(alternative))
+            readback = form.check(alternative, temporary)
         except ExportError as error:
             refused.append(error)
             temporary.unlink(missing_ok=True)
         else:
-            return attempt, refused, readback
+            return form.sentence(alternative, refused), readback
     raise form.refusal(refused)
 
 
@@ -283,7 +303,7 @@ def suffix_of(path: Path) -> str:
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())
 
 
-def format_of(path: Path) -> Format:
+def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
     """Return the format of a suffix in any case; raises ExportError that names the most similar suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:

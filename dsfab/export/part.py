@@ -1,9 +1,9 @@
 """`Part`: the mesh, lines and facts of a file in millimetres, with the divided sheet and the bodies of members."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -16,6 +16,12 @@ from dsfab.core.units import MM_PER_M
 from dsfab.surface import StructureLine, Surface, bounding_box, signed_volume, total_area
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
+
+if TYPE_CHECKING:
+    from dsfab.members import MemberGraph
+    from dsfab.members.eurocode import Utilisation
+    from dsfab.members.frame import Frame, MemberForces
+    from dsfab.statics import SectionForces
 
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 NO_PAIRS.setflags(write=False)
@@ -129,8 +135,14 @@ class Details:
     values    : by name with SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, where known.
-    records   : notes, members and nodes in millimetres, or section forces or beams in SI units, see
-                `dsfab.design.output.records`; for solids `material`, its name.
+    frame     : the beam model of the members; then `facts` tell how it agrees with the sheet.
+    section_forces : by case and combination, in the faces of `sheet`, metres.
+    member_forces  : by member.    utilisation : of the members.
+    description    : text about the whole.
+    material       : name of the material, or ''.
+    members        : members and nodes.
+    whole_members  : whether members that cross lie one over the other, so that each has its whole area.
+    drawings       : drawing files of each member's parts, by its name.
     shapes    : members as bodies, metres.
     origin    : origin of the file on its site (m), in the coordinates of a survey (east, north, up).
     """
@@ -140,9 +152,24 @@ class Details:
     values: Mapping[str, Floats] = field(default_factory=dict)
     facts: tuple[str, ...] = ()
     measures: Mapping[str, float] = field(default_factory=dict)
-    records: Mapping[str, Any] = field(default_factory=dict)
+    material: str = ""
+    members: "MemberGraph | None" = None
+    whole_members: bool = False
+    drawings: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    frame: "Frame | None" = None
+    sheet: Surface | None = None
+    section_forces: Mapping[str, "SectionForces"] = field(default_factory=dict)
+    member_forces: Mapping[str, "MemberForces"] | None = None
+    utilisation: "Utilisation | None" = None
+    description: str = ""
     shapes: tuple[MemberShape, ...] = ()
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def beam_model(self) -> "Frame":
+        """The beam model, of details that have one."""
+        assert self.frame is not None
+        return self.frame
 
     def scaled_by(self, factor: float) -> "Details":
         """Return the details with `lines`, `shapes` and `tolerance` in another unit of length."""

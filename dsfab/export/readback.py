@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -122,13 +121,6 @@ def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
     return ReadBack(len(lines_read), "lines", length_read / expected - 1, "length")
 
 
-def with_lines(part: Part, format_name: str) -> Part:
-    """Return the part itself; raises ExportError if it has no lines for the file."""
-    if not part.details.lines:
-        raise ExportError(f"a {format_name} file holds lines and {part.name!r} comes with none; give write() details")
-    return part
-
-
 def count_error(part: Part, what: str, expected: int, count_read: int) -> ExportError:
     """Return the error for a count that reads back different."""
     return ExportError(f"{part.name!r} reads back with {count_read} {what} instead of {expected}; write another format")
@@ -161,35 +153,14 @@ COLOURS = {"major": (31, 78, 156), "minor": (179, 38, 30), "keep": (46, 125, 50)
 GREY = (120, 120, 120)
 
 
-def with_shapes(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no members."""
-    if not part.details.shapes:
-        raise ExportError(f"{part.name!r} has no members to write; only a design knows them: use design.write(...)")
-    return part
-
-
 def with_single_shapes(part: Part) -> Part:
     """Return the part with its members in single precision."""
-    return replace(with_shapes(part), details=replace(part.details, shapes=tuple(map(_single, part.details.shapes))))
+    return replace(part, details=replace(part.details, shapes=tuple(map(_single, part.details.shapes))))
 
 
 def _single(shape: MemberShape) -> MemberShape:
     rounded = in_single_precision(Part(shape.V, shape.F, shape.id, is_solid=True))
     return replace(shape, V=rounded.V, F=rounded.F)
-
-
-def member_entries(part: Part) -> dict[str, Mapping[str, Any]]:
-    """Return the records of members by name, see `dsfab.design.output.records`, in millimetres."""
-    return {entry["id"]: entry for entry in part.details.records["members"]}
-
-
-def member_facts(entry: Mapping[str, Any]) -> dict[str, str]:
-    """Return the facts of a member for an object of a drawing program."""
-    facts = {key: str(entry[key]) for key in ("kind", "family", "stripe") if entry[key] != ""}
-    facts |= {"length_mm": f"{entry['length']:.1f}", "width_mm": f"{entry['width']['median']:.1f}"}
-    if entry["ends"]:
-        facts |= {"start": entry["ends"][0], "end": entry["ends"][1]}
-    return facts | ({"nodes": " ".join(entry["nodes"])} if entry["nodes"] else {})
 
 
 def layer_colour(layer: str) -> tuple[int, int, int]:

@@ -1,7 +1,7 @@
 """Content of each output file of a design, and a design read back from its folder.
 
 files     one file of a design, and smooth STEP    fields    lines and fields for drawings and ParaView
-archive   `design.npz`, the design for later       records   members, nodes, beam model, forces and utilisation
+archive   `design.npz`, the design for later
 """
 
 from dsfab.design.output.fields import design_lines

@@ -16,19 +16,11 @@ from dsfab.core.errors import ExportError
 from dsfab.core.limits import OUTLINE
 from dsfab.design.design import Design
 from dsfab.design.output.fields import design_fields, design_lines
-from dsfab.design.output.records import (
-    bar_records,
-    beam_records,
-    force_records,
-    graph_records,
-    member_shapes,
-    utilisation_records,
-)
-from dsfab.export import Details, StepOptions
+from dsfab.export import Details, MemberShape, StepOptions
 from dsfab.export import write as written
-from dsfab.export.formats import FORMATS, Takes, format_of, suffix_of
+from dsfab.export.formats import FORMATS, MemberContent, MemberFormat, MeshFormat, SheetFormat, format_of, suffix_of
 from dsfab.export.part import NO_PAIRS, Curved, DividedSheet, StripedSheet
-from dsfab.members import cells_by_stripes
+from dsfab.members import Member, cells_by_stripes
 from dsfab.preset.model import Export
 from dsfab.preset.surface_section import FileSurface
 from dsfab.results import PatternResult
@@ -36,7 +28,7 @@ from dsfab.slicing import Sheet, cut
 from dsfab.slicing.measures.lines import outline_corners, outline_labels
 from dsfab.surface import Surface, corner_fans, half_edges, link_components, pieces
 from dsfab.surface.orientation import flips_along_tree, one_sided_pieces
-from dsfab.thickening import SHIFT, Side, Solid, offsets
+from dsfab.thickening import SHIFT, Side, Solid, closed_skin, offsets
 
 if TYPE_CHECKING:
     import build123d
@@ -234,43 +226,80 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
     The solid for formats of meshes, with lines if these hold both. The sheet for formats of lines, members, bodies,
     section forces and beams. The uncut surface for fields.
     """
-    options, takes = design.preset.export, FORMATS[suffix].takes
-    if takes == "fields":
-        values = design_fields(design) if design.fields is None else design.fields
-        return design.surface, {"details": Details(values=values)}
-    if details_of := _OF_SHEET.get(takes):
-        return design.sheet.surface, {"details": details_of(design)}
-    if takes == "mesh":
+    options, form = design.preset.export, FORMATS[suffix]
+    if isinstance(form, MemberFormat):
+        return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
+    if isinstance(form, MeshFormat):
         corners = outline_corners(design.sheet, design.surface)
-        made_of = {"material": design.preset.statics.material}
-        details = Details(measures=_measures(design), records=made_of, origin=_origin(design))
+        material = design.preset.statics.material or ""
+        details = Details(measures=_measures(design), material=material, origin=_origin(design))
         step = replace(step_options(options), corners=corners, curved=partial(curved_design, design))
         return design.solid, {"step": step, "details": details}
+    assert isinstance(form, SheetFormat)
+    if form.content == "fields":
+        values = design_fields(design) if design.fields is None else design.fields
+        return design.surface, {"details": Details(values=values)}
     tolerance = options.step_tolerance or OUTLINE * design.preset.statics.thickness
-    exact = FORMATS[suffix].curves  # the tolerance of such a format is for its curves alone
-    details = Details(design_lines(design, 0.0 if exact else tolerance), tolerance, facts=_facts(design))
-    return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
+    lines = design_lines(design, 0.0 if form.curves else tolerance)  # tolerance of exact lines: for the curves alone
+    details = Details(lines, tolerance, facts=_facts(design))
+    return (design.solid if form.content == "solid and lines" else design.sheet.surface), {"details": details}
 
 
 def body_details(design: Design) -> Details:
-    """Return members as bodies, with their records and material."""
-    tolerance = design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness
-    records = graph_records(design.members) | {"material": design.preset.statics.material}
-    shapes = member_shapes(design)
+    """Return members as bodies, with their facts and material."""
     return Details(
-        tolerance=tolerance, measures=_measures(design), records=records, shapes=shapes, origin=_origin(design)
+        tolerance=design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness,
+        measures=_measures(design),
+        material=design.preset.statics.material or "",
+        members=design.members,
+        shapes=member_shapes(design),
+        origin=_origin(design),
     )
 
 
-_OF_SHEET: dict[Takes, Callable[[Design], Details]] = {
-    "members": lambda design: Details(records=graph_records(design.members)),
-    "bodies": body_details,
-    "forces": lambda design: Details(records=force_records(design)),
-    "bars": lambda design: Details(records=bar_records(design)),
-    "utilisation": lambda design: Details(records=utilisation_records(design)),
-    "frame": lambda design: Details(records=beam_records(design)),
+PLATES = ("disc", "plate", "fill")
+"""Kinds of members that are not long and narrow."""
+
+
+def member_shapes(design: Design) -> tuple[MemberShape, ...]:
+    """Return bodies of the members, metres, in the order of their names.
+
+    Members overlap at crossings, so that all bodies together exceed the solid's volume; their own areas
+    (see `dsfab.export.members`) count each area once.
+    """
+    sheet, options = design.members.sheet, design.preset.thickening
+    offset = offsets(design.surface, design.preset.statics.thickness, options.side)
+    D = sheet.carry_corners(offset.at_corners(design.surface.F), design.surface.F)
+    return tuple(_shape(sheet.surface, D, member, SHIFT[options.side]) for member in design.members.members)
+
+
+def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberShape:
+    used, F = np.unique(surface.F[member.cells], return_inverse=True)
+    piece = Surface(surface.V[used], F.reshape(-1, 3))
+    V, faces = closed_skin(piece, D[used], shift)
+    axis = member.axis.P if member.axis else np.zeros((0, 3))
+    edges = tuple(piece.V[np.append(loop, loop[0])] for loop in piece.loops)
+    return MemberShape(member.id, member.family or member.kind, V, faces, axis, edges, member.kind in PLATES)
+
+
+def frame_details(design: Design) -> Details:
+    """Return the beam model with sentences on its agreement with the sheet.
+
+    Raises StaticsError if no member has an axis, or if nothing carries a load.
+    """
+    facts = tuple(agreement.summary for agreement in design.frame_agreement())
+    return Details(frame=design.frame, description=design.preset.description, facts=facts)
+
+
+_MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
+    "members": lambda design: Details(members=design.members),
+    "shapes": body_details,
+    "section_forces": lambda design: Details(section_forces=design.section_forces, sheet=design.sheet.surface),
+    "member_forces": lambda design: Details(member_forces=design.member_forces),
+    "utilisation": lambda design: Details(utilisation=design.member_utilisation),
+    "frame": frame_details,
 }
-"""Details of a design for each kind of format of the sheet, except lines."""
+"""Functions from a design to the content of formats of members."""
 
 
 def step_options(options: Export) -> StepOptions:

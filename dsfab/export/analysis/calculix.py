@@ -4,17 +4,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from dsfab import __version__
 from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock, read_only_copy
 from dsfab.core.errors import ExportError
-from dsfab.export.analysis.opensees import all_loads
 from dsfab.export.part import Part
 from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
 from dsfab.export.writing import atomic_file, one_line, rows, write_chunks
+
+if TYPE_CHECKING:
+    from dsfab.members.frame import Frame
 
 Element = Literal["S6", "CPS6"]
 
@@ -201,27 +203,26 @@ PIECES = 4
 
 def encode(part: Part) -> Iterator[bytes]:
     """Yield the file; equal parts give equal bytes."""
-    for text in _cards(part.name, part.details.records):
+    for text in _cards(part.name, part.details.beam_model):
         yield text.encode("ascii", "replace")
 
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the cards back: number of beams, and coordinates of nodes."""
     cards = path.read_text(encoding="ascii").split("\n*")
-    frame = part.details.records["frame"]
+    frame = part.details.beam_model
     beams = sum(card.startswith("ELEMENT, TYPE=B32R") for card in cards)
-    if beams != PIECES * len(frame["ends"]):
-        raise count_error(part, "elements", PIECES * len(frame["ends"]), beams)
+    if beams != PIECES * len(frame.ends):
+        raise count_error(part, "elements", PIECES * len(frame.ends), beams)
     lines = next(card for card in cards if card.startswith("NODE, NSET=ALL")).splitlines()[1:]
     points = np.array([line.split(",")[1:] for line in lines], dtype=np.float64)
-    if not (np.abs(points - frame["points"]) <= NUMBERS_READ_BACK * np.abs(frame["points"]).max()).all():
+    if not (np.abs(points - frame.points) <= NUMBERS_READ_BACK * np.abs(frame.points).max()).all():
         raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
     return ReadBack(beams, "elements")
 
 
-def _cards(name: str, records: Mapping[str, Any]) -> Iterator[str]:
-    frame, material = records["frame"], records["material"]
-    points, ends, n = frame["points"], frame["ends"], len(frame["points"])
+def _cards(name: str, frame: "Frame") -> Iterator[str]:
+    points, ends, n = frame.points, frame.ends, len(frame.points)
     yield f"** {one_line(name)}: {len(ends)} beams, written by dsfab {__version__}; metres, newtons, pascals\n"
     yield "** The total force of HELD is the reaction where nodes may turn; at clamped nodes moments are added to it\n"
     yield "*NODE, NSET=ALL\n"
@@ -230,8 +231,8 @@ def _cards(name: str, records: Mapping[str, Any]) -> Iterator[str]:
     share = np.arange(1, 2 * PIECES)[:, None] / (2 * PIECES)
     between = np.concatenate([(1 - share) * points[i] + share * points[j] for i, j in ends])
     yield from rows("%d, %.11e, %.11e, %.11e\n", n + np.arange(1, len(between) + 1), *between.T)
-    yield f"*MATERIAL, NAME=BEAMS\n*ELASTIC\n{material['young']:.12g}, {material['poisson']:.12g}\n"
-    columns = zip(*(frame[key] for key in ("ends", "thickness", "width", "z", "member")), strict=True)
+    yield f"*MATERIAL, NAME=BEAMS\n*ELASTIC\n{frame.material.young:.12g}, {frame.material.poisson:.12g}\n"
+    columns = zip(ends, frame.thickness, frame.width, frame.axes[:, 2], frame.beam_members, strict=True)
     for k, ((i, j), thickness, width, z, member) in enumerate(columns, 1):
         chain = [i + 1, *range(n + (k - 1) * (2 * PIECES - 1) + 1, n + k * (2 * PIECES - 1) + 1), j + 1]
         yield f"** {member or 'link'}\n"
@@ -242,21 +243,21 @@ def _cards(name: str, records: Mapping[str, Any]) -> Iterator[str]:
         yield ", ".join(f"{value + 0.0:.9g}" for value in z) + "\n"
     yield f"*ELSET, ELSET=BEAMS, GENERATE\n1, {PIECES * len(ends)}\n"
     yield from _calculix_beams_supports(frame)
-    for case, load in all_loads(frame).items():
+    for case, load in frame.all_loads.items():
         yield from _calculix_beams_step(case, load)
 
 
-def _calculix_beams_supports(frame: Mapping[str, Any]) -> Iterator[str]:
-    supported = np.flatnonzero(frame["fixed"].any(axis=1))
+def _calculix_beams_supports(frame: "Frame") -> Iterator[str]:
+    supported = np.flatnonzero(frame.fixed.any(axis=1))
     yield "*NSET, NSET=HELD\n" + "".join(f"{k + 1}\n" for k in supported)
     yield "*BOUNDARY\n"
-    node, direction = np.nonzero(frame["fixed"])
+    node, direction = np.nonzero(frame.fixed)
     yield from rows("%d, %d, %d\n", node + 1, direction + 1, direction + 1)
-    count = PIECES * len(frame["ends"])
-    for k, axis in np.argwhere(frame["spring"] > 0).tolist():
+    count = PIECES * len(frame.ends)
+    for k, axis in np.argwhere(frame.spring > 0).tolist():
         count += 1
         yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING{count}\n{count}, {k + 1}\n"
-        yield f"*SPRING, ELSET=SPRING{count}\n{axis + 1}\n{frame['spring'][k, axis]:.11e}\n"
+        yield f"*SPRING, ELSET=SPRING{count}\n{axis + 1}\n{frame.spring[k, axis]:.11e}\n"
 
 
 def _calculix_beams_step(case: str, load: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> Iterator[str]:

@@ -7,16 +7,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
+from dsfab.core.materials import MATERIALS
 from dsfab.core.units import MM_PER_M
 from dsfab.export.part import Part
 from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
+
+if TYPE_CHECKING:
+    from dsfab.members.frame import BeamMaterial, Frame
 
 VERSION = "2.2.0"
 Cell = str | int | float
@@ -64,23 +68,24 @@ class SafSheet:
         return cls(name, head, tuple(tuple(row.get(key) for key in head) for row in rows))
 
 
-def saf_sheets(name: str, records: Mapping[str, Any]) -> list[SafSheet]:
-    """Return the sheets of a beam model, see `dsfab.design.output.records`, without empty ones."""
-    frame = records["frame"]
-    sections = [_dimensions(t, w) for t, w in zip(frame["thickness"], frame["width"], strict=True)]
+def saf_sheets(name: str, frame: "Frame", description: str = "") -> list[SafSheet]:
+    """Return the sheets of a beam model, without empty ones."""
+    sections = [_dimensions(t, w) for t, w in zip(frame.thickness, frame.width, strict=True)]
     numbers = {size: f"CS{k}" for k, size in enumerate(dict.fromkeys(sections), 1)}
     sheets = [
-        SafSheet("Project", (), (("Name", name), ("Description", records["description"]))),
+        SafSheet("Project", (), (("Name", name), ("Description", description))),
         SafSheet("Model", (), _model(name)),
-        SafSheet.from_rows("StructuralMaterial", [_material(records["material"])]),
-        SafSheet.from_rows("StructuralCrossSection", [_section(records, size, id_) for size, id_ in numbers.items()]),
+        SafSheet.from_rows("StructuralMaterial", [_material(frame.material)]),
+        SafSheet.from_rows(
+            "StructuralCrossSection", [_section(frame.material, size, id_) for size, id_ in numbers.items()]
+        ),
         SafSheet.from_rows("StructuralPointConnection", list(_nodes(frame))),
         SafSheet.from_rows("StructuralCurveMember", list(_members(frame, [numbers[size] for size in sections]))),
         SafSheet.from_rows("StructuralPointSupport", list(_supports(frame))),
-        SafSheet.from_rows("StructuralLoadGroup", _groups(records["actions"])),
-        SafSheet.from_rows("StructuralLoadCase", [_case(case, kind) for case, kind in records["actions"].items()]),
+        SafSheet.from_rows("StructuralLoadGroup", _groups(frame.actions)),
+        SafSheet.from_rows("StructuralLoadCase", [_case(case, kind) for case, kind in frame.actions.items()]),
         SafSheet.from_rows(
-            "StructuralLoadCombination", [_sum(*combination) for combination in frame["combinations"].items()]
+            "StructuralLoadCombination", [_sum(*combination) for combination in frame.combinations.items()]
         ),
         SafSheet.from_rows("StructuralPointAction", list(_actions(frame, 0))),
         SafSheet.from_rows("StructuralPointMoment", list(_actions(frame, 3))),
@@ -103,18 +108,18 @@ def _model(name: str) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _material(material: Mapping[str, Any]) -> dict[str, Cell | None]:
-    name = material["name"] or "material of the preset"
-    kind = next((kind for begin, kind in TYPES.items() if material["name"].startswith(begin)), "Other")
+def _material(material: "BeamMaterial") -> dict[str, Cell | None]:
+    name, listed = material.name or "material of the preset", MATERIALS.get(material.name)
+    kind = next((kind for begin, kind in TYPES.items() if material.name.startswith(begin)), "Other")
     return {
         "Name": name,
         "Type": kind,
         "Quality": name,
-        "Unit mass [kg/m3]": material["density"],
-        "E modulus [MPa]": material["young"] / MEGA,
-        "G modulus [MPa]": material["shear"] / MEGA,
-        "Poisson Coefficient": material["poisson"],
-        "Thermal expansion [1/K]": material["expansion"],
+        "Unit mass [kg/m3]": material.density,
+        "E modulus [MPa]": material.young / MEGA,
+        "G modulus [MPa]": material.shear / MEGA,
+        "Poisson Coefficient": material.poisson,
+        "Thermal expansion [1/K]": listed.expansion if listed else None,
     }
 
 
@@ -124,13 +129,13 @@ def _dimensions(thickness: float, width: float) -> tuple[float, float]:
     return round(MM_PER_M * thickness, 3), round(max(round(w / step), 1) * step, 1)
 
 
-def _section(records: Mapping[str, Any], size: tuple[float, float], name: str) -> dict[str, Cell | None]:
+def _section(material: "BeamMaterial", size: tuple[float, float], name: str) -> dict[str, Cell | None]:
     H, B = (x / MM_PER_M for x in size)
     a, t = max(H, B), min(H, B)
     torsion = a * t**3 * (1 / 3 - 0.21 * t / a * (1 - (t / a) ** 4 / 12))
     return {
         "Name": name,
-        "Material": records["material"]["name"] or "material of the preset",
+        "Material": material.name or "material of the preset",
         "Cross-section type": "Parametric",
         "Shape": "Rectangle",
         "Parameters [mm]": f"{size[0]:g}; {size[1]:g}",
@@ -141,18 +146,18 @@ def _section(records: Mapping[str, Any], size: tuple[float, float], name: str) -
     }
 
 
-def _nodes(frame: Mapping[str, Any]) -> Iterator[dict[str, Cell | None]]:
-    for name, point in zip(frame["nodes"], frame["points"].tolist(), strict=True):
+def _nodes(frame: "Frame") -> Iterator[dict[str, Cell | None]]:
+    for name, point in zip(frame.nodes, frame.points.tolist(), strict=True):
         yield {"Name": name} | {f"Coordinate {axis} [m]": x for axis, x in zip("XYZ", point, strict=True)}
 
 
-def _members(frame: Mapping[str, Any], sections: list[str]) -> Iterator[dict[str, Cell | None]]:
+def _members(frame: "Frame", sections: list[str]) -> Iterator[dict[str, Cell | None]]:
     count: dict[str, int] = {}
-    for k, (i, j) in enumerate(frame["ends"].tolist()):
-        member = frame["member"][k] or "link"
+    for k, (i, j) in enumerate(frame.ends.tolist()):
+        member = frame.beam_members[k] or "link"
         count[member] = count.get(member, 0) + 1
-        begin, end = frame["nodes"][i], frame["nodes"][j]
-        aside = round(MM_PER_M * float(frame["eccentricity"][k]), 3)
+        begin, end = frame.nodes[i], frame.nodes[j]
+        aside = round(MM_PER_M * float(frame.eccentricity[k]), 3)
         yield {
             "Name": f"{member}.{count[member]}",
             "Type": "General",
@@ -161,11 +166,11 @@ def _members(frame: Mapping[str, Any], sections: list[str]) -> Iterator[dict[str
             "Segments": "Line",
             "Begin node": begin,
             "End node": end,
-            "Length [m]": float(frame["length"][k]),
+            "Length [m]": float(frame.length[k]),
             "Geometrical shape": "Line",
             "LCS": "z by vector",
             "LCS Rotation [deg]": 0.0,
-            **{f"Coordinate {axis} [m]": x for axis, x in zip("XYZ", frame["z"][k].tolist(), strict=True)},
+            **{f"Coordinate {axis} [m]": x for axis, x in zip("XYZ", frame.axes[k, 2].tolist(), strict=True)},
             "System line": "Centre",
             **{f"Structural {axis} Eccentricity of {node} Node [mm]": x for axis, node, x in _aside(aside)},
             **{f"Analysis {axis} Eccentricity of {node} Node [mm]": x for axis, node, x in _aside(0.0)},
@@ -179,15 +184,15 @@ def _aside(y: float) -> Iterator[tuple[str, str, float]]:
         yield from (("Y", node, y), ("Z", node, 0.0))
 
 
-def _supports(frame: Mapping[str, Any]) -> Iterator[dict[str, Cell | None]]:
-    fixed, spring = frame["fixed"], frame["spring"]
+def _supports(frame: "Frame") -> Iterator[dict[str, Cell | None]]:
+    fixed, spring = frame.fixed, frame.spring
     for number, k in enumerate(np.flatnonzero((fixed | (spring > 0)).any(axis=1)).tolist(), 1):
         all_fixed, hinged = fixed[k].all(), fixed[k, :3].all() and not fixed[k, 3:].any()
         row: dict[str, Cell | None] = {
             "Name": f"Sn{number}",
             "Type": "Fixed" if all_fixed else "Hinged" if hinged else "Custom",
             "Boundary condition": "In node",
-            "Node": frame["nodes"][k],
+            "Node": frame.nodes[k],
         }
         for axis, word in enumerate(DIRECTIONS):
             row[word] = "Rigid" if fixed[k, axis] else "Flexible" if spring[k, axis] > 0 else "Free"
@@ -229,10 +234,10 @@ def _sum(name: str, factors: Mapping[str, float]) -> dict[str, Cell | None]:
     return row
 
 
-def _actions(frame: Mapping[str, Any], first_column: int) -> Iterator[dict[str, Cell | None]]:
+def _actions(frame: "Frame", first_column: int) -> Iterator[dict[str, Cell | None]]:
     letter, unit, words = ("F", "Value [kN]", "XYZ") if first_column == 0 else ("M", "Value [kNm]", ("Mx", "My", "Mz"))
     number = 0
-    for case, rows in frame["loads"].items():
+    for case, rows in frame.loads.items():
         values: Floats = rows[:, first_column : first_column + 3] / KILO
         for k, axis in np.argwhere(np.abs(values) > SMALL[first_column] * np.abs(values).max()).tolist():
             number += 1
@@ -241,7 +246,7 @@ def _actions(frame: Mapping[str, Any], first_column: int) -> Iterator[dict[str, 
                 "Type": "Standard",
                 "Direction": words[axis],
                 "Force action": "In node",
-                "Reference node": frame["nodes"][k],
+                "Reference node": frame.nodes[k],
                 unit: float(values[k, axis]),
                 "Load case": case,
                 "Coordinate system": "Global",
@@ -260,16 +265,9 @@ def require_xlsxwriter() -> None:
         raise ExportError(".xlsx files need the library XlsxWriter; install it with: pip install XlsxWriter")
 
 
-def prepare(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no beam model."""
-    if not part.details.records.get("frame"):
-        raise ExportError(f"{part.name!r} has no beam model; only a design knows it: use design.write(...)")
-    return part
-
-
-def agreement_text(part: Part, refused: Sequence[ExportError]) -> str:
+def agreement_text(part: Part) -> str:
     """Return the comparison of beams and sheet, a line for each case."""
-    return "\n".join(part.details.records["told"])
+    return "\n".join(part.details.facts)
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -280,7 +278,7 @@ def encode(part: Part) -> Iterator[bytes]:
     with xlsxwriter.Workbook(file, {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}) as book:
         book.set_properties({"created": FIXED_DATE})
         strong = book.add_format({"bold": True, "bottom": 1})
-        for table in saf_sheets(part.name, part.details.records):
+        for table in saf_sheets(part.name, part.details.beam_model, part.details.description):
             sheet = book.add_worksheet(table.name)
             rows = [table.head, *table.rows] if table.head else table.rows
             for k, row in enumerate(rows):
@@ -294,7 +292,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read every sheet back with the standard library's readers: head, number of rows, coordinates of nodes."""
-    cells, sheets = workbook_cells(path), saf_sheets(part.name, part.details.records)
+    cells, sheets = workbook_cells(path), saf_sheets(part.name, part.details.beam_model)
     for sheet in sheets:
         rows = cells.get(sheet.name, [])
         count = len(sheet.rows) + (1 if sheet.head else 0)

@@ -14,6 +14,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step.entities import NumberedEntities, piece_name, step_string
+from dsfab.export.members import MemberFacts, facts_of_members
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Details, MemberShape, Part
 from dsfab.export.readback import (
@@ -22,8 +23,6 @@ from dsfab.export.readback import (
     check_shapes,
     count_error,
     layer_colour,
-    member_entries,
-    member_facts,
 )
 from dsfab.export.writing import comma_separated_rows, one_line
 from dsfab.surface import link_components, signed_volume, total_area
@@ -80,7 +79,7 @@ def building(entities: NumberedEntities, name: str, details: Details, naming: Na
     entities.add(f"IFCRELAGGREGATES('{naming('sites')}',$,$,$,#{project},(#{site}))")
     entities.add(f"IFCRELAGGREGATES('{naming('buildings')}',$,$,$,#{site},(#{house}))")
     style = surface_style(entities, "structure", (0.62, 0.66, 0.7))
-    material = _material(entities, measures, details.records.get("material") or "material")
+    material = _material(entities, measures, details.material or "material")
     part = entities.add(f"IFCLOCALPLACEMENT(#{placement},#{axes})")
     return Place(body, house, placement, part, material, _properties(entities, measures, naming), style)
 
@@ -218,11 +217,6 @@ def require_ifcopenshell() -> None:
         raise ExportError('.ifc files need the library ifcopenshell; install it with: pip install "dsfab[ifc]"')
 
 
-def prepare(part: Part) -> Part:
-    """Return the part itself, because the text holds every significant digit."""
-    return part
-
-
 def encode(part: Part) -> Iterator[bytes]:
     """Yield project, site, building and roof, then a plate for each piece; equal parts give equal bytes."""
     shell, solids = solids_of(part)
@@ -310,7 +304,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
     naming = partial(identifier, f"{part.name} members")
     yield file_header(part.name, __version__).encode()
     place = building(entities, part.name, details, naming)
-    entries, drawings = member_entries(part), details.records.get("files", {})
+    facts = facts_of_members(part)
     layers = dict.fromkeys(shape.layer for shape in details.shapes)
     styles = {name: surface_style(entities, name, _tint(name)) for name in layers}
     shown: dict[str, list[int]] = {name: [] for name in layers}
@@ -321,9 +315,9 @@ def encode_members(part: Part) -> Iterator[bytes]:
         body = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',({items}))")
         shown[shape.layer].append(body)
         member = _element(entities, place, shape, body, naming)
-        _add_quantities(entities, member, _amounts(shape, entries[name], details.measures), shape, naming)
-        _add_facts(entities, member, entries[name], naming)
-        _add_documents(entities, member, (name, drawings.get(name, ())), naming)
+        _add_quantities(entities, member, _amounts(shape, facts[name], details.measures), shape, naming)
+        _add_facts(entities, member, facts[name], naming)
+        _add_documents(entities, member, (name, details.drawings.get(name, ())), naming)
         elements.append(member)
         yield from pending_bytes(entities)
     roof(entities, place, part.name, elements, naming)
@@ -372,11 +366,11 @@ def _element(entities: NumberedEntities, place: Place, shape: MemberShape, body:
     )
 
 
-def _amounts(shape: MemberShape, entry: Mapping[str, Any], measures: Mapping[str, float]) -> dict[str, float]:
+def _amounts(shape: MemberShape, facts: MemberFacts, measures: Mapping[str, float]) -> dict[str, float]:
     """Quantities of a member: millimetres, m2, m3, kg."""
-    volume, area = signed_volume(shape.V, shape.F) / MM3, entry["area"] / MM2
-    own_share = entry["own_area"] / entry["area"] if entry["area"] else 1.0
-    amounts = {"Length": entry["length"], "Width": entry["width"]["median"]}
+    volume, area = signed_volume(shape.V, shape.F) / MM3, facts.area / MM2
+    own_share = facts.own_area / facts.area if facts.area else 1.0
+    amounts = {"Length": facts.length, "Width": facts.width}
     amounts = {key: value for key, value in amounts.items() if value}
     if measures.get("thickness", 0) > 0:
         amounts["Thickness"] = MM_PER_M * measures["thickness"]
@@ -408,16 +402,16 @@ def _add_quantities(
         )
 
 
-def _add_facts(entities: NumberedEntities, member: int, entry: Mapping[str, Any], naming: Naming) -> None:
-    facts = {key: value for key, value in member_facts(entry).items() if not key.endswith("_mm")}
-    if entry["counted_with"]:
-        facts["crossings counted with"] = ", ".join(entry["counted_with"])
+def _add_facts(entities: NumberedEntities, member: int, facts: MemberFacts, naming: Naming) -> None:
+    words = {key: value for key, value in facts.words.items() if not key.endswith("_mm")}
+    if facts.counted_with:
+        words["crossings counted with"] = ", ".join(facts.counted_with)
     values = []
-    for key, value in facts.items():
+    for key, value in words.items():
         kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # no limit of length
         text = f"{kind}('{step_string(value)}')"
         values.append(entities.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
-    name = entry["id"]
+    name = facts.member.id
     property_set = entities.add(
         f"IFCPROPERTYSET('{naming(f'facts of {name}')}',$,'Dsfab_Member',$,({_references(values)}))"
     )

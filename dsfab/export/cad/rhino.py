@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dsfab import __version__
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
+from dsfab.core.units import MM_PER_M
 from dsfab.export.curves import (
     Curve,
     chains,
@@ -27,15 +28,14 @@ from dsfab.export.curves import (
     joined_segments,
     sample_parameters,
 )
-from dsfab.export.part import Part, in_single_precision
+from dsfab.export.members import facts_of_members, graph_of, rounded_lists
+from dsfab.export.part import Part
 from dsfab.export.readback import (
     ReadBack,
     check_mesh,
     check_shapes,
     count_error,
     layer_colour,
-    member_entries,
-    member_facts,
 )
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine
@@ -61,11 +61,6 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
     """Raise ExportError if rhino3dm is not installed; `what` begins the sentence."""
     if importlib.util.find_spec("rhino3dm") is None:
         raise ExportError(f'{what} the library rhino3dm; install it with: pip install "dsfab[rhino]"')
-
-
-def prepare(part: Part) -> Part:
-    """The part in single precision."""
-    return in_single_precision(part)
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -273,7 +268,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
     """Yield the archive of layers, meshes and axes of the members, and nodes."""
     import rhino3dm
 
-    model, entries, shapes = empty_model(), member_entries(part), part.details.shapes
+    model, facts, shapes = empty_model(), facts_of_members(part), part.details.shapes
     ids = ids_of(part.name, (array for shape in shapes for array in (shape.V, shape.F)))
     bodies = list(dict.fromkeys(shape.layer for shape in shapes))
     with_axes = dict.fromkeys(shape.layer for shape in shapes if len(shape.axis))
@@ -281,16 +276,16 @@ def encode_members(part: Part) -> Iterator[bytes]:
     layers = {name: new_layer(model, ids, name, (*layer_colour(family), 255)) for name, family in names}
     for shape in shapes:
         about = _members_about(shape.id, layers[shape.layer], ids(f"body {shape.id}"))
-        for key, value in member_facts(entries[shape.id]).items():
+        for key, value in facts[shape.id].words.items():
             about.SetUserString(key, value)
         model.Objects.AddMesh(rhino_mesh(shape.V, shape.F), about)
         if len(shape.axis):
             about = _members_about(shape.id, layers[f"{shape.layer} axes"], ids(f"axis {shape.id}"))
             model.Objects.AddCurve(rhino_curve(curves_along(shape.axis, curve_tolerance(part))), about)
-    for node in part.details.records["nodes"]:
-        about = _members_about(node["id"], layers[NODES], ids(f"node {node['id']}"))
-        about.SetUserString("members", " ".join(node["members"]))
-        model.Objects.AddPoint(rhino3dm.Point3d(*node["point"]), about)
+    for node in graph_of(part).nodes:
+        about = _members_about(node.id, layers[NODES], ids(f"node {node.id}"))
+        about.SetUserString("members", " ".join(node.members))
+        model.Objects.AddPoint(rhino3dm.Point3d(*rounded_lists(MM_PER_M * node.point)), about)
     yield archive(model)
 
 
@@ -318,7 +313,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
     axes = [shape.id for shape in part.details.shapes if len(shape.axis)]
     for what, kind, expected in (
         ("axes", kinds.Curve, axes),
-        ("nodes", kinds.Point, [node["id"] for node in part.details.records["nodes"]]),
+        ("nodes", kinds.Point, [node.id for node in graph_of(part).nodes]),
     ):
         if names[kind] != expected:
             raise count_error(part, what, len(expected), len(names[kind]))

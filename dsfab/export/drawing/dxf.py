@@ -13,6 +13,7 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
+from dsfab.core.units import MM_PER_M
 from dsfab.export.curves import (
     Curve,
     chains,
@@ -23,8 +24,9 @@ from dsfab.export.curves import (
     sample_parameters,
 )
 from dsfab.export.drawing.views import DrawingView, views
+from dsfab.export.members import graph_of, rounded_lists
 from dsfab.export.part import MemberShape, Part
-from dsfab.export.readback import ReadBack, count_error, with_lines
+from dsfab.export.readback import ReadBack, count_error
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine, polyline_length, simplified_line
 
@@ -33,11 +35,6 @@ COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
 """Numbers of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
 WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}
 """Line weights, hundredths of a millimetre."""
-
-
-def prepare(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no lines."""
-    return with_lines(part, ".dxf")
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -181,9 +178,10 @@ def encode_members(part: Part) -> Iterator[bytes]:
             for entity in entities:
                 entity.set_xdata(APPLICATION, [(1000, shape.id)])
             document.groups.new(shape.id, description=f"member {shape.id}").set_data(entities)
-        for node in part.details.records["nodes"]:
-            point = space.add_point(node["point"], dxfattribs={"layer": _members_layer(document, "", "NODES")})
-            point.set_xdata(APPLICATION, [(1000, node["id"])])
+        for node in graph_of(part).nodes:
+            place, layer = rounded_lists(MM_PER_M * node.point), _members_layer(document, "", "NODES")
+            point = space.add_point(place, dxfattribs={"layer": layer})
+            point.set_xdata(APPLICATION, [(1000, node.id)])
         data = dxf_bytes(document)
     yield data
 

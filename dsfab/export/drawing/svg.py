@@ -16,7 +16,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, PlacedView, views_on_paper
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, count_error, with_lines
+from dsfab.export.readback import ReadBack, count_error
 from dsfab.export.writing import one_line
 
 TITLE = (185.0, 34.0)
@@ -31,11 +31,6 @@ svg { fill: none; stroke: #000; stroke-linecap: round; stroke-linejoin: round }
 .centre-major { stroke: #1f4e9c } .centre-minor { stroke: #b3261e }
 .frame { stroke-width: 0.5 } .thin { stroke-width: 0.13 } .dark { fill: #000; stroke-width: 0.13 }
 """
-
-
-def prepare(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no lines."""
-    return with_lines(part, ".svg")
 
 
 def encode(part: Part) -> Iterator[bytes]:

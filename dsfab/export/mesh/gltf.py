@@ -10,25 +10,19 @@ import numpy as np
 from dsfab import __version__
 from dsfab.core.arrays import Floats
 from dsfab.core.units import MM_PER_M
-from dsfab.export.part import Part, in_single_precision
+from dsfab.export.members import facts_of_members
+from dsfab.export.part import Part
 from dsfab.export.readback import (
     ReadBack,
     check_mesh,
     check_shapes,
     layer_colour,
-    member_entries,
-    member_facts,
     read_with_trimesh,
 )
 from dsfab.export.writing import one_line
 
 FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
 """Numbers of the standard for kinds of arrays."""
-
-
-def prepare(part: Part) -> Part:
-    """Return the part in single precision."""
-    return in_single_precision(part)
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -113,11 +107,11 @@ def check_members(part: Part, path: Path) -> ReadBack:
 
 
 def _members_scene(part: Part, arrays: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
-    shapes, entries = part.details.shapes, member_entries(part)
+    shapes, facts = part.details.shapes, facts_of_members(part)
     layers = list(dict.fromkeys(shape.layer for shape in shapes))
     count = len(shapes)
     nodes: list[dict[str, Any]] = [
-        {"mesh": k, "name": shape.id, "extras": member_facts(entries[shape.id])} for k, shape in enumerate(shapes)
+        {"mesh": k, "name": shape.id, "extras": facts[shape.id].words} for k, shape in enumerate(shapes)
     ]
     for layer in layers:
         nodes.append({"name": layer, "children": [k for k, shape in enumerate(shapes) if shape.layer == layer]})

@@ -49,11 +49,6 @@ def check_stl(part: Part, path: Path) -> ReadBack:
     return check_mesh(part, *merged_mesh(*read_with_igl(path)))
 
 
-def prepare_obj(part: Part) -> Part:
-    """Return the part itself, because the text holds every digit."""
-    return part
-
-
 def encode_obj(part: Part) -> Iterator[bytes]:
     """Yield one line per vertex and per face; a double needs 17 digits."""
     yield f"# written by dsfab {__version__}\n# unit: millimetre\no {one_line(part.name)}\n".encode()
@@ -64,11 +59,6 @@ def encode_obj(part: Part) -> Iterator[bytes]:
 def check_obj(part: Part, path: Path) -> ReadBack:
     """Read back with trimesh."""
     return check_mesh(part, *read_with_trimesh(path))
-
-
-def prepare_off(part: Part) -> Part:
-    """Return the part itself, because the text holds every digit."""
-    return part
 
 
 def encode_off(part: Part) -> Iterator[bytes]:
@@ -82,11 +72,6 @@ def encode_off(part: Part) -> Iterator[bytes]:
 def check_off(part: Part, path: Path) -> ReadBack:
     """Read back with trimesh."""
     return check_mesh(part, *read_with_trimesh(path))
-
-
-def prepare_ply(part: Part) -> Part:
-    """Return the part itself, because the format does not round."""
-    return part
 
 
 def encode_ply(part: Part) -> Iterator[bytes]:
@@ -115,11 +100,6 @@ _RELATIONS = _HEAD + (
     'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>\n'
 )
 _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
-
-
-def prepare_3mf(part: Part) -> Part:
-    """Return the part in single precision."""
-    return in_single_precision(part)
 
 
 def encode_3mf(part: Part) -> Iterator[bytes]:

@@ -2,10 +2,10 @@
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,13 @@ from dsfab.export.analysis.saf import FIXED_DATE, workbook_cells
 from dsfab.export.part import Part
 from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
 from dsfab.export.writing import rows
+from dsfab.statics import CONVENTION, SectionForces
+
+if TYPE_CHECKING:
+    from dsfab.members.eurocode import Utilisation
+    from dsfab.members.frame import MemberForces
+
+COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 
 UNITS = "units: metres, newtons, newton metres; n and q per metre of section, m per metre of section"
 Q_LESS = "q is one order less accurate than m, and too small by up to a fifth on ribs 3 or 4 faces wide"
@@ -23,33 +30,24 @@ READ = 1e-6
 """Numbers read back may be off by this share of their column's largest."""
 
 
-def prepare_sheet(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no section forces."""
-    if not part.details.records.get("cases"):
-        raise ExportError(f"{part.name!r} has no section forces; only a design knows them: use design.write(...)")
-    return part
-
-
 def prepare_fields(part: Part) -> Part:
     """Return the part with the fields of a VTU file, one value per face; each name begins with its case."""
-    records = prepare_sheet(part).details.records
-    values = {name: column for name, column in records["faces"].items() if not name.startswith(("centre", "area"))}
-    for case, columns in records["cases"].items():
-        values |= {f"{case} {name}": column for name, column in columns.items() if "degrees" not in name}
-    facts = (UNITS, *records["convention"], "one value per face; " + Q_LESS)
+    details = part.details
+    values = {name: column for name, column in _faces(part).items() if not name.startswith(("centre", "area"))}
+    for case, forces in details.section_forces.items():
+        values |= {f"{case} {name}": column for name, column in _columns(forces).items() if "degrees" not in name}
+    facts = (UNITS, *CONVENTION, "one value per face; " + Q_LESS)
     return replace(part, details=replace(part.details, values=values, facts=facts))
 
 
 def encode_sheet(part: Part) -> Iterator[bytes]:
     """Yield lines that begin with #, a line of names, then a row per face and case; faces count from 1."""
-    records = part.details.records
-    notes = (UNITS, *records["convention"], "one row per face and case; " + Q_LESS)
+    notes = (UNITS, *CONVENTION, "one row per face and case; " + Q_LESS)
     yield "".join(f"# {line}\r\n" for line in notes).encode()
-    faces = _scalars(records["faces"])
-    head = ["case", "face", *faces, *_names(records)]
-    yield _line(head).encode()
-    for case, columns in records["cases"].items():
-        numbers = [*faces.values(), *_scalars(columns).values()]
+    faces = _scalars(_faces(part))
+    yield _line(["case", "face", *faces, *_names(part)]).encode()
+    for case, forces in part.details.section_forces.items():
+        numbers = [*faces.values(), *_scalars(_columns(forces)).values()]
         before = _line([case])[:-2].replace("%", "%%")
         template = ",".join((before, "%d", *[SHEET_FORMAT] * len(numbers))) + "\r\n"
         for text in rows(template, np.arange(1, len(part.F) + 1), *numbers):
@@ -58,19 +56,18 @@ def encode_sheet(part: Part) -> Iterator[bytes]:
 
 def check_sheet(part: Part, path: Path) -> ReadBack:
     """Read the numbers back with numpy."""
-    records = part.details.records
-    faces, names = _scalars(records["faces"]), _names(records)
-    head = len(records["convention"]) + 3
+    faces, names, cases = _scalars(_faces(part)), _names(part), part.details.section_forces
+    head = len(CONVENTION) + 3
     width = 2 + len(faces) + len(names)
     numbers = np.loadtxt(
         path, delimiter=",", comments=None, skiprows=head, quotechar='"', usecols=range(1, width), ndmin=2
     )
-    row_count = len(part.F) * len(records["cases"])
+    row_count = len(part.F) * len(cases)
     if len(numbers) != row_count:
         raise count_error(part, "rows", row_count, len(numbers))
-    blocks = numbers.reshape(len(records["cases"]), len(part.F), width - 1)
-    for block, (case, columns) in zip(blocks, records["cases"].items(), strict=True):
-        expected = np.stack([*faces.values(), *_scalars(columns).values()], axis=1)
+    blocks = numbers.reshape(len(cases), len(part.F), width - 1)
+    for block, (case, forces) in zip(blocks, cases.items(), strict=True):
+        expected = np.stack([*faces.values(), *_scalars(_columns(forces)).values()], axis=1)
         if not (np.abs(block[:, 1:] - expected) <= READ * np.abs(expected).max(axis=0)).all():
             raise ExportError(
                 f"the section forces of {part.name!r} under {case} read back different; write .forces.vtu"
@@ -78,8 +75,35 @@ def check_sheet(part: Part, path: Path) -> ReadBack:
     return ReadBack(len(numbers), "rows")
 
 
-def _names(records: Mapping[str, Mapping[str, Mapping[str, Floats]]]) -> list[str]:
-    return list(_scalars(next(iter(records["cases"].values()))))
+def _names(part: Part) -> list[str]:
+    return list(_scalars(_columns(next(iter(part.details.section_forces.values())))))
+
+
+def _faces(part: Part) -> dict[str, Floats]:
+    """Columns (m,) or (m, 3) of the faces of the sheet, metres."""
+    sheet, first_case = part.details.sheet, next(iter(part.details.section_forces.values()))
+    assert sheet is not None
+    return {
+        "centre [m]": sheet.centroids,
+        "area [m2]": sheet.areas,
+        "local x [1]": first_case.frame[:, 0],
+        "local y [1]": first_case.frame[:, 1],
+        "normal [1]": sheet.normals,
+    }
+
+
+def _columns(forces: SectionForces) -> dict[str, Floats]:
+    columns: dict[str, Floats] = {}
+    for name, unit in (("n", "N/m"), ("m", "N m/m")):
+        for index, axes in enumerate(("x", "y", "xy")):
+            columns[f"{name}_{axes} [{unit}]"] = getattr(forces, name)[:, index]
+    columns |= {f"q_{axis} [N/m]": np.asarray(forces.q[:, index]) for index, axis in enumerate("xy")}
+    for name, unit in (("n", "N/m"), ("m", "N m/m")):
+        values, angle, direction = forces.principal(name)
+        columns |= {f"{name}_{index} [{unit}]": np.asarray(values[:, index - 1]) for index in (1, 2)}
+        columns[f"{name}_1 from local x [degrees]"] = angle
+        columns[f"{name}_1 direction [1]"] = direction
+    return columns
 
 
 def _scalars(columns: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -111,25 +135,15 @@ MEMBER_NOTES = (
 )
 
 
-def prepare_members(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no member forces."""
-    if "bars" not in part.details.records:
-        raise ExportError(f"{part.name!r} has no forces of members; only a design knows them: use design.write(...)")
-    if not part.details.records["bars"]:
-        raise ExportError(f"{part.name!r} has no member with a bay between two nodes; write forces.csv, of every face")
-    return part
-
-
 def encode_members(part: Part) -> Iterator[bytes]:
     """Yield lines that begin with #, a line of names, then a row per member, station and case."""
     text = io.StringIO()
     text.writelines(f"# {line}\r\n" for line in MEMBER_NOTES)
     writer = csv.writer(text)
-    writer.writerow(["case", "member", "bay", "along [m]", *part.details.records["columns"]])
-    for member, bar in part.details.records["bars"].items():
-        for case, forces in bar["forces"].items():
-            for bay, s, row in zip(bar["bay"], bar["s"], forces, strict=True):
-                writer.writerow([case, member, bay, *map(_number, (s, *row))])
+    writer.writerow(["case", "member", "bay", "along [m]", *COLUMNS])
+    for member, along in _forces(part).items():
+        for case, bay, *numbers in _rows(along):
+            writer.writerow([case, member, bay, *map(_number, numbers)])
     yield text.getvalue().encode()
 
 
@@ -138,8 +152,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
     numbers = np.loadtxt(
         path, delimiter=",", comments=None, skiprows=len(MEMBER_NOTES) + 1, quotechar='"', usecols=range(4, 10), ndmin=2
     )
-    bars = part.details.records["bars"].values()
-    expected = np.concatenate([rows for bar in bars for rows in bar["forces"].values()])
+    expected = np.concatenate([rows for along in _forces(part).values() for rows in _tables(along).values()])
     if len(numbers) != len(expected):
         raise count_error(part, "rows", len(expected), len(numbers))
     if not (np.abs(numbers - expected) <= READ * np.abs(expected).max(axis=0)).all():
@@ -148,15 +161,13 @@ def check_members(part: Part, path: Path) -> ReadBack:
 
 
 NOT_IN_NAMES = str.maketrans(dict.fromkeys("[]:*?/\\'", "_"))
-OF_ALL = ("least", "greatest")
-"""Rows that belong to no case."""
 
 
 def encode_workbook(part: Part) -> Iterator[bytes]:
     """Yield the workbook; equal parts give equal bytes."""
     import xlsxwriter
 
-    file, records = io.BytesIO(), part.details.records
+    file, members = io.BytesIO(), _forces(part)
     with xlsxwriter.Workbook(file, {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}) as book:
         book.set_properties({"created": FIXED_DATE})
         strong, number_format = book.add_format({"bold": True, "bottom": 1}), book.add_format({"num_format": "0.000"})
@@ -164,10 +175,10 @@ def encode_workbook(part: Part) -> Iterator[bytes]:
         about.set_column(0, 0, 110)
         for k, line in enumerate((f"{part.name}: {MEMBER_NOTES[0]}", *MEMBER_NOTES[1:])):
             about.write(k, 0, line)
-        tables = [("largest", ["member", "number", "value", "case", "bay", "along [m]"], list(_largest(records)))]
+        tables = [("largest", ["member", "number", "value", "case", "bay", "along [m]"], list(_largest(members)))]
         tables += [
-            (name, ["case", "bay", "along [m]", *records["columns"]], list(_rows(bar)))
-            for name, bar in zip(sheet_names(records["bars"]), records["bars"].values(), strict=True)
+            (name, ["case", "bay", "along [m]", *COLUMNS], list(_rows(along)))
+            for name, along in zip(sheet_names(members), members.values(), strict=True)
         ]
         for name, head, rows in tables:
             sheet = book.add_worksheet(name)
@@ -181,13 +192,13 @@ def encode_workbook(part: Part) -> Iterator[bytes]:
 
 def check_workbook(part: Part, path: Path) -> ReadBack:
     """Read the numbers back with the standard library's readers of archives and XML."""
-    cells, bars = workbook_cells(path), part.details.records["bars"]
-    if len(cells) != len(bars) + 2:
-        raise count_error(part, "sheets", len(bars) + 2, len(cells))
+    cells, members = workbook_cells(path), _forces(part)
+    if len(cells) != len(members) + 2:
+        raise count_error(part, "sheets", len(members) + 2, len(cells))
     count = 0
-    for name, bar in zip(sheet_names(bars), bars.values(), strict=True):
+    for name, along in zip(sheet_names(members), members.values(), strict=True):
         numbers = np.array([row[3:] for row in cells[name][1:]], dtype=np.float64)
-        expected = np.concatenate(list(bar["forces"].values()))
+        expected = np.concatenate(list(_tables(along).values()))
         if (
             numbers.shape != expected.shape
             or not (np.abs(numbers - expected) <= NUMBERS_READ_BACK * np.abs(expected).max()).all()
@@ -197,37 +208,46 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
     return ReadBack(count, "rows")
 
 
-def sheet_names(bars: Any) -> list[str]:
+def sheet_names(members: Iterable[str]) -> list[str]:
     r"""Return names of members as sheet names: at most 31 characters, none of []:*?/\\', each once regardless of
     case.
     """
     seen, names, width = {"about", "largest"}, [], 31
-    for member in bars:
-        word = str(member).translate(NOT_IN_NAMES)[:width]
+    for member in members:
+        word = member.translate(NOT_IN_NAMES)[:width]
         count = 1
         while word.lower() in seen:
             count += 1
             tail = f" ({count})"
-            word = str(member).translate(NOT_IN_NAMES)[: width - len(tail)] + tail
+            word = member.translate(NOT_IN_NAMES)[: width - len(tail)] + tail
         seen.add(word.lower())
         names.append(word)
     return names
 
 
-def _rows(bar: Any) -> Iterator[list[Any]]:
-    for case, table in bar["forces"].items():
-        for bay, s, row in zip(bar["bay"], bar["s"].tolist(), table.tolist(), strict=True):
+def _forces(part: Part) -> Mapping[str, "MemberForces"]:
+    return part.details.member_forces or {}
+
+
+def _tables(along: "MemberForces") -> dict[str, Floats]:
+    """(k, 6) forces by case and combination, and the least and the greatest of several."""
+    least, greatest = np.moveaxis(along.envelope, -1, 0)
+    return {**along.forces, **({"least": least, "greatest": greatest} if len(along.forces) > 1 else {})}
+
+
+def _rows(along: "MemberForces") -> Iterator[list[Any]]:
+    for case, table in _tables(along).items():
+        for bay, s, row in zip(along.bay, along.s.tolist(), table.tolist(), strict=True):
             yield [case, bay, s, *row]
 
 
-def _largest(records: Any) -> Iterator[list[Any]]:
+def _largest(members: Mapping[str, "MemberForces"]) -> Iterator[list[Any]]:
     """Rows with the value of largest magnitude of each member and each number, and its place."""
-    for member, bar in records["bars"].items():
-        cases = [case for case in bar["forces"] if case not in OF_ALL or len(bar["forces"]) == 1]
-        tables = np.stack([bar["forces"][case] for case in cases])
-        for column, name in enumerate(records["columns"]):
+    for member, along in members.items():
+        cases, tables = list(along.forces), np.stack(list(along.forces.values()))
+        for column, name in enumerate(COLUMNS):
             case, k = np.unravel_index(int(np.abs(tables[:, :, column]).argmax()), tables.shape[:2])
-            yield [member, name, float(tables[case, k, column]), cases[int(case)], bar["bay"][k], float(bar["s"][k])]
+            yield [member, name, float(tables[case, k, column]), cases[int(case)], along.bay[k], float(along.s[k])]
 
 
 UTILISATION_NOTES = (
@@ -237,32 +257,38 @@ UTILISATION_NOTES = (
 HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", "width [m]", "thickness [m]", "bay [m]")
 
 
-def prepare_utilisation(part: Part) -> Part:
-    """Return the part itself; raises ExportError if no members were checked."""
-    if "utilisation" not in part.details.records:
-        raise ExportError(f"{part.name!r} has no members to check; only a design knows them: use design.write(...)")
-    return part
-
-
 def encode_utilisation(part: Part) -> Iterator[bytes]:
     """Yield lines that begin with #, a line of names, then a row for each bay of a member."""
-    record = part.details.records["utilisation"]
-    text = io.StringIO()
-    text.writelines(f"# {line}\r\n" for line in _lines(record))
+    utilisation = _utilisation(part)
+    text, bays = io.StringIO(), utilisation.bays
+    text.writelines(f"# {line}\r\n" for line in _lines(utilisation))
     writer = csv.writer(text)
-    writer.writerow([*HEAD, *part.details.records["columns"], *record["checks"]])
-    for row in record["rows"]:
-        words = row["member"], row["bay"], _number(row["utilisation"]), row["check"], row["clause"], row["case"]
-        sizes = row["along"], row["width"], record["thickness"], row["length"]
-        writer.writerow([*words, *map(_number, (*sizes, *row["forces"], *row["each"]))])
+    writer.writerow([*HEAD, *COLUMNS, *map(str, utilisation.checks)])
+    for bay in utilisation.order.tolist():
+        check, case, station = utilisation.governing(bay)
+        words = bays.member[bay], bays.name[bay], _number(utilisation.largest[bay]), check.name, check.clause, case
+        sizes = bays.s[bay, station], bays.width[bay, station], bays.thickness, bays.length[bay]
+        writer.writerow([*words, *map(_number, (*sizes, *_checked_numbers(utilisation, bay)[1:]))])
     yield text.getvalue().encode()
 
 
-def _lines(record: Any) -> Iterator[str]:
+def _utilisation(part: Part) -> "Utilisation":
+    assert part.details.utilisation is not None
+    return part.details.utilisation
+
+
+def _checked_numbers(utilisation: "Utilisation", bay: int) -> list[float]:
+    """Utilisation of a bay, the six forces at its governing check, and the utilisation by each check."""
+    _, case, station = utilisation.governing(bay)
+    forces = utilisation.bays.forces[case][bay, station]
+    return [utilisation.largest[bay], *forces.tolist(), *utilisation.worst[bay].tolist()]
+
+
+def _lines(utilisation: "Utilisation") -> Iterator[str]:
     yield from UTILISATION_NOTES
-    yield f"checked by: {record['standard']}"
-    yield from record["assumed"]
-    yield from (f"not checked: {line}" for line in record["unchecked"])
+    yield f"checked by: {utilisation.standard}"
+    yield from utilisation.assumed
+    yield from (f"not checked: {line}" for line in utilisation.unchecked)
 
 
 def _number(value: float) -> str:
@@ -271,10 +297,10 @@ def _number(value: float) -> str:
 
 def check_utilisation(part: Part, path: Path) -> ReadBack:
     """Read the numbers back."""
-    record = part.details.records["utilisation"]
+    utilisation = _utilisation(part)
     lines = path.read_text(encoding="utf-8").splitlines()
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))[1:]
-    expected = np.array([[row["utilisation"], *row["forces"], *row["each"]] for row in record["rows"]])
+    expected = np.array([_checked_numbers(utilisation, bay) for bay in utilisation.order.tolist()])
     if len(rows) != len(expected):
         raise count_error(part, "rows", len(expected), len(rows))
     read = np.array([[float(row[HEAD.index("utilisation")]), *map(float, row[len(HEAD) :])] for row in rows])
@@ -283,6 +309,6 @@ def check_utilisation(part: Part, path: Path) -> ReadBack:
     return ReadBack(len(rows), "rows")
 
 
-def sentence(part: Part, refused: Sequence[ExportError]) -> str:
+def sentence(part: Part) -> str:
     """Return a sentence on the member with the largest utilisation."""
-    return "; ".join(part.details.records["utilisation"]["told"])
+    return _utilisation(part).summary

@@ -11,16 +11,11 @@ from typing import Any
 import numpy as np
 
 from dsfab import __version__
-from dsfab.core.errors import ExportError
+from dsfab.export.members import graph_of, member_entries, node_entry, rounded_mm
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, check_lines, count_error, with_lines
+from dsfab.export.readback import ReadBack, check_lines, count_error
 
 HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point", "x_mm", "y_mm", "z_mm")
-
-
-def prepare_csv(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no lines."""
-    return with_lines(part, ".csv")
 
 
 def encode_csv(part: Part) -> Iterator[bytes]:
@@ -46,11 +41,6 @@ def check_csv(part: Part, path: Path) -> ReadBack:
     return check_lines(part, lines)
 
 
-def prepare_json(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no lines."""
-    return with_lines(part, ".json")
-
-
 def encode_json(part: Part) -> Iterator[bytes]:
     """Yield one object, with a line of text for each line; coordinates to 1e-6 mm."""
     head = {
@@ -74,21 +64,18 @@ def check_json(part: Part, path: Path) -> ReadBack:
     return check_lines(part, [np.array(line["points"], dtype=np.float64) for line in lines])
 
 
-def prepare_members(part: Part) -> Part:
-    """Return the part itself; raises ExportError if it has no members."""
-    if not part.details.records.get("members"):
-        raise ExportError(f"{part.name!r} has no members to write; only a design knows them: use design.write(...)")
-    return part
-
-
 def encode_members_json(part: Part) -> Iterator[bytes]:
     """Yield one object, with a line of text for each member and for each node."""
-    records = part.details.records
+    graph = graph_of(part)
+    entries = {
+        "members": member_entries(part),
+        "nodes": [node_entry(node) for node in graph.nodes],
+    }
     head = {"name": part.name, "program": f"dsfab {__version__}", "unit": "millimetre", "curvature": "1/m"}
-    yield (json.dumps(head | {"notes": records["notes"]}, ensure_ascii=False)[:-1]).encode()
-    for key in ("members", "nodes"):
+    yield (json.dumps(head | {"notes": list(graph.notes)}, ensure_ascii=False)[:-1]).encode()
+    for key, listed in entries.items():
         yield f', "{key}": [\n'.encode()
-        for i, entry in enumerate(records[key]):
+        for i, entry in enumerate(listed):
             yield ((",\n" if i else "") + json.dumps(entry)).encode()
         yield b"\n]"
     yield b"}\n"
@@ -98,21 +85,21 @@ def check_members_json(part: Part, path: Path) -> ReadBack:
     """Read the object back."""
     content = json.loads(path.read_text(encoding="utf-8"))
     for key in ("members", "nodes"):
-        check_records(part, key, [entry["id"] for entry in content[key]])
+        check_ids(part, key, [entry["id"] for entry in content[key]])
     return length_error(part, sum(entry["length"] for entry in content["members"]))
 
 
-def check_records(part: Part, key: str, names: list[str]) -> None:
+def check_ids(part: Part, key: str, names: list[str]) -> None:
     """Raise ExportError unless the names are those of the part's members, or nodes."""
-    expected = [entry["id"] for entry in part.details.records[key]]
+    expected = [item.id for item in getattr(graph_of(part), key)]
     if names != expected:
         raise count_error(part, key, len(expected), len(names))
 
 
 def length_error(part: Part, length_read: float) -> ReadBack:
     """Return the content read back: members whose lengths add up to `length_read` millimetres."""
-    members = part.details.records["members"]
-    length_expected = sum(entry["length"] for entry in members)
+    members = graph_of(part).members
+    length_expected = sum(rounded_mm(member.length) for member in members)
     return ReadBack(
         len(members), "members", length_read / length_expected - 1 if length_expected else float("nan"), "length"
     )
@@ -120,25 +107,25 @@ def length_error(part: Part, length_read: float) -> ReadBack:
 
 def encode_members(part: Part) -> Iterator[bytes]:
     """Yield a row per member: lengths in millimetres, curvatures in 1/m; empty without an axis."""
-    yield from _table([_member_row(entry) for entry in part.details.records["members"]])
+    yield from _table([_member_row(entry) for entry in member_entries(part)])
 
 
 def encode_nodes(part: Part) -> Iterator[bytes]:
     """Yield a row per node: lengths in millimetres, angles in degrees."""
-    yield from _table([_node_row(entry) for entry in part.details.records["nodes"]], list(_node_row(_NO_NODE)))
+    yield from _table([_node_row(node_entry(node)) for node in graph_of(part).nodes], list(_node_row(_NO_NODE)))
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
     """Read the rows back."""
     rows = _rows(path)
-    check_records(part, "members", [row["id"] for row in rows])
+    check_ids(part, "members", [row["id"] for row in rows])
     return length_error(part, sum(float(row["length_mm"]) for row in rows))
 
 
 def check_nodes(part: Part, path: Path) -> ReadBack:
     """Read the rows back."""
     rows = _rows(path)
-    check_records(part, "nodes", [row["id"] for row in rows])
+    check_ids(part, "nodes", [row["id"] for row in rows])
     return ReadBack(len(rows), "nodes")
 
 

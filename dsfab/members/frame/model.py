@@ -105,6 +105,11 @@ class Frame:
         object.__setattr__(self, "loads", MappingProxyType(loads))
 
     @cached_property
+    def beam_members(self) -> tuple[str, ...]:
+        """(b,) name of each beam's member; '' for a link."""
+        return tuple(self.members[k] if k >= 0 else "" for k in self.member.tolist())
+
+    @cached_property
     def length(self) -> Floats:
         """(b,) lengths, metres."""
         return np.asarray(np.linalg.norm(self.points[self.ends[:, 1]] - self.points[self.ends[:, 0]], axis=1))

@@ -28,7 +28,7 @@ from dsfab.export.cad.step.worker import step_facts
 from dsfab.export.curves import Curve, chains, check_length, curve_tolerance, halves
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, check_measure, count_error, with_lines
+from dsfab.export.readback import ReadBack, check_measure, count_error
 from dsfab.export.subprocesses import ProgramError, last_line
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine
@@ -230,11 +230,6 @@ def check_brep(part: Part, path: Path) -> ReadBack:
 
 COLOURS = {"major": (0.12, 0.31, 0.61), "minor": (0.70, 0.15, 0.12), "keep": (0.18, 0.49, 0.20), "rim": (0, 0.47, 0.53)}
 """Red, green and blue of each family of lines; all other lines are black."""
-
-
-def prepare_lines(part: Part) -> Part:
-    """Return the part unchanged; raises ExportError if it has no lines."""
-    return with_lines(part, ".lines.step")
 
 
 def encode_lines(part: Part) -> Iterator[bytes]:
