@@ -1,7 +1,6 @@
 """STEP files of solids (plain or compressed) and of lines, and BREP files of the same solids."""
 
 import io
-import json
 import subprocess
 import tempfile
 import zipfile
@@ -24,12 +23,13 @@ from dsfab.export.cad.step.folded_sheets import planar_file
 from dsfab.export.cad.step.planar import polyhedron
 from dsfab.export.cad.step.smooth.build import smooth_file
 from dsfab.export.cad.step.soundness import smooth_use, step_fault
-from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.cad.step.worker.reports import occt_report
+from dsfab.export.cad.step.worker.shapes import read as read_shape
 from dsfab.export.curves import Curve, chains, check_length, curve_tolerance, halves
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, check_measure, count_error, with_lines
-from dsfab.export.subprocesses import ProgramError, last_line
+from dsfab.export.subprocesses import ProgramError
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine
 
@@ -149,11 +149,11 @@ def _require_same(part: Part, path: Path, text: str) -> None:
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
-    """Return the report of `step_facts` about a file, from a process with a time limit; raises ExportError without a
+    """Return OCCT's facts about a file, from a process with a time limit; raises ExportError without a
     report."""
     limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step in ("faceted", "smooth") else 0)
     try:
-        answer: dict[str, Any] = json.loads(last_line(step_facts.__file__, str(path), seconds=limit))
+        return occt_report("facts", str(path), seconds=limit)
     except subprocess.TimeoutExpired as error:
         raise ExportError(
             f"reading back the STEP file of {part.name!r} did not end within {limit:.0f} s, so nobody knows whether it "
@@ -163,7 +163,6 @@ def inspection(part: Part, path: Path) -> dict[str, Any]:
         raise ExportError(
             f"OCCT could not read the STEP file of {part.name!r} ({error}); write STL or 3MF instead"
         ) from error
-    return answer
 
 
 _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
@@ -204,7 +203,7 @@ def encode_brep(part: Part) -> Iterator[bytes]:
         step_path.write_bytes(b"".join(chunks))
         from OCP.BRepTools import BRepTools
 
-        if not BRepTools.Write_s(step_facts.read(step_path), str(path)):
+        if not BRepTools.Write_s(read_shape(step_path), str(path)):
             raise ExportError(f"OCCT could not write {part.name!r} as BREP; write STEP instead")
         yield path.read_bytes()
 
