@@ -121,7 +121,7 @@ def layers_of(preset):
     """The design and its stress of all layers by the elements for stress."""
     design = draft(preset)
     load = design.statics.load
-    model = preset.statics.sheet().on(design.surface)
+    model = preset.statics.sheet().model_for(design.surface)
     one = solve_for(model, {"load": load}, "stress")["load"]
     stress = sheet_stress(model, one.elements, one)
     membrane = stress.tensor("middle")

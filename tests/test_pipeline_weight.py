@@ -64,7 +64,7 @@ def test_weight_alone_that_is_less_by_the_same_share_turns_nothing(membrane):
 
 
 def test_each_face_weighs_what_stripes_leave_of_it(vault):
-    share = drawn_share(vault.preset, vault.stressed, vault.pattern.even)
+    share = drawn_share(vault.preset, vault.analysis, vault.pattern.even)
     surface = vault.surface
     assert share.min() < 0.5 < share.max() <= 1
     assert share @ surface.areas == pytest.approx(vault.sheet.surface.area, rel=0.02)
@@ -79,7 +79,7 @@ def test_each_face_weighs_what_stripes_leave_of_it(vault):
 def test_a_round_draws_stripes_along_the_stress_of_the_lighter_sheet(vault):
     asked = vault.preset.with_pattern(weight_rounds=1)
     made = dsfab.design.draft(asked, earlier=vault)
-    share = drawn_share(vault.preset, vault.stressed, vault.pattern.even)
+    share = drawn_share(vault.preset, vault.analysis, vault.pattern.even)
     lighter = statics_with_weight_share(asked, vault.surface, vault.statics, share)
     expected, found = even_stripes(asked, vault.surface, lighter), made.pattern.even
     assert made.statics is vault.statics
@@ -118,7 +118,7 @@ def test_where_no_width_keeps_what_is_asked_the_stripes_before_stay(vault, monke
 
     monkeypatch.setattr(pattern_stage, "drawn_share", refused)
     log = Log(None)
-    found = pattern_stage.stripes_under_own_weight(vault.preset.with_pattern(weight_rounds=2), vault.stressed, log)
+    found = pattern_stage.stripes_under_own_weight(vault.preset.with_pattern(weight_rounds=2), vault.analysis, log)
     assert f"directions were not sought {told}: too wide" in [note.text for note in log.notes]
     assert np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value) is (after == 0)
 
@@ -136,7 +136,7 @@ def test_of_several_methods_each_is_tried_without_it(vault, monkeypatch):
     """What is settled makes the same design again, whichever width was the best."""
     asked = vault.preset.with_pattern(method="auto", weight_rounds=1)
     monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)
-    (way, *_) = method_search.method_candidates(asked, vault.stressed, Log(None), "stripes", halve=True)
+    (way, *_) = method_search.method_candidates(asked, vault.analysis, Log(None), "stripes", halve=True)
     assert way.preset.pattern.weight_rounds == 0
     assert np.array_equal(way.even.phases[1].value, vault.pattern.even.phases[1].value)
 

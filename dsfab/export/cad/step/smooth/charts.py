@@ -119,7 +119,7 @@ def fitted_surface(
     first_poles, most_poles : poles of the first attempt (geometric mean of both directions), and limit for each.
     The error of a cubic surface is proportional to the fourth power of its spans, which sets the next attempt.
     """
-    points_per_pole = 2.5  # with fewer, surfaces wave between the points and gape at seams
+    points_per_pole = 2.5  # with fewer points, surfaces wave between them and gape at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
     pole_limit = np.sqrt(len(uv) / points_per_pole)
@@ -300,7 +300,7 @@ def _mean(d: Floats, ends: Ints) -> Floats:
 
 
 def _axes(V: Floats, across: Floats) -> Floats:
-    """(3, 3) right-handed: the longest direction in the plane, the one beside it, and `across`."""
+    """(3, 3) right-handed axes: the longest direction in the plane, the direction square to it, and `across`."""
     across = across / max(float(np.linalg.norm(across)), 1e-300)
     flat = V - V.mean(axis=0)
     flat = flat - np.outer(flat @ across, across)
@@ -419,7 +419,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # share of the half length: the border is then as steep as others
+        part_width = 0.25  # share of the half length: then the border is about as steep as other borders
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)
