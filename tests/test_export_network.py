@@ -37,7 +37,7 @@ from dsfab.export.cad.step.by_members.patches import (
 from dsfab.export.cad.step.by_members.region_division import _narrow, with_cut_ends
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, joined_outlines, net_of, without_lenses
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, _surface, trimmed_face
-from dsfab.export.cad.step.flat_sheets import StepEntities
+from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.strategies import prepare
