@@ -74,20 +74,20 @@ def sharp_tab(server, tmp_path_factory):
 @pytest.fixture
 def here(monkeypatch):
     """Ask OCCT in this process; gives the last findings."""
-    from dsfab.export.cad.step.worker import piece_check, reports, step_triangles
+    from dsfab.export.cad.step.worker import pieces, reports, triangles
 
     found: list = []
 
-    def drawn(program, path, folder, *how, seconds):
-        return step_triangles.write_results(path, folder, *how)
+    def drawn(command, path, folder, deflection="0", faces="", *, seconds):
+        return triangles.write_triangles(Path(path), Path(folder), float(deflection), faces)
 
     def said(program, path, folder, deflection, limit, look=None):
-        judge = piece_check.whole_findings if look else piece_check.solid_findings
+        judge = pieces.whole_findings if look else pieces.solid_findings
         found[:] = [dict(one) for one in judge(path, folder, deflection)]
         if look and (Path(folder) / "mesh.npz").exists():
             look()
         return [dict(one) for one in found]
 
-    monkeypatch.setattr(reports, "_said", said)
-    monkeypatch.setattr(reports, "last_line", drawn)
+    monkeypatch.setattr(reports, "_records", said)
+    monkeypatch.setattr(reports, "occt_report", drawn)
     return found

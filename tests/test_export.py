@@ -15,7 +15,7 @@ import trimesh
 from dsfab.core.errors import DsfabError, ExportError
 from dsfab.export import FORMATS, Written, formats, write, writing
 from dsfab.export.cad.step import file as step
-from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.part import in_single_precision, open_edges, part_of
 from dsfab.surface import Surface
 from dsfab.thickening import Solid
@@ -46,7 +46,7 @@ def torus(nu: int = 24, nv: int = 12) -> Solid:
 @pytest.fixture
 def quick_step(monkeypatch):
     """Inspect STEP files in this process: a new one takes a second to load OCCT, each time."""
-    monkeypatch.setattr(step, "inspection", lambda part, path: step_facts.step_facts(path))
+    monkeypatch.setattr(step, "inspection", lambda part, path: step_facts(path))
 
 
 def loaded(path: Path) -> trimesh.Trimesh:

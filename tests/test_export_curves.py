@@ -16,7 +16,7 @@ from dsfab.export import FORMATS, Details, curves, write
 from dsfab.export import curves as along
 from dsfab.export import curves as refining
 from dsfab.export.cad.step import file
-from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.curves import CLOSEST, all_curves_along, check_curves, curves_along, joined_segments
 from dsfab.export.part import part_of
 from dsfab.export.splines import LeastSquares
@@ -122,7 +122,7 @@ def rhino_points(curve) -> list[np.ndarray]:
 
 
 def test_step_wires_are_near_the_exact_lines(tmp_path, monkeypatch):
-    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts.step_facts(path))
+    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts(path))
     from build123d import import_step
 
     sheet, details = DOMED

@@ -13,7 +13,8 @@ from dsfab.design.output.files import curved_sheet
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.folded_sheets import flat_facets, folded_shape, folded_sheet, planar_file
 from dsfab.export.cad.step.strategies import attempts, prepare
-from dsfab.export.cad.step.worker import use_check
+from dsfab.export.cad.step.worker import program
+from dsfab.export.cad.step.worker.shapes import parts, read
 from dsfab.export.part import part_of
 from dsfab.export.subprocesses import run_program
 from dsfab.slicing import Sheet, cut
@@ -74,7 +75,6 @@ def test_two_strips_are_planes_that_meet_in_a_mitred_ridge():
 def test_edges_of_facets_aslant_keep_to_their_planes_as_near_as_occt_asks_at_all(tmp_path):
     """On a turned roof of 8 m with 6 decimals they were 1e-6 mm off, and what shortens an edge found it too far off."""
     from OCP.BRep import BRep_Tool
-    from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS
 
     turned = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
@@ -83,7 +83,7 @@ def test_edges_of_facets_aslant_keep_to_their_planes_as_near_as_occt_asks_at_all
     part, _, _ = folded(surface, openings(roof()))
     path = tmp_path / "roof.step"
     path.write_text("".join(planar_file(part).texts), encoding="ascii")
-    edges = use_check._parts(use_check._read(str(path)), TopAbs_ShapeEnum.TopAbs_EDGE)
+    edges = parts(read(path), "EDGE")
     assert max(BRep_Tool.Tolerance_s(TopoDS.Edge(edge)) for edge in edges) <= 1e-7
 
 
@@ -151,7 +151,7 @@ def test_a_roof_with_openings_is_written_cut_and_measured(tmp_path):
     said, path = list[str](), tmp_path / "roof.step"
     write(solid, path, step=StepOptions("auto", curved=partial(lambda: curved)), note=said.append)
     assert said[0].startswith("STEP is planar, 2 flat facets mitred at their folds")
-    found = json.loads(run_program(use_check.__file__, str(path), "4", seconds=300))
+    found = json.loads(run_program(program.__file__, "use", str(path), "4", seconds=300))
     assert (found["faces"], found["valid"], found["sound"], found["boxed"]) == (20, True, 4, True)
     assert (found["closed"], found["again"]) == (True, True)
     assert found["fillets"] >= 4
@@ -168,7 +168,7 @@ def test_openings_in_facets_have_the_plain_rule_right(tmp_path):
     solid = thicken(sheet.surface, sheet.carry(offsets(surface, T).D))
     ask = StepOptions("planar", tolerance=0.5, curved=lambda: curved_sheet(surface, sheet, T))
     write(solid, tmp_path / "roof.step", step=ask)
-    found = json.loads(run_program(use_check.__file__, str(tmp_path / "roof.step"), "1", seconds=300))
+    found = json.loads(run_program(program.__file__, "use", str(tmp_path / "roof.step"), "1", seconds=300))
     assert (found["solids"], found["valid"], found["sound"], found["again"]) == (1, True, 1, True)
     assert found["plain"] == pytest.approx(found["volume"], rel=1e-4)
     assert found["volume"] == pytest.approx(1e9 * solid.volume, rel=1e-3)

@@ -1,6 +1,5 @@
 """`--step auto`: the best way within the budget, told in one line; a refusal with the costs only when there is none."""
 
-import json
 import re
 from contextlib import suppress
 from dataclasses import replace
@@ -55,7 +54,7 @@ def unread(monkeypatch):
 def cut(monkeypatch):
     """OCCT's answer to the cut of a file, without OCCT."""
     said = {"halves": False, "off": 1.0, "box": [0.0] * 6}
-    monkeypatch.setattr(soundness, "last_line", lambda *_, seconds: json.dumps(said))
+    monkeypatch.setattr(soundness, "occt_report", lambda *_, seconds: said)
     return said
 
 

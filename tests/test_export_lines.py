@@ -15,7 +15,7 @@ import trimesh
 from dsfab.core.errors import ExportError
 from dsfab.export import FORMATS, Details, write
 from dsfab.export.cad.step import file as step_lines
-from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.drawing.svg import TITLE, scale_name
 from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, views, views_on_paper
 from dsfab.export.part import part_of
@@ -45,7 +45,7 @@ FLAT, ARCHED = striped(grid(16, 8, 2.0, 1.0)), striped(lifted(lambda x, y: 0.5 *
 @pytest.fixture(autouse=True)
 def _here(monkeypatch):
     """Inspect STEP curves in this process: a new one takes seconds to import build123d, each time."""
-    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_facts.step_facts(path))
+    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_facts(path))
 
 
 both = pytest.mark.parametrize("made", [FLAT, ARCHED], ids=["flat", "arched"])

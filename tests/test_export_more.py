@@ -20,7 +20,7 @@ from dsfab.design.output.files import deliverable
 from dsfab.export import FORMATS, Details, write
 from dsfab.export.cad.rhino import COLOURS, without_times
 from dsfab.export.cad.step import file
-from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.surface.fields import StructureLine
 from tests.presets import DOME_MODES
 from tests.test_export import box
@@ -43,7 +43,7 @@ def dome():
 @pytest.fixture
 def quick_step(monkeypatch):
     """Inspect BREP files in this process: a new one takes seconds to import build123d, each time."""
-    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts.step_facts(path))
+    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts(path))
 
 
 def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
@@ -154,7 +154,7 @@ def test_occt_finds_the_solid_of_a_brep_file(tmp_path, quick_step, design):
     assert shape.volume == pytest.approx(0.2 * 0.3 * 0.05 * 1e9)
     told: list[str] = []
     thing, how = deliverable(design, ".brep")
-    plate = step_facts.step_facts(write(thing, tmp_path / "plate.brep", note=told.append, **how))
+    plate = step_facts(write(thing, tmp_path / "plate.brep", note=told.append, **how))
     assert plate["volume"] == pytest.approx(1e9 * design.solid.volume, rel=1e-3)
     assert told == [f"BREP is planar, its outline within {1000 * 0.01 / 40:.3g} mm of the mesh"]
 

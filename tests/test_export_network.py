@@ -37,11 +37,11 @@ from dsfab.export.cad.step.by_members.patches import (
 from dsfab.export.cad.step.by_members.region_division import _narrow, with_cut_ends
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, joined_outlines, net_of, without_lenses
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, _surface, trimmed_face
-from dsfab.export.cad.step.flat_sheets import StepEntities
+from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.strategies import prepare
-from dsfab.export.cad.step.worker import reports, use_check
+from dsfab.export.cad.step.worker import program, reports
 from dsfab.export.part import StripedSheet, part_of
 from dsfab.export.splines import Spline, bernstein
 from dsfab.export.subprocesses import run_program
@@ -840,7 +840,7 @@ def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
     assert said[0].startswith("STEP is by members")
     assert "8 of 8" in said[0]
     assert "8 of 8 fillets" in said[0]
-    found = json.loads(run_program(use_check.__file__, str(path), "2", seconds=300))
+    found = json.loads(run_program(program.__file__, "use", str(path), "2", seconds=300))
     assert (found["solids"], found["valid"], found["sound"], found["closed"]) == (1, True, 2, True)
     assert (found["boxed"], found["again"]) == (True, True)
     assert found["volume"] == pytest.approx(part.volume, rel=2e-3)

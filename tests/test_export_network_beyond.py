@@ -25,9 +25,11 @@ from dsfab.export.cad.step.by_members.fillet_edges import (
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall, backwards, filled_corners
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.cad.step.entities import closing, header
-from dsfab.export.cad.step.flat_sheets import StepEntities
+from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
-from dsfab.export.cad.step.worker import use_check
+from dsfab.export.cad.step.worker import use
+from dsfab.export.cad.step.worker.shapes import is_valid
+from dsfab.export.cad.step.worker.shapes import read as read_shape
 from dsfab.export.part import StripedSheet
 from dsfab.export.splines import bernstein
 from dsfab.surface import Surface
@@ -208,13 +210,13 @@ def chevron() -> tuple[Surface, StripedSheet]:
 def test_occt_rounds_more_corners_of_an_opening_whose_seams_go_on(tmp_path, monkeypatch):
     """7 of 12, where they end at corners; those that are left turn by 122 degrees."""
     part, _, _ = draft_of(*chevron())
-    monkeypatch.setattr(use_check, "FILLETS", 12)
+    monkeypatch.setattr(use, "FILLETS", 12)
     found = list[tuple[int, int]]()
     for _ in range(2):
         (path := tmp_path / "chevron.step").write_text(member_draft(part, SmoothPlan(part)).text)
-        shape = use_check._read(str(path))
-        assert use_check._valid(shape)
-        found.append(use_check._fillet_counts(shape))
+        shape = read_shape(path)
+        assert is_valid(shape)
+        found.append(use._fillet_counts(shape))
         monkeypatch.setattr(draft, "with_long_seams", lambda model, faces: (model, faces, {}))
     assert [tried for _, tried in found] == [12, 12]
     assert found[0][0] >= 10 > found[1][0] + 2
@@ -227,8 +229,8 @@ def test_occt_reads_seams_with_their_places_on_faces_and_rounds_the_corner(given
     model, _, seams = with_long_seams(model, [])
     shape, text = read(model, seams, tmp_path)
     assert sum("=PCURVE(" in entity for entity in text) == 2 * sum(len(seam.on) for seam in seams.values())
-    assert use_check._valid(shape)
-    good, tried = use_check._fillet_counts(shape)
+    assert is_valid(shape)
+    good, tried = use._fillet_counts(shape)
     assert good == tried > 4
 
 
@@ -237,7 +239,7 @@ def test_occt_keeps_where_a_seam_goes_on_if_walls_beside_have_their_places_too(t
     """It puts the end of one to the end of the other, if they are .1 um apart, and drops what is beyond."""
     model, _ = with_ordered_walls(dish(BENT, [4, 3, 0, 5], [4, 3, 0, 5], False, 20.0, (37, 36)), [])
     model, _, seams = with_long_seams(model, [])
-    both = [use_check._fillet_counts(read(model, some, tmp_path)[0]) for some in (seams, {0: seams[0]})]
+    both = [use._fillet_counts(read(model, some, tmp_path)[0]) for some in (seams, {0: seams[0]})]
     assert both[0] == (6, 6)
     assert both[1][0] < both[1][1] == 6
 
@@ -247,4 +249,4 @@ def read(model: NetModel, seams: dict[int, LongSeam], folder: Path) -> tuple[Any
     faces = NetWriter(new := StepEntities(), model, THICK).faces([], seams)
     end = closing(np.zeros(len(faces), int), [[0]], np.array(faces), new.free, "dish")
     (path := folder / "dish.step").write_text("".join([header("dish", "dish", 1), *new.text, *end]))
-    return use_check._read(str(path)), new.text
+    return read_shape(path), new.text

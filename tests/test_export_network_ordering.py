@@ -11,7 +11,8 @@ from dsfab.export.cad.step.by_members.fillet_edges import CLEAR_EDGE, LONGEST_SH
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
-from dsfab.export.cad.step.worker import use_check
+from dsfab.export.cad.step.worker import use
+from dsfab.export.cad.step.worker.shapes import read
 from dsfab.surface import Surface
 from tests.test_export_network import RADIUS, cylinder_strip, draft_of, flat_model, striped
 
@@ -153,8 +154,8 @@ def test_occt_rounds_all_corners_of_openings_in_a_sphere(tmp_path, monkeypatch):
     surface, sheet = ball_grid()
     part, _, _ = draft_of(surface, sheet)
     (path := tmp_path / "grid.step").write_text(member_draft(part, SmoothPlan(part)).text)
-    monkeypatch.setattr(use_check, "FILLETS", 20)
-    assert use_check._fillet_counts(use_check._read(str(path))) == (20, 20)
+    monkeypatch.setattr(use, "FILLETS", 20)
+    assert use._fillet_counts(read(path)) == (20, 20)
     monkeypatch.setattr(draft, "with_ordered_walls", lambda model, faces: (model, faces))
     path.write_text(member_draft(part, SmoothPlan(part)).text)
-    assert use_check._fillet_counts(use_check._read(str(path)))[0] < 12
+    assert use._fillet_counts(read(path))[0] < 12

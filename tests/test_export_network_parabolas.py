@@ -18,7 +18,7 @@ from dsfab.export.cad.step.by_members.draft import NetWriter, _wanted_gap, membe
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
 from dsfab.export.cad.step.by_members.patches import FaceLimits, coons
 from dsfab.export.cad.step.by_members.trimmed import _surface
-from dsfab.export.cad.step.flat_sheets import StepEntities
+from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.splines import bernstein
 from tests.test_export_network import cylinder_strip, draft_of, grid

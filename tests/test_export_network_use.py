@@ -6,12 +6,12 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step import soundness
 from dsfab.export.cad.step.by_members import build
-from dsfab.export.cad.step.worker.use_check import (
+from dsfab.export.cad.step.worker.shapes import compound
+from dsfab.export.cad.step.worker.use import (
     ALONE_LIMIT,
     INVALID,
     TOGETHER_LIMIT,
     VolumeErrors,
-    _compound,
     _thickness_edges,
     _volume,
     _volume_errors,
@@ -33,7 +33,7 @@ def square(at: np.ndarray, axis: int, share: float, outwards: bool):
 def halves(section: float, skin: float = 0.0):
     """Two cubes beside each other: each face between them lacks a share of its area, and so does one of a skin."""
     return [
-        _compound(
+        compound(
             [
                 square(middle + way * SIDE / 2 * np.eye(3)[axis], axis, less(axis, way, middle[0]), way > 0)
                 for axis in range(3)
@@ -71,7 +71,7 @@ def test_of_halves_that_are_not_valid_nothing_is_measured():
 
 
 def test_cubes_beside_each_other_are_one_volume():
-    assert _volume(_compound(halves(0.0))) == pytest.approx(2 * SIDE**3, rel=1e-9)
+    assert _volume(compound(halves(0.0))) == pytest.approx(2 * SIDE**3, rel=1e-9)
 
 
 def test_pieces_of_a_rim_as_long_as_the_sheet_is_thick_are_not_across_it():
@@ -105,6 +105,6 @@ def test_a_cut_that_misses_volume_is_not_said_to_be_invalid(said, words):
 
 
 def test_a_cut_unasked_says_what_its_halves_miss(tmp_path, monkeypatch):
-    said = '{"halves": true, "off": 0.00015, "box": []}'
-    monkeypatch.setattr(soundness, "last_line", lambda *_, seconds: said)
+    said = {"halves": True, "off": 0.00015, "box": []}
+    monkeypatch.setattr(soundness, "occt_report", lambda *_, seconds: said)
     assert soundness.cut_fault(tmp_path, 1)[0].startswith("its halves miss 1.5e-04 of its volume")

@@ -8,7 +8,7 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.export import step_estimates, write
 from dsfab.export.cad.step import file
-from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.thickening import Solid
 from tests.test_export import box, quick_step, torus  # noqa: F401
 
@@ -50,7 +50,7 @@ def test_compressed_step_holds_the_same_file(tmp_path, quick_step):  # noqa: F81
 def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path, quick_step):  # noqa: F811
     said, solid = [], three()
     path = write(solid, tmp_path / "a.step", step="tessellated", note=said.append)
-    found = step_facts.step_facts(path)
+    found = step_facts(path)
     assert found["triangles"] == len(solid.F)
     assert found["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-8)
     assert said == ["STEP is tessellated: only programs that know AP242 tessellated geometry open it; FreeCAD 0.20 and "

@@ -17,7 +17,7 @@ from dsfab.core.errors import ExportError
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.flat_sheets import outlines_of, plate
-from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.curves import (
     SPANS,
     Curve,
@@ -43,7 +43,7 @@ THICKNESS = 0.02
 def here(monkeypatch):
     """Inspect in this process (a new one takes seconds to import build123d); gives the last findings."""
     found: dict = {}
-    monkeypatch.setattr(file, "inspection", lambda part, path: found.update(step_facts.step_facts(path)) or found)
+    monkeypatch.setattr(file, "inspection", lambda part, path: found.update(step_facts(path)) or found)
     return found
 
 
@@ -267,7 +267,7 @@ def test_a_refused_file_is_made_again_closer_and_then_faceted(tmp_path, monkeypa
 
     def doubtful(part, path):
         asked.append(part.step)
-        return step_facts.step_facts(path) | ({"valid": False} if len(asked) <= refusals else {})
+        return step_facts(path) | ({"valid": False} if len(asked) <= refusals else {})
 
     monkeypatch.setattr(file, "inspection", doubtful)
     lines: list[str] = []

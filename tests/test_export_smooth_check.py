@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dsfab.export.cad.step.worker import piece_check, piece_volume, reports, step_triangles
+from dsfab.export.cad.step.worker import forks, pieces, program, reports, triangles, volume
 from dsfab.export.cad.step.worker.reports import mesh_in
 from dsfab.export.subprocesses import last_line
 from dsfab.slicing import cut
@@ -20,8 +20,8 @@ from tests.smooth import holed, written
 def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
     _, shape, _ = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step")
-    here = piece_check.solid_findings(str(tmp_path / "a.step"))
-    there = json.loads(last_line(piece_check.__file__, str(tmp_path / "a.step"), seconds=60))["solids"]
+    here = pieces.solid_findings(str(tmp_path / "a.step"))
+    there = json.loads(last_line(program.__file__, "pieces", str(tmp_path / "a.step"), seconds=60))["solids"]
     assert there == here
     assert here[0]["volume"] == pytest.approx(shape.volume, rel=1e-3)
     around = shape.bounding_box()
@@ -30,32 +30,32 @@ def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
 
 COPIED = """
 import runpy, sys, time
-Meanwhile = runpy.run_path(sys.argv[1])["_ForkedWork"]
+Meanwhile = runpy.run_path(sys.argv[1])["ForkedWork"]
 asked, dropped = Meanwhile(lambda: 0.1 + 0.2), Meanwhile(lambda: time.sleep(3600))
 dropped.stop()
 print(asked() == 0.1 + 0.2)
 """
 
 
-@pytest.mark.skipif(not piece_check.COPIES, reason="processes are copied on Linux only")
+@pytest.mark.skipif(not forks.CAN_FORK, reason="processes are copied on Linux only")
 def test_a_copy_of_the_program_answers_or_is_stopped(tmp_path):
     (tmp_path / "a.py").write_text(COPIED)
-    assert last_line(str(tmp_path / "a.py"), piece_check.__file__, seconds=60) == "True"
+    assert last_line(str(tmp_path / "a.py"), forks.__file__, seconds=60) == "True"
 
 
 LEFT = """
 import os, runpy, sys, time
-print(runpy.run_path(sys.argv[1])["_ForkedWork"](lambda: time.sleep(600))._copy, flush=True)
+print(runpy.run_path(sys.argv[1])["ForkedWork"](lambda: time.sleep(600))._copy, flush=True)
 time.sleep(0.5)
 os._exit(0)
 """
 
 
-@pytest.mark.skipif(not piece_check.COPIES, reason="processes are copied on Linux only")
+@pytest.mark.skipif(not forks.CAN_FORK, reason="processes are copied on Linux only")
 def test_a_copy_ends_with_the_process_that_it_is_a_copy_of(tmp_path):
     """As when the time is over, or somebody presses Ctrl-C."""
     (tmp_path / "a.py").write_text(LEFT)
-    state = Path("/proc", last_line(str(tmp_path / "a.py"), piece_check.__file__, seconds=60), "stat")
+    state = Path("/proc", last_line(str(tmp_path / "a.py"), forks.__file__, seconds=60), "stat")
     waited = 0.0
     while state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z":
         assert (waited := waited + 0.1) < 60
@@ -73,11 +73,11 @@ def test_the_volume_by_greens_theorem_is_that_of_occts_own_rule(vault, tmp_path,
     reader, found = STEPControl_Reader(), GProp_GProps()
     reader.ReadFile(str(tmp_path / "a.step"))
     reader.TransferRoots()
-    monkeypatch.setattr(piece_volume, "MANY_EDGES", many)
-    BRepGProp.VolumeProperties_s(reader.OneShape(), found, piece_volume.VOLUME, False, False)
-    assert piece_volume.volume(reader.OneShape()) == pytest.approx(found.Mass(), rel=1e-9)
+    monkeypatch.setattr(volume, "MANY_EDGES", many)
+    BRepGProp.VolumeProperties_s(reader.OneShape(), found, volume.VOLUME, False, False)
+    assert volume.volume(reader.OneShape()) == pytest.approx(found.Mass(), rel=1e-9)
     # whose faces are no small ones: off by 8e-5 of it, where files may be off by 5e-3
-    assert piece_volume.volume_of_small_faces(reader.OneShape()) == pytest.approx(found.Mass(), rel=2e-4)
+    assert volume.volume_of_small_faces(reader.OneShape()) == pytest.approx(found.Mass(), rel=2e-4)
 
 
 TURNED = {
@@ -97,7 +97,7 @@ def test_what_other_readers_mend_is_refused(tmp_path, vault, what):
     flag = {".T.": ".F.", ".F.": ".T."}[found[0][-5:-2]]
     (tmp_path / "a.step").write_text(vault[: found.end() - 5] + flag + vault[found.end() - 2 :])
     assert import_step(tmp_path / "a.step").is_valid
-    assert [one["valid"] for one in piece_check.solid_findings(str(tmp_path / "a.step"))] == [False]
+    assert [one["valid"] for one in pieces.solid_findings(str(tmp_path / "a.step"))] == [False]
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def vault(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not piece_check.COPIES, reason="processes are copied on Linux only")
+@pytest.mark.skipif(not forks.CAN_FORK, reason="processes are copied on Linux only")
 def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
     strips = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).subset()
@@ -118,8 +118,10 @@ def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
     file, alone, shared = tmp_path / "a.step", tmp_path / "alone", tmp_path / "shared"
     alone.mkdir()
     shared.mkdir()
-    here = piece_check.solid_findings(str(file), str(alone), 1.0)
-    assert json.loads(last_line(piece_check.__file__, str(file), str(shared), "1.0", seconds=60))["solids"] == here
+    here = pieces.solid_findings(str(file), str(alone), 1.0)
+    assert (
+        json.loads(last_line(program.__file__, "pieces", str(file), str(shared), "1.0", seconds=60))["solids"] == here
+    )
     assert len({one["volume"] for one in here}) == len(here) >= 3
     files = [[path.read_bytes() for path in sorted(folder.iterdir())] for folder in (alone, shared)]
     assert files[0] == files[1]
@@ -137,10 +139,10 @@ def test_what_is_judged_as_a_whole_is_drawn_as_check_draws_it(tmp_path, solids):
     written(surface, sheet, tmp_path / "a.step")
     for name in ("judged", "read", "kept"):
         (tmp_path / name).mkdir()
-    found = piece_check.whole_findings(str(tmp_path / "a.step"), str(tmp_path / "judged"), 0.5)
+    found = pieces.whole_findings(str(tmp_path / "a.step"), str(tmp_path / "judged"), 0.5)
     assert [one["valid"] and one["tessellates"] for one in found] == [True] * solids
-    step_triangles.write_results(str(tmp_path / "a.step"), str(tmp_path / "read"), "0.5")
-    step_triangles.write_results(str(tmp_path / "judged" / "shape.bin"), str(tmp_path / "kept"), "0.5")
+    triangles.write_triangles(tmp_path / "a.step", tmp_path / "read", 0.5)
+    triangles.write_triangles(tmp_path / "judged" / "shape.bin", tmp_path / "kept", 0.5)
     found = {"solids": solids, "deflection": 0.5}
     judged, read, kept = (mesh_in(str(tmp_path / name), found, b"-") for name in ("judged", "read", "kept"))
     assert judged.face.max() > 2
@@ -153,7 +155,7 @@ def test_a_copy_that_asks_while_a_whole_is_drawn_finds_the_same(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
     sheet = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).subset()
     written(surface, sheet, tmp_path / "a.step")
-    here = piece_check.whole_findings(str(tmp_path / "a.step"), str(tmp_path), 0.5)
+    here = pieces.whole_findings(str(tmp_path / "a.step"), str(tmp_path), 0.5)
     mesh, seen = mesh_in(str(tmp_path), {"deflection": 0.5}), []
     with reports.occt() as program:
         apart = reports.whole_findings(program, (tmp_path / "a.step").read_text(), 0.5, 60, seen.append)
@@ -171,9 +173,9 @@ def test_a_whole_that_is_not_valid_is_known_though_it_is_drawn_meanwhile(tmp_pat
     with reports.occt() as program:
         judged = reports.whole_findings(program, (tmp_path / "a.step").read_text(), 0.5, 60)
     assert [(one.valid, one.tessellates, one.volume) for one in judged] == [(False, False, 0)]
-    assert not piece_check.whole_findings(str(tmp_path / "a.step"), str(tmp_path), 0.5)[0]["tessellates"]
+    assert not pieces.whole_findings(str(tmp_path / "a.step"), str(tmp_path), 0.5)[0]["tessellates"]
     assert not (tmp_path / "mesh.npz").exists()  # not without a copy that draws meanwhile
-    assert not piece_check.whole_findings(str(tmp_path / "none.step"), str(tmp_path), 0.5)
+    assert not pieces.whole_findings(str(tmp_path / "none.step"), str(tmp_path), 0.5)
 
 
 def test_triangles_of_a_placed_shape_lie_where_it_is_placed():
@@ -184,7 +186,7 @@ def test_triangles_of_a_placed_shape_lie_where_it_is_placed():
     box, move = BRepPrimAPI_MakeBox(1, 2, 3).Shape(), gp_Trsf()
     move.SetTranslation(gp_Vec(10, 20, 30))
     for shape, at in ((box, np.zeros(3)), (box.Moved(TopLoc_Location(move)), np.array([10.0, 20.0, 30.0]))):
-        mesh, found = step_triangles.triangles_of(shape, 0.1)
+        mesh, found = triangles.triangles_of(shape, 0.1)
         assert found["solids"] == 1
         assert len(mesh["F"]) == 12
         np.testing.assert_allclose([mesh["V"].min(axis=0), mesh["V"].max(axis=0)], [at, at + [1, 2, 3]], atol=1e-9)

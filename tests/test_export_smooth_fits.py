@@ -7,7 +7,7 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from dsfab.export import splines
-from dsfab.export.cad.step.flat_sheets import StepEntities, step_list
+from dsfab.export.cad.step.entities import StepEntities, step_list
 from dsfab.export.cad.step.shared.skins import prisms
 from dsfab.export.cad.step.smooth import charts, layout, solid
 from dsfab.export.cad.step.smooth.edges import by_chart, even_samples

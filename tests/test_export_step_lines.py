@@ -6,7 +6,7 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.export import Details, write
 from dsfab.export.cad.step import file
-from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.curves import curves_along
 from dsfab.export.formats import suffix_of
 from dsfab.surface.fields import StructureLine, polyline_length
@@ -15,7 +15,7 @@ from tests.test_export_lines import ARCHED, FLAT
 
 @pytest.fixture
 def here(monkeypatch):
-    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts.step_facts(path))
+    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts(path))
 
 
 def helix(turns: float = 1.5, count: int = 200) -> np.ndarray:
@@ -31,7 +31,7 @@ def test_a_helix_becomes_one_spline_of_its_length(tmp_path, here):
     assert np.abs(np.hypot(x[:, 0], x[:, 1]) - 1000).max() < 0.6
     line = StructureLine("centre", "major", 2, 1, helix(), polyline_length(helix()))
     path = write(FLAT[0], tmp_path / "a.lines.step", details=Details((line,), 5e-4))
-    assert step_facts.step_facts(path) == {"lines": 1, "length": pytest.approx(1000 * t * np.hypot(1, 0.1), rel=5e-4)}
+    assert step_facts(path) == {"lines": 1, "length": pytest.approx(1000 * t * np.hypot(1, 0.1), rel=5e-4)}
     assert "'centre-major-2.1 9470.9" in path.read_text()
 
 
@@ -39,7 +39,7 @@ def test_a_helix_becomes_one_spline_of_its_length(tmp_path, here):
 def test_occt_finds_every_line_with_layers_and_colours(made, tmp_path, here):
     sheet, details = made
     text = write(sheet, tmp_path / "a.lines.step", details=details).read_text()
-    found = step_facts.step_facts(tmp_path / "a.lines.step")
+    found = step_facts(tmp_path / "a.lines.step")
     assert found["lines"] == len(details.lines)
     assert found["length"] == pytest.approx(sum(1000 * line.length for line in details.lines), rel=1e-3)
     assert text.count("PRESENTATION_LAYER_ASSIGNMENT") == len({line.layer for line in details.lines})

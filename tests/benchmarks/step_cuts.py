@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import dsfab
-from dsfab.export.cad.step.worker import use_check
+from dsfab.export.cad.step.worker import program
 
 SECONDS = 3600
 
@@ -25,7 +25,7 @@ def row(name: str, step: str) -> str:
         path, begin = Path(folder) / "a.step", time.process_time()
         written = design.write(path)
         seconds = time.process_time() - begin
-        command = [sys.executable, "-P", use_check.__file__, str(path)]
+        command = [sys.executable, "-P", program.__file__, "use", str(path)]
         said = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=SECONDS).stdout)
         size = path.stat().st_size / 1e6
     plain = said["plain"] / said["volume"] - 1

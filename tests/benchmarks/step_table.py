@@ -25,7 +25,7 @@ import numpy as np
 
 import dsfab
 from dsfab.core.errors import DsfabError
-from dsfab.export.cad.step.worker import use_check
+from dsfab.export.cad.step.worker import program
 from dsfab.preset.file import with_overrides
 from dsfab.study.file_check import check_file
 from tests.benchmarks.step_sheets import OWN
@@ -73,7 +73,7 @@ def row(name: str, step: str, seconds: float) -> str:
 
 def used(path: Path, seconds: float) -> dict[str, object]:
     """What OCCT says of the use of a file; nothing where it takes longer than it may."""
-    command = [sys.executable, "-P", use_check.__file__, str(path), "8", "all"]
+    command = [sys.executable, "-P", program.__file__, "use", str(path), "8", "all"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=limit(seconds))
     return dict(json.loads(done.stdout)) if done.stdout else {}
 

@@ -13,7 +13,7 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
-from dsfab.export.cad.step.entities import NumberedEntities, piece_name, step_string
+from dsfab.export.cad.step.entities import StepEntities, piece_name, step_string
 from dsfab.export.members import MemberFacts, facts_of_members
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Details, MemberShape, Part
@@ -61,7 +61,7 @@ def file_header(name: str, version: str) -> str:
     )
 
 
-def building(entities: NumberedEntities, name: str, details: Details, naming: Naming) -> Place:
+def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
     """Add units, project, site and building, and the entities that all elements share; return their numbers."""
     title, measures = step_string(one_line(name)), details.measures
     units = ",".join(f"#{k}" for k in _units(entities))
@@ -84,7 +84,7 @@ def building(entities: NumberedEntities, name: str, details: Details, naming: Na
     return Place(body, house, placement, part, material, _properties(entities, measures, naming), style)
 
 
-def roof(entities: NumberedEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
+def roof(entities: StepEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
     """Add the roof that holds elements, with its placement, and the material and properties of the elements."""
     title, listed = step_string(one_line(name)), ",".join(f"#{k}" for k in elements)
     roof_entity = entities.add(
@@ -98,7 +98,7 @@ def roof(entities: NumberedEntities, place: Place, name: str, elements: list[int
         entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming('properties of all')}',$,$,$,({listed}),#{place.properties})")
 
 
-def _on_site(entities: NumberedEntities, context: int, origin: tuple[float, float, float]) -> None:
+def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, float]) -> None:
     """Add the position of the model in a survey's coordinates (m); the file cannot name the survey."""
     metre = entities.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
     survey = entities.add(f"IFCPROJECTEDCRS('unknown','that of the mesh file',$,$,$,$,#{metre})")
@@ -106,7 +106,7 @@ def _on_site(entities: NumberedEntities, context: int, origin: tuple[float, floa
     entities.add(f"IFCMAPCONVERSION(#{context},#{survey},{east},{north},{up},1.,0.,{real(1 / MM_PER_M)})")
 
 
-def surface_style(entities: NumberedEntities, name: str, colour: tuple[float, float, float]) -> int:
+def surface_style(entities: StepEntities, name: str, colour: tuple[float, float, float]) -> int:
     """Add a named colour, 0 to 1; return its number."""
     red, green, blue = map(real, colour)
     rgb = entities.add(f"IFCCOLOURRGB($,{red},{green},{blue})")
@@ -114,7 +114,7 @@ def surface_style(entities: NumberedEntities, name: str, colour: tuple[float, fl
     return entities.add(f"IFCSURFACESTYLE('{step_string(name)}',.BOTH.,(#{shading}))")
 
 
-def _units(entities: NumberedEntities) -> Iterator[int]:
+def _units(entities: StepEntities) -> Iterator[int]:
     yield entities.add("IFCSIUNIT(*,.LENGTHUNIT.,.MILLI.,.METRE.)")
     for kind, unit in (("AREA", "SQUARE_METRE"), ("VOLUME", "CUBIC_METRE"), ("PRESSURE", "PASCAL")):
         yield entities.add(f"IFCSIUNIT(*,.{kind}UNIT.,$,.{unit}.)")
@@ -128,7 +128,7 @@ def _units(entities: NumberedEntities) -> Iterator[int]:
     yield entities.add(f"IFCDERIVEDUNIT((#{parts[0]},#{parts[1]}),.MASSDENSITYUNIT.,$)")
 
 
-def _material(entities: NumberedEntities, measures: Mapping[str, float], material_name: str) -> int:
+def _material(entities: StepEntities, measures: Mapping[str, float], material_name: str) -> int:
     """Add the material and its values; 0 if none is known."""
     kinds = {
         "density": ("Pset_MaterialCommon", "MassDensity", "IFCMASSDENSITYMEASURE"),
@@ -147,20 +147,20 @@ def _material(entities: NumberedEntities, measures: Mapping[str, float], materia
     return material
 
 
-def _properties(entities: NumberedEntities, measures: Mapping[str, float], naming: Naming) -> int:
+def _properties(entities: StepEntities, measures: Mapping[str, float], naming: Naming) -> int:
     if measures.get("thickness", 0) <= 0:
         return 0
     value = single_value(entities, "Thickness", "IFCPOSITIVELENGTHMEASURE", measures["thickness"] * MM_PER_M)
     return entities.add(f"IFCPROPERTYSET('{naming('properties')}',$,'Dsfab_Sheet',$,(#{value}))")
 
 
-def single_value(entities: NumberedEntities, name: str, kind: str, value: float) -> int:
+def single_value(entities: StepEntities, name: str, kind: str, value: float) -> int:
     """Add a property with a number; return its entity number."""
     return entities.add(f"IFCPROPERTYSINGLEVALUE('{name}',$,{kind}({real(value)}),$)")
 
 
 def element(
-    entities: NumberedEntities,
+    entities: StepEntities,
     place: Place,
     which: tuple[str, int],
     mesh: tuple[Floats, Ints],
@@ -189,7 +189,7 @@ def element(
     return plate
 
 
-def face_set(entities: NumberedEntities, V: Floats, corners: Ints, style: int) -> int:
+def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> int:
     """Add triangles (m, 3), whose corners count from 1, of a closed body V (n, 3) in a style; return their number."""
     points = "".join(comma_separated_rows("(%.6f,%.6f,%.6f),", *V.T))
     listed = entities.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
@@ -220,7 +220,7 @@ def require_ifcopenshell() -> None:
 def encode(part: Part) -> Iterator[bytes]:
     """Yield project, site, building and roof, then a plate for each piece; equal parts give equal bytes."""
     shell, solids = solids_of(part)
-    entities, measures = NumberedEntities(1), part.details.measures
+    entities, measures = StepEntities(1), part.details.measures
     yield file_header(part.name, __version__).encode()
     naming = partial(identifier, part.name)
     place = building(entities, part.name, part.details, naming)
@@ -242,7 +242,7 @@ def encode(part: Part) -> Iterator[bytes]:
     yield b"ENDSEC;\nEND-ISO-10303-21;\n"
 
 
-def pending_bytes(entities: NumberedEntities) -> Iterator[bytes]:
+def pending_bytes(entities: StepEntities) -> Iterator[bytes]:
     """Yield the text of the pending entities and clear it."""
     yield "".join(entities.text).encode("ascii")
     entities.text.clear()
@@ -300,7 +300,7 @@ KINDS |= {"NetWeight": "WEIGHT", "GrossArea": "AREA", "GrossVolume": "VOLUME", "
 
 def encode_members(part: Part) -> Iterator[bytes]:
     """Yield project, site and building, then each member; equal parts give equal bytes."""
-    entities, details = NumberedEntities(1), part.details
+    entities, details = StepEntities(1), part.details
     naming = partial(identifier, f"{part.name} members")
     yield file_header(part.name, __version__).encode()
     place = building(entities, part.name, details, naming)
@@ -356,7 +356,7 @@ def _references(numbers: list[int]) -> str:
     return ",".join(f"#{k}" for k in numbers)
 
 
-def _element(entities: NumberedEntities, place: Place, shape: MemberShape, body: int, naming: Naming) -> int:
+def _element(entities: StepEntities, place: Place, shape: MemberShape, body: int, naming: Naming) -> int:
     product = entities.add(f"IFCPRODUCTDEFINITIONSHAPE($,$,(#{body}))")
     kind, defined = ("IFCPLATE", "SHEET") if shape.plate else ("IFCMEMBER", "MEMBER")
     name = step_string(shape.id)
@@ -382,7 +382,7 @@ def _amounts(shape: MemberShape, facts: MemberFacts, measures: Mapping[str, floa
 
 
 def _add_quantities(
-    entities: NumberedEntities, member: int, amounts: Mapping[str, float], shape: MemberShape, naming: Naming
+    entities: StepEntities, member: int, amounts: Mapping[str, float], shape: MemberShape, naming: Naming
 ) -> None:
     title = "Qto_PlateBaseQuantities" if shape.plate else "Qto_MemberBaseQuantities"
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
@@ -402,7 +402,7 @@ def _add_quantities(
         )
 
 
-def _add_facts(entities: NumberedEntities, member: int, facts: MemberFacts, naming: Naming) -> None:
+def _add_facts(entities: StepEntities, member: int, facts: MemberFacts, naming: Naming) -> None:
     words = {key: value for key, value in facts.words.items() if not key.endswith("_mm")}
     if facts.counted_with:
         words["crossings counted with"] = ", ".join(facts.counted_with)
@@ -418,7 +418,7 @@ def _add_facts(entities: NumberedEntities, member: int, facts: MemberFacts, nami
     entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'described {name}')}',$,$,$,(#{member}),#{property_set})")
 
 
-def _add_documents(entities: NumberedEntities, member: int, drawings: tuple[str, Any], naming: Naming) -> None:
+def _add_documents(entities: StepEntities, member: int, drawings: tuple[str, Any], naming: Naming) -> None:
     name, files = drawings
     for file in files:
         file_name = step_string(file)

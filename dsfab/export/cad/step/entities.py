@@ -1,6 +1,6 @@
 """Entities of a STEP file: header, shells, products and colours, planar faces, and tessellated faces (AP242)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import accumulate, pairwise
 from typing import Any
 
@@ -11,6 +11,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
 from dsfab.export.cad.step.planar import FLATNESS, Polyhedron
+from dsfab.export.curves import Curve
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, count_error, distinct_rows
@@ -18,6 +19,22 @@ from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line,
 
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
 """Red, green and blue of the pieces, in turn. The colours are muted, so that edges stay visible."""
+
+DIGITS = 6
+"""Decimals of curve coordinates, and of the solid whose planes are searched: 1e-6 mm."""
+
+DIRECTION_DIGITS = 11
+"""Decimals of directions: under 1e-6 mm at the end of an edge of 100 m."""
+
+FIRST_FREE = 19
+"""First free entity number after the header."""
+
+PARAMETER_CONTEXT = (
+    "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
+)
+
+KnotText = tuple[str, str]
+"""Multiplicities and values of knots."""
 
 
 def piece_name(name: str, i: int, pieces: int) -> str:
@@ -31,7 +48,7 @@ def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: 
     shell : (f,) shell of each face; its entity is faces[i]. solids : shells of each solid, the outer one first.
     The header holds the product of the first piece; all other pieces get their own.
     """
-    entities_after = NumberedEntities(free)
+    entities_after = StepEntities(free)
     styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
     styled = []
     for i, (outer, *voids) in enumerate(solids):
@@ -40,30 +57,153 @@ def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: 
         definition = 8 if i == 0 else product(entities_after, piece_name(name, i, len(solids)))
         entities_after.add(f"SHAPE_DEFINITION_REPRESENTATION(#{definition},#{shape})")
         styled.append(entities_after.add(f"STYLED_ITEM('',(#{styles[i % len(styles)]}),#{item})"))
-    listed = ",".join(f"#{k}" for k in styled)
-    entities_after.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',({listed}),#14)")
+    entities_after.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',{references(styled)},#14)")
     yield from entities_after.text
     yield "ENDSEC;\nEND-ISO-10303-21;\n"
 
 
-class NumberedEntities:
-    """List of entities with consecutive numbers from `free`."""
+class StepEntities:
+    """Numbered entities of a file; equal points and directions are written once."""
 
-    def __init__(self, free: int) -> None:
+    def __init__(self, free: int = FIRST_FREE, extra_digits: int = 0) -> None:
+        """free : first number.    extra_digits : decimals of points and directions beyond the usual ones."""
         self.free, self.text = free, list[str]()
+        self._digits, self._direction_digits = DIGITS + extra_digits, DIRECTION_DIGITS + extra_digits
+        self._numbers, self._points = dict[str, int](), dict[tuple[float, ...], int]()
 
     def next(self) -> int:
         """Reserve a number for an entity that the caller writes itself."""
         self.free += 1
         return self.free - 1
 
-    def add(self, body: str) -> int:
-        """Add an entity and return its number."""
+    def add(self, body: str, shared: bool = False) -> int:
+        """Add an entity and return its number. shared : return that of an equal entity if there is one."""
+        if shared:
+            return self.once(body)
         self.text.append(f"#{self.free}={body};\n")
         return self.next()
 
+    def once(self, body: str) -> int:
+        """Add an entity unless it exists, and return its number."""
+        if body not in self._numbers:
+            self._numbers[body] = self.add(body)
+        return self._numbers[body]
 
-def product(entity_list: NumberedEntities, name: str) -> int:
+    def point(self, p: Floats) -> int:
+        """Return the number of a point p (3,), millimetres."""
+        return self.once(f"CARTESIAN_POINT('',{step_list(p, self._digits)})")
+
+    def points(self, points: Floats, digits: int) -> Iterator[int]:
+        """Yield the numbers of points (k, 3), millimetres, or (k, 2) on a surface, rounded to `digits` decimals."""
+        for p in map(tuple, (np.round(points, digits) + 0.0).tolist()):
+            if p not in self._points:
+                text = ",".join([f"{v:.{digits}f}".rstrip("0") for v in p])
+                self._points[p] = self.once(f"CARTESIAN_POINT('',({text}))")
+            yield self._points[p]
+
+    def vector(self, d: Floats) -> int:
+        """Return the number of a unit vector along d (3,), a direction of any length."""
+        return self.once(f"VECTOR('',#{self._direction(d)},1.)")
+
+    def _direction(self, d: Floats) -> int:
+        return self.once(f"DIRECTION('',{step_list(d / np.linalg.norm(d), self._direction_digits)})")
+
+    def line(self, p: Floats, along: Floats) -> int:
+        """Add a line through p (3,), millimetres, along a direction (3,)."""
+        vector = self.vector(along)
+        return self.add(f"LINE('',#{self.point(p)},#{vector})")
+
+    def plane(self, p: Floats, normal: Floats) -> int:
+        """Add a plane through p (3,), millimetres, with a normal (3,)."""
+        axes = self.add(f"AXIS2_PLACEMENT_3D('',#{self.point(p)},#{self._direction(normal)},$)")
+        return self.add(f"PLANE('',#{axes})")
+
+    def curve(self, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
+        """Add a line (bounded: a polyline of two points) or a spline with poles (p, 3), millimetres."""
+        if curve.is_straight and bounded:
+            return self.add(f"POLYLINE('{title}',{references([self.point(p) for p in poles])})")
+        if curve.is_straight:
+            return self.line(poles[0], poles[-1] - poles[0])
+        return self.spline(curve.degree, [self.point(p) for p in poles], knot_text(curve.knots), title)
+
+    def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
+        """Add a spline curve through numbered poles.
+
+        Lines under edges of spline faces too, because a polyline there has at least three points (ISO 10303-511,
+        advanced_face).
+        """
+        return self.add(
+            f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{degree},{references(poles)},.UNSPECIFIED.,.F.,.F.,"
+            f"{knots[0]},{knots[1]},.UNSPECIFIED.)",
+            shared,
+        )
+
+    def bezier(self, poles: list[int], shared: bool = False) -> int:
+        """Add a Bezier curve as a spline with one span."""
+        return self.spline(len(poles) - 1, poles, bezier_knots(len(poles)), shared=shared)
+
+    def spline_surface(self, degrees: tuple[int, int], rows: Iterable[list[int]], u: KnotText, v: KnotText) -> int:
+        """Add a spline surface through rows of numbered poles."""
+        poles = ",".join(references(row) for row in rows)
+        return self.add(
+            f"B_SPLINE_SURFACE_WITH_KNOTS('',{degrees[0]},{degrees[1]},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
+            f"{u[0]},{v[0]},{u[1]},{v[1]},.UNSPECIFIED.)"
+        )
+
+    def parameter_curve(self, surface: int, curve: int) -> int:
+        """Add a curve in the parameters of a surface."""
+        flat = self.once(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.once(PARAMETER_CONTEXT)})")
+        return self.add(f"PCURVE('',#{surface},#{flat})")
+
+    def vertex(self, point: int, shared: bool = False) -> int:
+        """Add a vertex at a numbered point."""
+        return self.add(f"VERTEX_POINT('',#{point})", shared)
+
+    def edge(self, start: int, end: int, curve: int, shared: bool = False) -> int:
+        """Add an edge between two vertices along a curve."""
+        return self.add(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)", shared)
+
+    def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
+        """Add a bound of edges; each has True if it runs forwards."""
+        oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if forwards else 'F'}.)") for edge, forwards in steps]
+        loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
+        return self.add(f"{kind}('',#{loop},.T.)")
+
+    def face(self, bounds: list[int], surface: int, same_sense: bool = True) -> int:
+        """Add a face. same_sense : True if its normal is that of its surface."""
+        return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same_sense else 'F'}.)")
+
+    def file(self, pieces: list[list[int]], name: str, description: str) -> Iterator[str]:
+        """Yield the file with a solid of each list of numbered faces."""
+        yield header(name, description, len(pieces))
+        yield "".join(self.text)
+        shells = np.repeat(np.arange(len(pieces)), [len(faces) for faces in pieces])
+        yield from closing(shells, [[i] for i in range(len(pieces))], np.concatenate(pieces), self.free, name)
+
+
+def knot_text(knots: Floats, digits: int = DIGITS) -> KnotText:
+    """Format the knots of a spline, which are repeated."""
+    values, times = np.unique(knots, return_counts=True)
+    return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, digits)
+
+
+def bezier_knots(count: int) -> KnotText:
+    """Format the knots of a Bezier curve with `count` poles."""
+    return f"({count},{count})", "(0.,1.)"
+
+
+def step_list(values: Floats, digits: int) -> str:
+    """Format values (k,) as '(1.5,0.,-2.)', without trailing zeros."""
+    text = ",".join(f"{v:.{digits}f}" for v in (np.round(values, digits) + 0.0).tolist())
+    return TRAILING_ZEROS.sub(r"\1", f"({text})")
+
+
+def references(numbers: Iterable[int]) -> str:
+    """Format entity numbers as '(#7,#8,#9)'."""
+    return "(" + ",".join(f"#{k}" for k in numbers) + ")"
+
+
+def product(entity_list: StepEntities, name: str) -> int:
     """Add a product with the contexts of the header; return the number of its PRODUCT_DEFINITION_SHAPE."""
     title = step_string(name)
     product_number = entity_list.add(f"PRODUCT('{title}','{title}','',(#3))")
@@ -73,7 +213,7 @@ def product(entity_list: NumberedEntities, name: str) -> int:
     return entity_list.add(f"PRODUCT_DEFINITION_SHAPE('','',#{definition})")
 
 
-def _style(entity_list: NumberedEntities, colour: tuple[float, float, float]) -> int:
+def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int:
     number = entity_list.add(f"COLOUR_RGB('',{','.join(f'{x:g}' for x in colour)})")
     for body in (
         "FILL_AREA_STYLE_COLOUR('',#%d)",
@@ -87,17 +227,14 @@ def _style(entity_list: NumberedEntities, colour: tuple[float, float, float]) ->
     return number
 
 
-def _solid(entity_list: NumberedEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
+def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
     """Add a solid with one outer shell and voids. The file has shells of voids facing outwards, so they are reversed
     here."""
-    shells = [
-        entity_list.add(f"CLOSED_SHELL('',({','.join(f'#{k}' for k in faces[shell == i].tolist())}))")
-        for i in [outer, *voids]
-    ]
+    shells = [entity_list.add(f"CLOSED_SHELL('',{references(faces[shell == i].tolist())})") for i in [outer, *voids]]
     inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
         return entity_list.add(f"MANIFOLD_SOLID_BREP('',#{shells[0]})")
-    return entity_list.add(f"BREP_WITH_VOIDS('',#{shells[0]},({','.join(f'#{k}' for k in inner)}))")
+    return entity_list.add(f"BREP_WITH_VOIDS('',#{shells[0]},{references(inner)})")
 
 
 def step_string(name: str) -> str:
@@ -106,15 +243,9 @@ def step_string(name: str) -> str:
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
 
-DIGITS = 6
-"""Decimals of curve coordinates, and of the solid whose planes are searched: 1e-6 mm."""
-
 FACETED_DIGITS = 5
 """Decimals of corners of planar faces: 1e-5 mm, the precision that the file states. Planes are found before
 rounding."""
-
-DIRECTION_DIGITS = 11
-"""Decimals of directions: under 1e-6 mm at the end of an edge of 100 m."""
 
 _POINT = f"CARTESIAN_POINT('',(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f))"
 _RATIOS = "DIRECTION('',(%d.,%d.,%d.))"
@@ -146,8 +277,6 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 #17=DIRECTION('',(1.,0.,0.));
 #18=AXIS2_PLACEMENT_3D('',#15,#16,#17);
 """
-FIRST_FREE = 19
-"""First free entity number after the header."""
 
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
@@ -286,7 +415,7 @@ def tessellated_entities(part: Part) -> Iterator[str]:
         .replace("'automotive_design',2000", "'ap242_managed_model_based_3d_engineering',2014")
         .replace("core data for automotive mechanical design processes", "managed model based 3d engineering")
     )
-    entity_list = NumberedEntities(FIRST_FREE)
+    entity_list = StepEntities(FIRST_FREE)
     for i, shells in enumerate(solids):
         used, corner = np.unique(part.F[np.isin(shell, shells)], return_inverse=True)
         title, triangles = piece_name(part.name, i, len(solids)), corner.reshape(-1, 3) + 1
@@ -302,13 +431,13 @@ def expected_bytes(part: Part) -> float:
     return float(1500 + 3 * (digits + 1) * len(part.V) + (3 * np.log10(len(part.V)) + 8) * len(part.F))
 
 
-def _coordinates(entity_list: NumberedEntities, points: Floats) -> Iterator[str]:
+def _coordinates(entity_list: StepEntities, points: Floats) -> Iterator[str]:
     yield f"#{entity_list.next()}=COORDINATES_LIST('',{len(points)},("
     yield from comma_separated_rows(f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f),\n", *points.T)
     yield "));\n"
 
 
-def _face(entity_list: NumberedEntities, count: int, triangles: Ints) -> Iterator[str]:
+def _face(entity_list: StepEntities, count: int, triangles: Ints) -> Iterator[str]:
     """Yield one face with all triangles, without normals or exact geometry; point i is row i of the coordinates."""
     number = entity_list.next()
     yield f"#{number}=TRIANGULATED_FACE('',#{number - 1},{count},(),$,(),("
@@ -316,7 +445,7 @@ def _face(entity_list: NumberedEntities, count: int, triangles: Ints) -> Iterato
     yield "));\n"
 
 
-def _product(entity_list: NumberedEntities, i: int, title: str) -> Iterator[str]:
+def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
     face = entity_list.free - 1
     shape = entity_list.add(f"TESSELLATED_SOLID('',(#{face}),$)")
     representation = entity_list.add(f"TESSELLATED_SHAPE_REPRESENTATION('',(#18,#{shape}),#14)")

@@ -1,7 +1,6 @@
 """STEP files of solids (plain or compressed) and of lines, and BREP files of the same solids."""
 
 import io
-import json
 import subprocess
 import tempfile
 import zipfile
@@ -17,19 +16,19 @@ from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step import entities as tessellated
 from dsfab.export.cad.step import strategies
 from dsfab.export.cad.step.by_members.build import member_file
-from dsfab.export.cad.step.entities import entities, faceted_bytes, header, step_string
+from dsfab.export.cad.step.entities import StepEntities, entities, faceted_bytes, header, references, step_string
 from dsfab.export.cad.step.file_size import BudgetError
-from dsfab.export.cad.step.flat_sheets import StepEntities, curve_entity
 from dsfab.export.cad.step.folded_sheets import planar_file
 from dsfab.export.cad.step.planar import polyhedron
 from dsfab.export.cad.step.smooth.build import smooth_file
 from dsfab.export.cad.step.soundness import smooth_use, step_fault
-from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.cad.step.worker.reports import occt_report
+from dsfab.export.cad.step.worker.shapes import read as read_shape
 from dsfab.export.curves import Curve, chains, check_length, curve_tolerance, halves
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, check_measure, count_error
-from dsfab.export.subprocesses import ProgramError, last_line
+from dsfab.export.subprocesses import ProgramError
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine
 
@@ -149,11 +148,11 @@ def _require_same(part: Part, path: Path, text: str) -> None:
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
-    """Return the report of `step_facts` about a file, from a process with a time limit; raises ExportError without a
+    """Return OCCT's facts about a file, from a process with a time limit; raises ExportError without a
     report."""
     limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step in ("faceted", "smooth") else 0)
     try:
-        answer: dict[str, Any] = json.loads(last_line(step_facts.__file__, str(path), seconds=limit))
+        return occt_report("facts", str(path), seconds=limit)
     except subprocess.TimeoutExpired as error:
         raise ExportError(
             f"reading back the STEP file of {part.name!r} did not end within {limit:.0f} s, so its validity is "
@@ -163,7 +162,6 @@ def inspection(part: Part, path: Path) -> dict[str, Any]:
         raise ExportError(
             f"OCCT could not read the STEP file of {part.name!r} ({error}); write STL or 3MF instead"
         ) from error
-    return answer
 
 
 _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
@@ -204,7 +202,7 @@ def encode_brep(part: Part) -> Iterator[bytes]:
         step_path.write_bytes(b"".join(chunks))
         from OCP.BRepTools import BRepTools
 
-        if not BRepTools.Write_s(step_facts.read(step_path), str(path)):
+        if not BRepTools.Write_s(read_shape(step_path), str(path)):
             raise ExportError(f"OCCT could not write {part.name!r} as BREP; write STEP instead")
         yield path.read_bytes()
 
@@ -237,18 +235,16 @@ def encode_lines(part: Part) -> Iterator[bytes]:
     entity_list, layers = StepEntities(), dict[str, list[int]]()
     for line, chain in zip(part.details.lines, chains(part), strict=True):
         layers.setdefault(line.layer, []).append(_line(entity_list, line, chain))
-    everything = ",".join(f"#{k}" for members in layers.values() for k in members)
-    curves = entity_list.add(f"GEOMETRIC_CURVE_SET('',({everything}))")
+    everything = references(k for members in layers.values() for k in members)
+    curves = entity_list.add(f"GEOMETRIC_CURVE_SET('',{everything})")
     shape = entity_list.add(f"GEOMETRICALLY_BOUNDED_WIREFRAME_SHAPE_REPRESENTATION('',(#18,#{curves}),#14)")
     entity_list.add(f"SHAPE_DEFINITION_REPRESENTATION(#8,#{shape})")
     styled = []
     for layer, members in layers.items():
-        listed = ",".join(f"#{k}" for k in members)
-        entity_list.add(f"PRESENTATION_LAYER_ASSIGNMENT('{step_string(layer)}','',({listed}))")
+        entity_list.add(f"PRESENTATION_LAYER_ASSIGNMENT('{step_string(layer)}','',{references(members)})")
         style = _style(entity_list, COLOURS.get(layer.partition("-")[2], (0.0, 0.0, 0.0)))
         styled += [entity_list.add(f"STYLED_ITEM('',(#{style}),#{k})") for k in members]
-    listed = ",".join(f"#{k}" for k in styled)
-    entity_list.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',({listed}),#14)")
+    entity_list.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',{references(styled)},#14)")
     about = f"edges and centre lines as curves within {curve_tolerance(part):.2g} mm of the mesh"
     yield header(part.name, about).encode("ascii")
     yield "".join(entity_list.text).encode("ascii")
@@ -260,10 +256,10 @@ def _line(entity_list: StepEntities, line: StructureLine, chain: list[Curve]) ->
     chain = halves(chain[0]) if line.is_closed and len(chain) == 1 else chain
     title = step_string(f"{line.id} {line.length:.3f} mm")
     if len(chain) == 1:
-        return curve_entity(entity_list, chain[0], chain[0].poles, title, bounded=True)
-    parts = [curve_entity(entity_list, curve, curve.poles, "", bounded=True) for curve in chain]
+        return entity_list.curve(chain[0], chain[0].poles, title, bounded=True)
+    parts = [entity_list.curve(curve, curve.poles, bounded=True) for curve in chain]
     segments = [entity_list.add(f"COMPOSITE_CURVE_SEGMENT(.CONTINUOUS.,.T.,#{k})") for k in parts]
-    return entity_list.add(f"COMPOSITE_CURVE('{title}',({','.join(f'#{k}' for k in segments)}),.F.)")
+    return entity_list.add(f"COMPOSITE_CURVE('{title}',{references(segments)},.F.)")
 
 
 def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int:

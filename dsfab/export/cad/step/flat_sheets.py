@@ -8,11 +8,10 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats, lock
 from dsfab.core.errors import ExportError
-from dsfab.export.cad.step.entities import DIGITS, DIRECTION_DIGITS, FIRST_FREE, closing, header
+from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.planar import FLATNESS
 from dsfab.export.curves import Curve, curves_through, split_at_knots
 from dsfab.export.part import Part
-from dsfab.export.writing import TRAILING_ZEROS
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3
@@ -181,73 +180,11 @@ def signed_loop_area(loop: Floats) -> float:
     return float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum() / 2)
 
 
-class StepEntities:
-    """Numbered entities; equal points and directions are written once."""
-
-    def __init__(self, extra_digits: int = 0) -> None:
-        """extra_digits : decimals of points and directions beyond the usual ones."""
-        self.text: list[str] = []
-        self._digits, self._direction_digits = DIGITS + extra_digits, DIRECTION_DIGITS + extra_digits
-        self._known: dict[str, int] = {}
-
-    def add(self, body: str) -> int:
-        """Add an entity and return its number."""
-        number = self.free
-        self.text.append(f"#{number}={body};\n")
-        return number
-
-    @property
-    def free(self) -> int:
-        """Number of the next entity."""
-        return FIRST_FREE + len(self.text)
-
-    def once(self, body: str) -> int:
-        """Add an entity unless it exists, and return its number."""
-        if body not in self._known:
-            self._known[body] = self.add(body)
-        return self._known[body]
-
-    def point(self, p: Floats) -> int:
-        """Return the number of a point p (3,), millimetres."""
-        return self.once(f"CARTESIAN_POINT('',{step_list(p, self._digits)})")
-
-    def direction(self, d: Floats) -> int:
-        """Return the number of a direction d (3,) of any length."""
-        return self.once(f"DIRECTION('',{step_list(d / np.linalg.norm(d), self._direction_digits)})")
-
-    def line(self, p: Floats, along: Floats) -> int:
-        """Add a line through p (3,), millimetres, along a direction (3,)."""
-        vector = self.once(f"VECTOR('',#{self.direction(along)},1.)")
-        return self.add(f"LINE('',#{self.point(p)},#{vector})")
-
-    def plane(self, p: Floats, normal: Floats) -> int:
-        """Add a plane through p (3,), millimetres, with a normal (3,)."""
-        axes = self.add(f"AXIS2_PLACEMENT_3D('',#{self.point(p)},#{self.direction(normal)},$)")
-        return self.add(f"PLANE('',#{axes})")
-
-    def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
-        """Add a bound of edges; each has True if it runs forwards."""
-        oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if forwards else 'F'}.)") for edge, forwards in steps]
-        loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
-        return self.add(f"{kind}('',#{loop},.T.)")
-
-    def face(self, bounds: list[int], surface: int, same_sense: bool = True) -> int:
-        """Add a face. same_sense : True if its normal is that of its surface."""
-        return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same_sense else 'F'}.)")
-
-
 def plate_entities(plate: FlatPlate, name: str) -> Iterator[str]:
     """Yield the file with a solid for each piece."""
-    yield header(name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh", len(plate.pieces))
-    entity_list, shells, faces = StepEntities(), list[int](), list[int]()
-    for i, loops in enumerate(plate.pieces):
-        piece_faces = _piece(entity_list, plate, loops)
-        faces += piece_faces
-        shells += [i] * len(piece_faces)
-    yield "".join(entity_list.text)
-    yield from closing(
-        np.array(shells), [[i] for i in range(len(plate.pieces))], np.array(faces), entity_list.free, name
-    )
+    entity_list = StepEntities()
+    pieces = [_piece(entity_list, plate, loops) for loops in plate.pieces]
+    yield from entity_list.file(pieces, name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh")
 
 
 def _piece(entity_list: StepEntities, plate: FlatPlate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:
@@ -256,20 +193,16 @@ def _piece(entity_list: StepEntities, plate: FlatPlate, loops: tuple[tuple[Curve
     for j, loop in enumerate(loops):
         kind = "FACE_BOUND" if j else "FACE_OUTER_BOUND"
         ends = [np.stack([_in_space(c.poles[:1], axes, h)[0] for c in loop]) for h in heights]
-        vertices = [[entity_list.add(f"VERTEX_POINT('',#{entity_list.point(p)})") for p in row] for row in ends]
+        vertices = [[entity_list.vertex(entity_list.point(p)) for p in row] for row in ends]
         posts = [
-            entity_list.add(f"EDGE_CURVE('',#{v},#{w},#{entity_list.line(p, axes[2])},.T.)")
-            for v, w, p in zip(*vertices, ends[0], strict=True)
+            entity_list.edge(v, w, entity_list.line(p, axes[2])) for v, w, p in zip(*vertices, ends[0], strict=True)
         ]
         edges = list[tuple[int, int]]()
         for k, curve in enumerate(loop):
             after = (k + 1) % len(loop)
             poles = [_in_space(curve.poles, axes, h) for h in heights]
-            lines = [curve_entity(entity_list, curve, p) for p in poles]
-            low, high = (
-                entity_list.add(f"EDGE_CURVE('',#{row[k]},#{row[after]},#{line},.T.)")
-                for row, line in zip(vertices, lines, strict=True)
-            )
+            lines = [entity_list.curve(curve, p) for p in poles]
+            low, high = (entity_list.edge(row[k], row[after], line) for row, line in zip(vertices, lines, strict=True))
             edges.append((low, high))
             wire = entity_list.wire([(low, True), (posts[after], True), (high, False), (posts[k], False)])
             walls.append(entity_list.face([wire], _wall(entity_list, curve, poles[0], lines[0], axes[2])))
@@ -287,34 +220,7 @@ def _in_space(points: Floats, axes: Floats, height: float) -> Floats:
     return np.asarray(points @ axes[:2] + height * axes[2])
 
 
-def curve_entity(entity_list: StepEntities, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
-    """Add a line (bounded: a polyline of two points) or a spline with poles (p, 3), millimetres."""
-    if curve.is_straight and bounded:
-        return entity_list.add(f"POLYLINE('{title}',{references([entity_list.point(p) for p in poles])})")
-    if curve.is_straight:
-        return entity_list.line(poles[0], poles[-1] - poles[0])
-    knots, times = np.unique(curve.knots, return_counts=True)
-    through = references([entity_list.point(p) for p in poles])
-    counts = ",".join(str(k) for k in times.tolist())
-    return entity_list.add(
-        f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{curve.degree},{through},.UNSPECIFIED.,.F.,.F.,({counts}),"
-        f"{step_list(knots, DIGITS)},.UNSPECIFIED.)"
-    )
-
-
 def _wall(entity_list: StepEntities, curve: Curve, poles: Floats, line: int, across: Floats) -> int:
     if curve.is_straight:
         return entity_list.plane(poles[0], np.cross(poles[-1] - poles[0], across))
-    vector = entity_list.once(f"VECTOR('',#{entity_list.direction(across)},1.)")
-    return entity_list.add(f"SURFACE_OF_LINEAR_EXTRUSION('',#{line},#{vector})")
-
-
-def step_list(values: Floats, digits: int) -> str:
-    """Format values (k,) as '(1.5,0.,-2.)', without trailing zeros."""
-    text = ",".join(f"{v:.{digits}f}" for v in (np.round(values, digits) + 0.0).tolist())
-    return TRAILING_ZEROS.sub(r"\1", f"({text})")
-
-
-def references(numbers: list[int]) -> str:
-    """Format entity numbers as '(#7,#8,#9)'."""
-    return "(" + ",".join(f"#{k}" for k in numbers) + ")"
+    return entity_list.add(f"SURFACE_OF_LINEAR_EXTRUSION('',#{line},#{entity_list.vector(across)})")

@@ -12,21 +12,17 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, group_sums
 from dsfab.core.derived import derived
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
-from dsfab.export.cad.step.entities import DIGITS, closing, header
+from dsfab.export.cad.step.entities import StepEntities, bezier_knots, knot_text
 from dsfab.export.cad.step.flat_sheets import (
     GAP_SHARE,
     WIDTH_SHARE,
     NotFlatError,
-    StepEntities,
-    curve_entity,
     frame,
     gaps_between,
     outlines_of,
     plate,
     plate_entities,
-    references,
     signed_loop_area,
-    step_list,
 )
 from dsfab.export.cad.step.planar import FLATNESS, coplanar_regions
 from dsfab.export.cad.step.smooth.edges import RunKey, run_key
@@ -293,16 +289,11 @@ EdgePair = tuple[int, int]
 
 def folded_entities(shape: FoldedShape, name: str) -> Iterator[str]:
     """Yield the file with a solid for each piece."""
-    pieces = shape.sheet.outline.count
-    yield header(name, f"folded solid of flat facets, outline within {shape.deviation:.2g} mm of the mesh", pieces)
-    writer = _Writer(shape)
-    shells, faces = list[int](), list[int]()
+    writer, pieces = _Writer(shape), [list[int]() for _ in range(shape.sheet.outline.count)]
     for region in shape.sheet.outline.regions:
-        region_faces = writer.region(region)
-        faces += region_faces
-        shells += [region.piece] * len(region_faces)
-    yield "".join(writer.new.text)
-    yield from closing(np.array(shells), [[i] for i in range(pieces)], np.array(faces), writer.new.free, name)
+        pieces[region.piece] += writer.region(region)
+    about = f"folded solid of flat facets, outline within {shape.deviation:.2g} mm of the mesh"
+    yield from writer.new.file(pieces, name, about)
 
 
 class PlanarFile(NamedTuple):
@@ -379,7 +370,7 @@ class _Writer:
         edge_pairs, faces = list[EdgePair](), list[int]()
         for i, curve in enumerate(chain):
             poles = facet.in_space(curve.poles)
-            curves = [curve_entity(self.new, curve, poles[:, s]) for s in (0, 1)]
+            curves = [self.new.curve(curve, poles[:, s]) for s in (0, 1)]
             upper, lower = self._edges(vertices[i], vertices[i + 1], curves)
             wire = self.new.wire([(lower, True), (posts[i + 1], True), (upper, False), (posts[i], False)])
             faces.append(self.new.face([wire], self._ruled_surface(curve, poles)))
@@ -387,7 +378,7 @@ class _Writer:
         return edge_pairs, faces
 
     def _edges(self, a: EdgePair, b: EdgePair, curves: list[int]) -> EdgePair:
-        upper, lower = (self.new.add(f"EDGE_CURVE('',#{a[s]},#{b[s]},#{curves[s]},.T.)") for s in (0, 1))
+        upper, lower = (self.new.edge(a[s], b[s], curves[s]) for s in (0, 1))
         return upper, lower
 
     def _vertex(self, v: int) -> EdgePair:
@@ -401,12 +392,12 @@ class _Writer:
         return self.posts[v]
 
     def _new_vertex(self, points: Floats) -> EdgePair:
-        upper, lower = (self.new.add(f"VERTEX_POINT('',#{self.new.point(p)})") for p in points)
+        upper, lower = (self.new.vertex(self.new.point(p)) for p in points)
         return upper, lower
 
     def _new_post(self, vertex: EdgePair, points: Floats) -> int:
         (upper, lower), (p, q) = vertex, points
-        return self.new.add(f"EDGE_CURVE('',#{lower},#{upper},#{self.new.line(q, p - q)},.T.)")
+        return self.new.edge(lower, upper, self.new.line(q, p - q))
 
     def _ruled_surface(self, curve: Curve, poles: Floats) -> int:
         """Add the surface between upper and lower curves with poles (p, 2, 3); its normal points outwards."""
@@ -415,12 +406,5 @@ class _Writer:
         normal = across / max(float(np.linalg.norm(across)), 1e-300)
         if np.abs((poles - lower[0]) @ normal).max() <= FLATNESS:
             return self.new.plane(lower[0], normal)
-        knots, times = np.unique(curve.knots, return_counts=True)
-        rows = ",".join(
-            references([self.new.point(p) for p in pole_pair]) for pole_pair in zip(lower, upper, strict=True)
-        )
-        counts = ",".join(str(k) for k in times.tolist())
-        return self.new.add(
-            f"B_SPLINE_SURFACE_WITH_KNOTS('',{curve.degree},1,({rows}),.UNSPECIFIED.,.F.,.F.,.F.,"
-            f"({counts}),(2,2),{step_list(knots, DIGITS)},(0.,1.),.UNSPECIFIED.)"
-        )
+        rows = [[self.new.point(p) for p in pole_pair] for pole_pair in zip(lower, upper, strict=True)]
+        return self.new.spline_surface((curve.degree, 1), rows, knot_text(curve.knots), bezier_knots(2))

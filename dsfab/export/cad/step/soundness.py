@@ -1,6 +1,5 @@
 """Soundness of a STEP file for CAD programs: a trial cut by OCCT, and the triangles that OCCT draws of it."""
 
-import json
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
@@ -16,11 +15,11 @@ from dsfab.core.derived import derived
 from dsfab.core.units import METRES_PER
 from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.cad.step.smooth.build import smooth_file
-from dsfab.export.cad.step.worker import use_check
-from dsfab.export.cad.step.worker.reports import StepMesh, drawn_anew, read_step
+from dsfab.export.cad.step.worker.reports import StepMesh, drawn_anew, occt_report, read_step
+from dsfab.export.cad.step.worker.use import TOGETHER_LIMIT
 from dsfab.export.mesh.soundness import Soundness, fault_at, soundness
 from dsfab.export.part import Part
-from dsfab.export.subprocesses import ProgramError, last_line
+from dsfab.export.subprocesses import ProgramError
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
@@ -181,19 +180,19 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
     reports it."""
     seconds = SECONDS + SECONDS_PER_FACE * faces
     try:
-        report = json.loads(last_line(use_check.__file__, str(path), "sample", seconds=seconds))
+        report = occt_report("sample", str(path), seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError):
         return f"OCCT did not cut it within {seconds:.0f} s of the processor", []
     if not report["halves"]:
         return "a half of it is not valid once OCCT has cut it", report["box"]
-    is_lossy = report["off"] > use_check.TOGETHER_LIMIT
+    is_lossy = report["off"] > TOGETHER_LIMIT
     return f"its halves miss {report['off']:.1e} of its volume once OCCT has cut it" if is_lossy else "", report["box"]
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
-    """Return the report of `use_check` about a file; raises the errors of `last_line`."""
+    """Return the report of OCCT's trials about a file; raises the errors of `last_line`."""
     with _file(text.encode("ascii")) as path:
-        return dict(json.loads(last_line(use_check.__file__, str(path), seconds=seconds)))
+        return occt_report("use", str(path), seconds=seconds)
 
 
 @contextmanager

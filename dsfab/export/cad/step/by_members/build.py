@@ -22,15 +22,15 @@ from dsfab.export.cad.step.soundness import (
     triangle_fault,
     use_report,
 )
-from dsfab.export.cad.step.worker import use_check
 from dsfab.export.cad.step.worker.reports import OcctFinding, StepMesh, occt, whole_findings
+from dsfab.export.cad.step.worker.use import PLANES
 from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
 """Processor time for each of both programs, many times the measured time."""
 
-CUT_COUNT = len(use_check.PLANES)
+CUT_COUNT = len(PLANES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,7 @@ def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) ->
 
 
 def _use_sentence(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: float) -> str:
-    """Describe all trials of `use_check`; raises ExportError if a CAD program would fail with the file or misread
+    """Describe all trials of `use`; raises ExportError if a CAD program would fail with the file or misread
     it."""
     try:
         report = use_report(draft.text, seconds=seconds)

@@ -40,12 +40,11 @@ from dsfab.export.cad.step.by_members.sharp_corners import flush_at_corners
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace, trimmed_face
 from dsfab.export.cad.step.by_members.trimmed_corrections import with_sampled_peaks, without_strays
 from dsfab.export.cad.step.by_members.trimmed_division import divided_faces
-from dsfab.export.cad.step.entities import closing, header
-from dsfab.export.cad.step.flat_sheets import StepEntities, references
+from dsfab.export.cad.step.entities import StepEntities, bezier_knots, references
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.smooth.edges import OUTLINE_SHARE
-from dsfab.export.cad.step.smooth.solid import PARAMETER_CONTEXT, ROUNDING
+from dsfab.export.cad.step.smooth.solid import ROUNDING
 from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
@@ -63,11 +62,10 @@ class NetWriter:
 
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
-        self._put = entity_list.once if model.seam else entity_list.add
+        self._points = partial(entity_list.points, digits=EDGE_DIGITS)
         self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * thickness)), 2, 6))
-        self._numbers = dict[tuple[float, ...], int]()
         self.vertices = [
-            [self._put(f"VERTEX_POINT('',#{p})") for p in self._points(pair.reshape(2, 3))] for pair in model.vertices
+            [entity_list.vertex(p, model.seam) for p in self._points(pair.reshape(2, 3))] for pair in model.vertices
         ]
         self.edges = list[list[int]]()
 
@@ -111,22 +109,16 @@ class NetWriter:
         self.poles = self._pole_numbers([fewest_poles(poles, 0) for poles in pole_list])
         for e, (edge, two) in enumerate(zip(self.model.edges, self.poles, strict=True)):
             places = seams[e].on if e in seams else {}
-            curves = [self._put(bezier(poles)) for poles in two]
+            curves = [self.new.bezier(poles, self.model.seam) for poles in two]
             for s in (0, 1) if places else ():
                 lines = references([self._on_surface(uv[s], surfaces[i][s]) for i, uv in places.items()])
                 curves[s] = self.new.add(f"SURFACE_CURVE('',#{curves[s]},{lines},.PCURVE_S1.)")
-            ends = zip(self.vertices[edge.start], self.vertices[edge.end], curves, strict=True)
-            self.edges.append([self._put(f"EDGE_CURVE('',#{a},#{b},#{curve},.T.)") for a, b, curve in ends])
+            edge_ends = zip(self.vertices[edge.start], self.vertices[edge.end], curves, strict=True)
+            self.edges.append([self.new.edge(*ends, self.model.seam) for ends in edge_ends])
 
     def _on_surface(self, uv: Floats, surface: int) -> int:
         digits = 12  # decimals of parameters on surfaces, which run from 0 to 1
-        points = [
-            self.new.once(f"CARTESIAN_POINT('',({','.join(f'{x:.{digits}f}'.rstrip('0') for x in p)}))")
-            for p in (np.round(uv, digits) + 0.0).tolist()
-        ]
-        curve = self.new.add(bezier(points))
-        line = self.new.add(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PARAMETER_CONTEXT)})")
-        return self.new.add(f"PCURVE('',#{surface},#{line})")
+        return self.new.parameter_curve(surface, self.new.bezier(list(self.new.points(uv, digits))))
 
     def _skin(self, loops: list[ChainLoop], surface: int, s: int) -> int:
         wires = []
@@ -141,14 +133,6 @@ class NetWriter:
         poles[1:-1, 1:-1] = np.round(poles[1:-1, 1:-1], self.digits)
         return self._grid(poles, EDGE_DIGITS)
 
-    def _points(self, points: Floats, digits: int = EDGE_DIGITS) -> Iterator[int]:
-        numbers = self._numbers
-        for p in map(tuple, (np.round(points, digits) + 0.0).tolist()):
-            if p not in numbers:
-                text = ",".join([f"{v:.{digits}f}".rstrip("0") for v in p])
-                numbers[p] = self.new.once(f"CARTESIAN_POINT('',({text}))")
-            yield numbers[p]
-
     def _pole_numbers(self, lines: list[Floats]) -> list[list[list[int]]]:
         flat_numbers, position = (
             list(self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))),
@@ -161,7 +145,7 @@ class NetWriter:
         return numbers
 
     def _grid(self, poles: Floats, digits: int) -> list[list[int]]:
-        numbers = list(self._points(poles.reshape(-1, 3), digits))
+        numbers = list(self.new.points(poles.reshape(-1, 3), digits))
         return [numbers[i : i + poles.shape[1]] for i in range(0, len(numbers), poles.shape[1])]
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
@@ -171,27 +155,12 @@ class NetWriter:
             return posts[outer, inner], False  # the other side of a seam has made it
         if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
-            posts[inner, outer] = self.new.add(f"EDGE_CURVE('',#{inner},#{outer},#{self.new.add(bezier(ends))},.T.)")
+            posts[inner, outer] = self.new.edge(inner, outer, self.new.bezier(ends))
         return posts[inner, outer], True
 
     def _surface(self, rows: list[list[int]]) -> int:
-        poles, (j, k) = ",".join(references(row) for row in rows), (len(rows), len(rows[0]))
-        return self.new.add(
-            f"B_SPLINE_SURFACE_WITH_KNOTS('',{j - 1},{k - 1},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
-            f"({j},{j}),({k},{k}),(0.,1.),(0.,1.),.UNSPECIFIED.)"
-        )
-
-
-def bezier(poles: list[int]) -> str:
-    """Format a Bezier curve through numbered points as a spline with one span.
-
-    Lines too, because a polyline under an edge has at least three points (ISO 10303-511, advanced_face).
-    """
-    k = len(poles)
-    return (
-        f"B_SPLINE_CURVE_WITH_KNOTS('',{k - 1},{references(poles)},.UNSPECIFIED.,.F.,.F.,({k},{k}),(0.,1.),"
-        ".UNSPECIFIED.)"
-    )
+        j, k = len(rows), len(rows[0])
+        return self.new.spline_surface((j - 1, k - 1), rows, bezier_knots(j), bezier_knots(k))
 
 
 DESCRIPTION = "curved solid of four-sided patches by members"
@@ -260,23 +229,18 @@ def _draft(part: Part, plan: SmoothPlan, fine: bool) -> MemberDraft:
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
-    entity_list, shells, faces, trimmed = StepEntities(), list[int](), list[int](), list[TrimmedFace]()
-    count = 0
+    entity_list, pieces, trimmed = StepEntities(), list[list[int]](), list[TrimmedFace]()
     for sheet in _sheets(plan.curved.striped()):
         net = _net(sheet, lifting, plan)
         walls = sum(chain.right == VOID for chain in net.chains.values())
         _require_few(part, 2 * len(net.loops) + int(WALL_SHARE * walls))
         model, surfaces = _solid(part, net, RegionInterior(sheet, lifting, plan.limits.thickness, fine), plan)
         model, surfaces, seams = with_long_seams(model, surfaces)
-        added = NetWriter(entity_list, model, plan.limits.thickness).faces(surfaces, seams)
-        faces += added
-        shells += [count] * len(added)
+        pieces.append(NetWriter(entity_list, model, plan.limits.thickness).faces(surfaces, seams))
         trimmed += surfaces
-        count += 1
-    _require_few(part, len(faces))
-    end = closing(np.array(shells), [[i] for i in range(count)], np.array(faces), entity_list.free, part.name)
-    text = "".join([header(part.name, DESCRIPTION, count), *entity_list.text, *end])
-    return MemberDraft(text, count, len(faces), 2 * len(trimmed), max((face.gap for face in trimmed), default=0.0))
+    _require_few(part, faces := sum(map(len, pieces)))
+    text = "".join(entity_list.file(pieces, part.name, DESCRIPTION))
+    return MemberDraft(text, len(pieces), faces, 2 * len(trimmed), max((face.gap for face in trimmed), default=0.0))
 
 
 _TOO_MANY = WeakSet[Part]()

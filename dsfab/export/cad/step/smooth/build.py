@@ -1,6 +1,6 @@
 """Smooth STEP of a part: build pieces, let OCCT check each, refit what it refuses, and use facets for the rest.
 
-charts, skins -> all pieces -> file -> `piece_check` -> `PieceJudge` -> refused pieces: tighter curves
+charts, skins -> all pieces -> file -> `findings`  -> `PieceJudge` -> refused pieces: tighter curves
  ^                                                                       |  still refused
  '---------------- another layout of charts, for these only -------------'-> faceted, piece by piece
 """

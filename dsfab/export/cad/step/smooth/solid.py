@@ -1,17 +1,27 @@
 """Smooth solids as closed shells on shared edges, crossings of their outlines, and their STEP entities and file."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import ExportError
-from dsfab.export.cad.step.entities import DIGITS, closing, header, planar_faces
+from dsfab.export.cad.step.entities import (
+    DIGITS,
+    KnotText,
+    StepEntities,
+    bezier_knots,
+    closing,
+    header,
+    knot_text,
+    planar_faces,
+    references,
+)
 from dsfab.export.cad.step.file_size import simplified_part, usual_tolerance
-from dsfab.export.cad.step.flat_sheets import StepEntities, references, signed_loop_area, step_list
+from dsfab.export.cad.step.flat_sheets import signed_loop_area
 from dsfab.export.cad.step.planar import Polyhedron, polyhedron
 from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.cad.step.smooth.charts import SkinChart, SplinePatch
@@ -219,10 +229,6 @@ def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
 ROUNDING = 3e-5
 """Largest rounding of coordinates over the thickness; 1e-6 mm at least."""
 
-PARAMETER_CONTEXT = (
-    "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
-)
-
 SIDES = {"lower": (0, 0, "(1.,0.)"), "upper": (0, 1, "(1.,0.)"), "start": (0, 0, "(0.,1.)"), "end": (1, 0, "(0.,1.)")}
 """Sides of a wall: start, in lengths of its sides, and direction."""
 
@@ -232,17 +238,15 @@ class SmoothText:
 
     def __init__(self, entity_list: StepEntities, model: SmoothModel) -> None:
         self.new, self.model = entity_list, model
-        self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * model.thickness)), 2, 6))
+        digits = int(np.clip(np.ceil(-np.log10(ROUNDING * model.thickness)), 2, 6))
+        self._points = partial(entity_list.points, digits=digits)
         self._skins: dict[tuple[int, bool], int] = {}
 
     def piece(self, piece: SmoothPiece) -> list[int]:
         """Add the faces of a piece and return their numbers."""
         entity_list = self.new
         node_points = {v: self.model.nodes.at[v] for edge in piece.edges for v in (edge.start, edge.end)}
-        vertices = {
-            v: [entity_list.add(f"VERTEX_POINT('',#{p})") for p in self._points(pair)]
-            for v, pair in node_points.items()
-        }
+        vertices = {v: [entity_list.vertex(p) for p in self._points(pair)] for v, pair in node_points.items()}
         edges, faces = list[tuple[int, int]](), list[int]()
         poles = [[list(self._points(line.poles)) for line in (edge.upper, edge.lower)] for edge in piece.edges]
         surfaces = [
@@ -280,11 +284,6 @@ class SmoothText:
         upper = entity_list.face(above, self._skin(skin.chart, True))
         return upper, entity_list.face(below, self._skin(skin.chart, False), same_sense=False)
 
-    def _points(self, points: Floats) -> Iterator[int]:
-        for p in (np.round(points, self.digits) + 0.0).tolist():
-            text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
-            yield self.new.once(f"CARTESIAN_POINT('',({text}))")
-
     def _post(self, vertices: list[int], ends: Floats, sides: list[tuple[int, str, int]]) -> int:
         line = self._line(segment_spline(ends[1], ends[0]), 1)
         wall_curves = [self._on_wall(*side) for side in sides]
@@ -293,7 +292,7 @@ class SmoothText:
     def _edge(
         self, edge: SmoothEdge, poles: list[int], flat: dict[int, int], wall: int, above: bool, ends: tuple[int, int]
     ) -> int:
-        surface_curves = [self._parameter_curve(self._skin(chart, above), curve) for chart, curve in flat.items()]
+        surface_curves = [self.new.parameter_curve(self._skin(chart, above), curve) for chart, curve in flat.items()]
         if wall:
             surface_curves.append(self._on_wall(wall, "upper" if above else "lower", edge.spans))
         return self._edge_curve(
@@ -306,63 +305,46 @@ class SmoothText:
             if surface_curves
             else line
         )
-        return self.new.add(f"EDGE_CURVE('',#{ends[0]},#{ends[1]},#{curve},.T.)")
-
-    def _parameter_curve(self, surface: int, curve: int) -> int:
-        shown = self.new.once(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PARAMETER_CONTEXT)})")
-        return self.new.add(f"PCURVE('',#{surface},#{shown})")
+        return self.new.edge(*ends, curve)
 
     def _on_wall(self, wall: int, side: str, spans: int) -> int:
         u, v, along = SIDES[side]
         start = self.new.once(f"CARTESIAN_POINT('',({u * spans}.,{v}.))")
         direction = self.new.once(f"DIRECTION('',{along})")
         vector = self.new.once(f"VECTOR('',#{direction},1.)")
-        return self._parameter_curve(wall, self.new.once(f"LINE('',#{start},#{vector})"))
+        return self.new.parameter_curve(wall, self.new.once(f"LINE('',#{start},#{vector})"))
 
     def _line(self, curve: Spline, spans: int) -> int:
         return self._curve(curve, list(self._points(curve.poles)), spans)
 
     def _curve(self, curve: Spline, through: list[int], spans: int) -> int:
-        """Add a curve with parameters 0 to `spans`.
-
-        Lines too, because a polyline under an edge has at least three points (ISO 10303-511, advanced_face).
-        """
-        poles = references(through)
-        times, knots = _knot_text(spans * curve.knots)
-        return self.new.add(
-            f"B_SPLINE_CURVE_WITH_KNOTS('',{curve.degree},{poles},.UNSPECIFIED.,.F.,.F.,{times},{knots},.UNSPECIFIED.)"
-        )
+        """Add a curve with parameters 0 to `spans`."""
+        return self.new.spline(curve.degree, through, _shared_knot_text(spans * curve.knots))
 
     def _wall(self, edge: SmoothEdge, poles: list[list[int]]) -> int:
         """Add the ruled surface between an edge's curves; its normal points to their right: outwards."""
         upper, lower = poles
-        rows = ",".join(references(list(row)) for row in zip(lower, upper, strict=True))
-        return self._surface((edge.lower.degree, 1), rows, edge.spans * edge.lower.knots, np.array([0.0, 0, 1, 1]))
+        rows = map(list, zip(lower, upper, strict=True))
+        knots = _shared_knot_text(edge.spans * edge.lower.knots)
+        return self.new.spline_surface((edge.lower.degree, 1), rows, knots, bezier_knots(2))
 
     def _skin(self, chart: int, above: bool) -> int:
         if (chart, above) not in self._skins:
             patch: SplinePatch = self.model.charts[chart].upper if above else self.model.charts[chart].lower
-            poles = ",".join(references(list(self._points(row))) for row in patch.poles)
-            self._skins[chart, above] = self._surface((3, 3), poles, patch.u, patch.v)
+            rows, (u, v) = (list(self._points(row)) for row in patch.poles), map(_shared_knot_text, (patch.u, patch.v))
+            self._skins[chart, above] = self.new.spline_surface((3, 3), rows, u, v)
         return self._skins[chart, above]
 
-    def _surface(self, degrees: tuple[int, int], poles: str, u: Floats, v: Floats) -> int:
-        (u_times, u_knots), (v_times, v_knots) = _knot_text(u), _knot_text(v)
-        return self.new.add(
-            f"B_SPLINE_SURFACE_WITH_KNOTS('',{degrees[0]},{degrees[1]},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
-            f"{u_times},{v_times},{u_knots},{v_knots},.UNSPECIFIED.)"
-        )
 
-
-def _knot_text(knots: Floats) -> tuple[str, str]:
+def _shared_knot_text(knots: Floats) -> KnotText:
     return _knot_text_of_bytes(knots.tobytes())
 
 
 @lru_cache(maxsize=1024)
-def _knot_text_of_bytes(knots: bytes) -> tuple[str, str]:
+def _knot_text_of_bytes(knots: bytes) -> KnotText:
     """Memoised, because most curves share a few lists of knots."""
-    values, times = np.unique(np.frombuffer(knots), return_counts=True)
-    return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, 14)
+    digits = 14
+    return knot_text(np.frombuffer(knots), digits)
 
 
 SKINS = "curved solid with spline skins"
@@ -405,21 +387,14 @@ def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | Non
     """Encode pieces of layouts, with the name of the part, and the triangles of `rest` as planar faces."""
     entity_list = StepEntities()
     writers = {id(model): SmoothText(entity_list, model) for model, _ in which}
-    faces, shells = list[int](), list[int]()
-    for i, (model, k) in enumerate(which):
-        added = writers[id(model)].piece(model.pieces[k])
-        faces += added
-        shells += [i] * len(added)
-    name, solids = part.name, [[i] for i in range(len(which))]
+    pieces, name = [writers[id(model)].piece(model.pieces[k]) for model, k in which], part.name
     if rest is None:
-        head = header(name, SKINS, len(solids))
-        return "".join(
-            [head, *entity_list.text, *closing(np.array(shells), solids, np.array(faces), entity_list.free, name)]
-        )
+        return "".join(entity_list.file(pieces, name, SKINS))
+    shells, solids = np.repeat(np.arange(len(pieces)), [*map(len, pieces)]), [[i] for i in range(len(pieces))]
     shape, rest_solids = _planar(rest)
     texts, numbers, free = planar_faces(shape, entity_list.free)
     solids += [[i + len(which) for i in shells_of_solid] for shells_of_solid in rest_solids]
-    end = closing(np.r_[shells, shape.shell + len(which)], solids, np.r_[faces, numbers], free, name)
+    end = closing(np.r_[shells, shape.shell + len(which)], solids, np.concatenate([*pieces, numbers]), free, name)
     return "".join([header(name, SKINS, len(solids)), *entity_list.text, *texts, *end])
 
 

@@ -1,4 +1,4 @@
-"""Reports of the OCCT programs: triangles of a STEP file, and findings about each piece of smooth solids."""
+"""Reports of the OCCT program about a STEP file: facts, triangles, trial cuts, and findings about each solid."""
 
 import json
 import subprocess
@@ -13,11 +13,16 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
-from dsfab.export.cad.step.worker import piece_check, step_triangles
+from dsfab.export.cad.step.worker import program as occt_program
 from dsfab.export.subprocesses import PreparedProgram, ProgramError, last_line
 
 SECONDS, SECONDS_PER_MB = 60.0, 10.0
 """Time limits for reading."""
+
+
+def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]:
+    """Return the report of a command of the OCCT program; raises the errors of `last_line`."""
+    return dict(json.loads(last_line(occt_program.__file__, command, *arguments, seconds=seconds)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +48,7 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
     deflection : largest distance from curved faces, mm; a share of the solids' size if 0.
     """
     with tempfile.TemporaryDirectory() as folder:
-        report = _step_read_drawn(path, folder, *((str(deflection),) if deflection else ()))
-        return mesh_in(folder, report)
+        return mesh_in(folder, _drawn(path, folder, *((str(deflection),) if deflection else ())))
 
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
@@ -58,33 +62,29 @@ def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> St
         path.write_bytes(shape)
         if faces is not None:
             np.save(only, faces)
-        report = _step_read_drawn(path, folder, str(deflection), *((str(only),) if faces is not None else ()))
-        return mesh_in(folder, report, shape)
+        facts = _drawn(path, folder, str(deflection), *((str(only),) if faces is not None else ()))
+        return mesh_in(folder, facts, shape)
 
 
-def _step_read_drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
+def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
     limit = SECONDS + SECONDS_PER_MB * path.stat().st_size / 1e6
     try:
-        report: dict[str, float] = json.loads(
-            last_line(step_triangles.__file__, str(path), folder, *how, seconds=limit)
-        )
+        return occt_report("triangles", str(path), folder, *how, seconds=limit)
     except subprocess.TimeoutExpired:
         raise ExportError(f"reading {path} did not end within {limit:.0f} s; check the STL or 3MF file") from None
     except ProgramError as error:
         raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export it again") from None
-    return report
 
 
-def mesh_in(folder: str, report: dict[str, float], shape: bytes = b"") -> StepMesh:
-    """Read the results of `step_triangles` from a folder; `report` holds `deflection` and perhaps `solids`; shape : if
-    known.
+def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMesh:
+    """Read the triangles of a program from a folder; raises OSError if there are none.
 
-    Raises OSError if there are none.
+    facts : `deflection` and perhaps `solids`.    shape : OCCT's binary shape; read from the folder by default.
     """
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
-        solids = int(report["solids"] if "solids" in report else mesh["solids"])
-        return StepMesh(mesh["V"], mesh["F"], mesh["face"], solids, float(report["deflection"]), shape)
+        solids = int(facts["solids"] if "solids" in facts else mesh["solids"])
+        return StepMesh(mesh["V"], mesh["F"], mesh["face"], solids, float(facts["deflection"]), shape)
 
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
@@ -93,7 +93,7 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
-    """OCCT's findings about a solid, see `piece_check`. bad : (k, 3) ends of crossing edges; V, F : its triangles; mm.
+    """OCCT's findings about a solid, see `pieces`. bad : (k, 3) ends of crossing edges; V, F : its triangles; mm.
 
     Triangles of different faces share no vertices.
     """
@@ -112,7 +112,7 @@ class OcctFinding:
 
 def occt() -> PreparedProgram:
     """Start the program for `findings` in advance, because it takes most of a second to load OCCT."""
-    return PreparedProgram(piece_check.__file__)
+    return PreparedProgram(occt_program.__file__)
 
 
 def findings(program: PreparedProgram, text: str, deflection: float, limit: float) -> list[OcctFinding]:
@@ -124,7 +124,7 @@ def findings(program: PreparedProgram, text: str, deflection: float, limit: floa
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")
         try:
-            records = _said(program, str(path), folder, deflection, limit)
+            records = _records(program, str(path), folder, deflection, limit)
         except (subprocess.TimeoutExpired, ProgramError):
             return []
         return [_finding(record, Path(folder) / f"{i}.stl") for i, record in enumerate(records)]
@@ -147,7 +147,7 @@ def whole_findings(
         path.write_text(text, encoding="ascii")
         try:
             look = partial(_pass_triangles, folder, deflection, on_triangles)
-            records = _said(program, str(path), folder, deflection, limit, look)
+            records = _records(program, str(path), folder, deflection, limit, look)
         except (subprocess.TimeoutExpired, ProgramError):
             return []
         return [_finding(record, Path(folder) / "none.stl") for record in records]
@@ -157,7 +157,7 @@ def _pass_triangles(folder: str, deflection: float, on_triangles: Callable[[Step
     on_triangles(mesh_in(folder, {"deflection": deflection}))
 
 
-def _said(
+def _records(
     program: PreparedProgram,
     path: str,
     folder: str,
@@ -166,7 +166,7 @@ def _said(
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Return the program's answer; `look` is called as soon as its triangles are written."""
-    program.send(path, folder, str(deflection), *["whole"] * bool(look))
+    program.send("whole" if look else "pieces", path, folder, str(deflection))
     mesh_path = Path(folder) / "mesh.npz"
     line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)
     return list(json.loads(line)["solids"])

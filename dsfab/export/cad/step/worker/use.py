@@ -1,31 +1,5 @@
-"""Trials of OCCT with the solids of a STEP file, as in CAD programs. A program of its own, because OCCT may not end.
+"""Trials of OCCT with the solids of a STEP file, as in CAD programs."""
 
-    python -P use_check.py FILE.step [CUTS [all]]
-
-prints one line of JSON:
-
-solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time of all trials.
-volume, plain : by the Gauss-Kronrod rule, and by the rule of most programs, cubic millimetres.
-box           : OCCT's box of the solids, six numbers, millimetres.
-sound         : number of CUTS half-space cuts (default 8) with two valid halves that add up to the whole within
-                `TOGETHER_LIMIT`, and `ALONE_LIMIT` each. Trials end with the first failure, unless `all` is set.
-worst, alone  : largest relative error of the valid cuts, together and each.
-missed        : relative error of each unsound cut, 1 for an invalid half, 0 for a sound cut.
-boxed         : the parts inside and outside of a box are sound.    box_missed : as `missed`.
-closed        : a section has no open ends.
-again         : the shape is valid and has the same faces and volume after OCCT has written and read it.
-fillets, sharp : number of edges across the sheet that OCCT rounded, and number of tried edges (up to ten).
-
-    python -P use_check.py FILE sample
-
-tries only the first cut of a STEP file or a `.bin` shape of `step_triangles`: `box`, `halves` (both valid) and `off`,
-as `missed`. Volumes come last, and only for valid halves, because those of smooth solids take most of the time.
-
-It imports nothing from dsfab, so that it is a second opinion and starts from anywhere.
-"""
-
-import json
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -33,6 +7,8 @@ from collections.abc import Iterator
 from math import acos, cos, degrees, radians
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from dsfab.export.cad.step.worker.shapes import bounds, compound, faces_of, gauss_kronrod_volume, is_valid, parts, read
 
 TOGETHER_LIMIT = 1e-5
 """Largest relative error of the volume of two halves together, see `VolumeErrors`."""
@@ -59,32 +35,43 @@ SMOOTH = cos(radians(1.0))
 """Cosine of the angle up to which one edge continues another."""
 
 
-def use_findings(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
-    """Return the findings about a file."""
-    from OCP.TopAbs import TopAbs_ShapeEnum
+def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, Any]:
+    """Return the findings about a file.
 
+    solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time of all trials.
+    volume, plain : by the Gauss-Kronrod rule, and by the rule of most programs, cubic millimetres.
+    box           : OCCT's box of the solids, six numbers, millimetres.
+    sound         : number of half-space cuts with two valid halves that add up to the whole within `TOGETHER_LIMIT`,
+                    and `ALONE_LIMIT` each. Trials end with the first failure, unless `every_cut` is set.
+    worst, alone  : largest relative error of the valid cuts, together and each.
+    missed        : relative error of each unsound cut, 1 for an invalid half, 0 for a sound cut.
+    boxed         : the parts inside and outside of a box are sound.    box_missed : as `missed`.
+    closed        : a section has no open ends.
+    again         : the shape is valid and has the same faces and volume after OCCT has written and read it.
+    fillets, sharp : number of edges across the sheet that OCCT rounded, and number of tried edges (up to ten).
+    """
     begin = time.process_time()
-    shape = _read(str(path))
-    bounds, whole_volume = _bounds(shape), _volume(shape)
-    tried = list(_cuts(shape, bounds, whole_volume, cuts, all_of_them))
+    shape = read(path)
+    box, whole_volume = bounds(shape), _volume(shape)
+    tried = list(_cuts(shape, box, whole_volume, cuts, every_cut))
     missed = [errors.fault for errors in tried]
-    go_on = all_of_them or not any(missed)
-    box = _volume_errors(_split(shape, _box(bounds)), whole_volume) if go_on else INVALID
+    go_on = every_cut or not any(missed)
+    box_errors = _volume_errors(_split(shape, _box(box)), whole_volume) if go_on else INVALID
     rounded = _fillet_counts(shape) if go_on else (0, 0)
     return {
-        "solids": len(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)),
-        "valid": _valid(shape),
-        "faces": len(_parts(shape, TopAbs_ShapeEnum.TopAbs_FACE)),
+        "solids": len(parts(shape, "SOLID")),
+        "valid": is_valid(shape),
+        "faces": len(faces_of(shape)),
         "volume": whole_volume,
-        "plain": _volume(shape, use_plain_rule=True),
-        "box": bounds,
+        "plain": _plain_volume(shape),
+        "box": box,
         "sound": missed.count(0.0),
         "worst": max((errors.together for errors in tried if errors.together < 1), default=0.0),
         "alone": max((errors.alone for errors in tried if errors.alone < 1), default=0.0),
         "missed": missed,
-        "boxed": not box.fault,
-        "box_missed": box.fault,
-        "closed": go_on and _closed_section(shape, bounds, PLANES[0]),
+        "boxed": not box_errors.fault,
+        "box_missed": box_errors.fault,
+        "closed": go_on and _closed_section(shape, box, PLANES[0]),
         "again": go_on and _survives_rewriting(shape, whole_volume),
         "fillets": rounded[0],
         "sharp": rounded[1],
@@ -93,71 +80,30 @@ def use_findings(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, 
 
 
 def sample(path: Path) -> dict[str, Any]:
-    """Return the result of one cut through the middle of a file."""
+    """Return the result of one cut through the middle of a file: `box`, `halves` (both valid), `off`, as `missed`.
+
+    Volumes come last, and only for valid halves, because those of smooth solids take most of the time.
+    """
     begin = time.process_time()
-    shape = _read(str(path))
-    bounds = _bounds(shape)
-    halves = _split(shape, _half_space(bounds, PLANES[0]))
+    shape = read(path)
+    box = bounds(shape)
+    halves = _split(shape, _half_space(box, PLANES[0]))
     lost = _volume_errors(halves, _volume(shape)).fault if halves else 1.0
-    return {"box": bounds, "halves": bool(halves), "off": lost, "seconds": time.process_time() - begin}
+    return {"box": box, "halves": bool(halves), "off": lost, "seconds": time.process_time() - begin}
 
 
-def _read(path: str) -> Any:
-    if path.endswith(".bin"):
-        from OCP.BinTools import BinTools
-        from OCP.TopoDS import TopoDS_Shape
-
-        shape = TopoDS_Shape()
-        BinTools.Read_s(shape, path)
-        return shape
-    from OCP.Message import Message
-    from OCP.STEPControl import STEPControl_Reader
-
-    Message.DefaultMessenger_s().ChangePrinters().Clear()
-    reader = STEPControl_Reader()
-    reader.ReadFile(path)
-    reader.TransferRoots()
-    return reader.OneShape()
-
-
-def _bounds(shape: Any) -> list[float]:
-    from OCP.Bnd import Bnd_Box
-    from OCP.BRepBndLib import BRepBndLib
-
-    box = Bnd_Box()
-    BRepBndLib.Add_s(shape, box)
-    low, high = box.CornerMin(), box.CornerMax()
-    return [low.X(), low.Y(), low.Z(), high.X(), high.Y(), high.Z()]
-
-
-def _parts(shape: Any, kind: Any) -> list[Any]:
-    from OCP.TopExp import TopExp_Explorer
-
-    explorer, parts = TopExp_Explorer(shape, kind), []
-    while explorer.More():
-        parts.append(explorer.Current())
-        explorer.Next()
-    return parts
-
-
-def _valid(shape: Any) -> bool:
-    from OCP.BRepCheck import BRepCheck_Analyzer
-
-    return bool(BRepCheck_Analyzer(shape).IsValid())
-
-
-def _volume(shape: Any, use_plain_rule: bool = False) -> float:
-    # Relative error of the Gauss-Kronrod rule. The adaptive rule was off by 4e-3 on a plate with 67 holes, which then
-    # seemed to lose volume at every cut.
+def _volume(shape: Any) -> float:
+    # The adaptive rule was off by 4e-3 on a plate with 67 holes, which then seemed to lose volume at every cut.
     accuracy = 1e-6
+    return gauss_kronrod_volume(shape, accuracy)
+
+
+def _plain_volume(shape: Any) -> float:
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
     properties = GProp_GProps()
-    if use_plain_rule:
-        BRepGProp.VolumeProperties_s(shape, properties)
-    else:
-        BRepGProp.VolumePropertiesGK_s(shape, properties, accuracy, False, False, False, False, False)
+    BRepGProp.VolumeProperties_s(shape, properties)
     return float(properties.Mass())
 
 
@@ -192,41 +138,30 @@ def _volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
     return VolumeErrors(
-        alone, abs(_volume(_compound(halves)) / whole_volume - 1) if TOGETHER_LIMIT < alone <= ALONE_LIMIT else alone
+        alone, abs(_volume(compound(halves)) / whole_volume - 1) if TOGETHER_LIMIT < alone <= ALONE_LIMIT else alone
     )
 
 
-def _compound(shapes: list[Any]) -> Any:
-    from OCP.BRep import BRep_Builder
-    from OCP.TopoDS import TopoDS_Compound
-
-    builder, compound = BRep_Builder(), TopoDS_Compound()
-    builder.MakeCompound(compound)
-    for shape in shapes:
-        builder.Add(compound, shape)
-    return compound
-
-
-def _cuts(shape: Any, bounds: list[float], whole_volume: float, cuts: int, all_of_them: bool) -> Iterator[VolumeErrors]:
+def _cuts(shape: Any, box: list[float], whole_volume: float, cuts: int, every_cut: bool) -> Iterator[VolumeErrors]:
     for plane in PLANES[:cuts]:
-        missed = _volume_errors(_split(shape, _half_space(bounds, plane)), whole_volume)
+        missed = _volume_errors(_split(shape, _half_space(box, plane)), whole_volume)
         yield missed
-        if missed.fault and not all_of_them:
+        if missed.fault and not every_cut:
             return
 
 
-def _half_space(bounds: list[float], plane: tuple[float, ...]) -> Any:
+def _half_space(box: list[float], plane: tuple[float, ...]) -> Any:
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeHalfSpace
 
-    surface, side = _plane(bounds, plane)
+    surface, side = _plane(box, plane)
     return BRepPrimAPI_MakeHalfSpace(BRepBuilderAPI_MakeFace(surface).Face(), side).Solid()
 
 
-def _plane(bounds: list[float], plane: tuple[float, ...]) -> tuple[Any, Any]:
+def _plane(box: list[float], plane: tuple[float, ...]) -> tuple[Any, Any]:
     from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
 
-    low, high = bounds[:3], bounds[3:]
+    low, high = box[:3], box[3:]
     diagonal = sum((b - a) ** 2 for a, b in zip(low, high, strict=True)) ** 0.5
     length = sum(x * x for x in plane[:3]) ** 0.5
     normal = [x / length for x in plane[:3]]
@@ -235,11 +170,11 @@ def _plane(bounds: list[float], plane: tuple[float, ...]) -> tuple[Any, Any]:
     return gp_Pln(gp_Pnt(*point), gp_Dir(*normal)), side
 
 
-def _box(bounds: list[float]) -> Any:
+def _box(box: list[float]) -> Any:
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
     from OCP.gp import gp_Pnt
 
-    low, high = bounds[:3], bounds[3:]
+    low, high = box[:3], box[3:]
     low_corner, high_corner = ([a + s * (b - a) for a, b, s in zip(low, high, share, strict=True)] for share in BOX)
     return BRepPrimAPI_MakeBox(gp_Pnt(*low_corner), gp_Pnt(*high_corner)).Solid()
 
@@ -270,7 +205,7 @@ def _split(shape: Any, tool: Any) -> list[Any]:
         cells.RemoveAllFromResult()
         cells.AddToResult(take, avoid)
         parts.append(cells.Shape())
-    return parts if all(map(_valid, parts)) else []
+    return parts if all(map(is_valid, parts)) else []
 
 
 def _largest_nearest_distance(points: Any) -> float:
@@ -280,19 +215,18 @@ def _largest_nearest_distance(points: Any) -> float:
     return float(away[:, 1].max())
 
 
-def _closed_section(shape: Any, bounds: list[float], plane: tuple[float, ...]) -> bool:
+def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> bool:
     meet = 0.05  # millimetres within which ends of a section's edges coincide
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
-    from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS
 
-    section = BRepAlgoAPI_Section(shape, _plane(bounds, plane)[0])
+    section = BRepAlgoAPI_Section(shape, _plane(box, plane)[0])
     if not section.IsDone():
         return False
     ends = list[list[float]]()
-    for edge in _parts(section.Shape(), TopAbs_ShapeEnum.TopAbs_EDGE):
-        for vertex in _parts(edge, TopAbs_ShapeEnum.TopAbs_VERTEX):
+    for edge in parts(section.Shape(), "EDGE"):
+        for vertex in parts(edge, "VERTEX"):
             point = BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))
             ends.append([point.X(), point.Y(), point.Z()])
     return bool(ends) and _largest_nearest_distance(ends) <= meet
@@ -300,16 +234,15 @@ def _closed_section(shape: Any, bounds: list[float], plane: tuple[float, ...]) -
 
 def _survives_rewriting(shape: Any, whole_volume: float) -> bool:
     from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
-    from OCP.TopAbs import TopAbs_ShapeEnum
 
     writer = STEPControl_Writer()
     writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = str(Path(folder) / "again.step")
         writer.Write(path)
-        copy = _read(path)
-    counts = [len(_parts(version, TopAbs_ShapeEnum.TopAbs_FACE)) for version in (shape, copy)]
-    return counts[0] == counts[1] and _valid(copy) and abs(_volume(copy) / whole_volume - 1) <= TOGETHER_LIMIT
+        copy = read(Path(path))
+    counts = [len(faces_of(version)) for version in (shape, copy)]
+    return counts[0] == counts[1] and is_valid(copy) and abs(_volume(copy) / whole_volume - 1) <= TOGETHER_LIMIT
 
 
 def _fillet_counts(shape: Any) -> tuple[int, int]:
@@ -323,7 +256,7 @@ def _fillet_counts(shape: Any) -> tuple[int, int]:
         fillet.Add(min(ROUND, OF_EDGE * length), edge)
         try:
             fillet.Build()
-            count += fillet.IsDone() and _valid(fillet.Shape())
+            count += fillet.IsDone() and is_valid(fillet.Shape())
         except Exception:
             continue
     return count, len(tried)
@@ -391,13 +324,3 @@ def _turn(edge: Any, faces: list[Any]) -> float:
         normal = GeomLProp_SLProps(BRep_Tool.Surface_s(face), place.X(), place.Y(), 1, 1e-9).Normal()
         normals.append(normal.Reversed() if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else normal)
     return degrees(acos(max(-1.0, min(1.0, normals[0].Dot(normals[1])))))
-
-
-if __name__ == "__main__":
-    given = sys.argv[1:]
-    if "sample" in given:
-        found = sample(Path(given[0]))
-    else:
-        count = int(given[1]) if len(given) > 1 else len(PLANES)
-        found = use_findings(Path(given[0]), count, "all" in given)
-    sys.stdout.write(json.dumps(found) + "\n")

@@ -1,0 +1,224 @@
+"""OCCT's findings about each solid of a STEP file of smooth pieces.
+
+Each finding holds `valid`, `closed`, `tessellates`, `faces`, `volume` (mm3), `box` (its lowest and highest corner),
+`gap` (mm: measured largest distance between an edge and its curve on a face, whatever its tolerance) and `bad`, the
+ends (k, 3) of crossing edges. An invalid solid gets no triangles, and a solid without triangles no volume, because they
+take most of the time.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from dsfab.export.cad.step.worker.forks import ForkedWork, map_with_fork
+from dsfab.export.cad.step.worker.shapes import (
+    bounds,
+    diagonal,
+    faces_of,
+    is_valid,
+    parts,
+    step_reader,
+    without_triangles,
+)
+from dsfab.export.cad.step.worker.triangles import draw, keep_drawn
+from dsfab.export.cad.step.worker.volume import volume, volume_of_small_faces
+
+REPAIRS = (
+    *("Orientation", "ShellOrientation", "FaceOrientation", "Reorder", "Shifted", "Connected", "VertexPosition"),
+    *("SelfIntersection", "SelfIntersectingEdge", "IntersectingEdges", "NonAdjacentIntersectingEdges"),
+    *("IntersectingWires", "LoopWires", "NotchedEdges", "Tail", "Small", "SmallAreaWire", "Lacking", "Degenerated"),
+    *("AddNaturalBound", "MissingSeam", "Seam", "SplitFace", "VertexTolerance"),
+)
+"""Repairs of OCCT's reader that are switched off: a file that needs one is refused, and the tests take 40 % of the
+time. OCCT still adds what STEP leaves to readers: curves on surfaces, and tolerances of edges."""
+
+
+def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
+    """Return the findings for each solid of a file, one to a product; [] if OCCT cannot read it.
+
+    deflection : mm, of the triangles that become `0.stl`, `1.stl` ... in the folder.
+    copies     : fork processes to share the solids and measure them. False after OCCT made triangles, because a fork
+                 would wait for threads that it does not have.
+    """
+    reader = _reader(path)
+    if reader is None:
+        return []
+    work = partial(_root, reader, folder, deflection, copies)
+    count = reader.NbRootsForTransfer()
+    groups = map_with_fork(work, count) if copies and count > 1 else [work(i) for i in range(count)]
+    return [finding for group in groups for finding in group]
+
+
+def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
+    """Return the findings for each solid of a file that is judged as a whole; [] if OCCT cannot read it.
+
+    The triangles are those of `dsfab check`. Its reader also repairs, but a file that is valid here needs no repair. If
+    every face has triangles, they and the shape appear in the folder as from `write_triangles`. With `copies` they
+    appear before all findings are complete, so that the caller can use them in parallel.
+    """
+    reader = _reader(path)
+    if reader is None or not reader.TransferRoots():
+        return []
+    shape = reader.OneShape()
+    solids = parts(shape, "SOLID")
+    collect = partial(_untriangulated_findings, solids)
+    copy = ForkedWork(collect) if copies else None
+    findings_list = [] if copy else collect()
+    has_triangles = [
+        _triangulates(deflection, solid) for solid in solids if all(finding["valid"] for finding in findings_list)
+    ]
+    if len(has_triangles) == len(solids) and all(has_triangles):
+        keep_drawn(shape, Path(folder))
+    findings_list = copy() if copy else findings_list
+    complete = [finding["valid"] and all(has_triangles[i : i + 1]) for i, finding in enumerate(findings_list)]
+    return [
+        {**finding, "tessellates": complete, "volume": finding["volume"] * complete}
+        for finding, complete in zip(findings_list, complete, strict=True)
+    ]
+
+
+def _reader(path: str) -> Any | None:
+    from OCP.collections import DataMap_TCollection_AsciiString_TCollection_AsciiString
+    from OCP.TCollection import TCollection_AsciiString
+
+    reader = step_reader(Path(path))
+    if reader is not None:
+        repairs = DataMap_TCollection_AsciiString_TCollection_AsciiString()
+        for name in REPAIRS:
+            repairs.Bind(TCollection_AsciiString(f"FixShape.Fix{name}Mode"), TCollection_AsciiString("0"))
+        reader.SetShapeFixParameters(repairs)  # after reading, which resets the parameters
+    return reader
+
+
+def _root(reader: Any, folder: str, deflection: float, copies: bool, i: int) -> list[dict[str, Any]]:
+    from OCP.StlAPI import StlAPI_Writer
+
+    if not reader.TransferRoot(i + 1):
+        return []
+    shape = reader.Shape(reader.NbShapes())
+    triangulate = partial(_tessellates, deflection)
+    results = [_findings(solid, triangulate, copies) for solid in parts(shape, "SOLID")]
+    if folder:
+        writer = StlAPI_Writer()
+        writer.ASCIIMode = False
+        writer.Write(shape, str(Path(folder) / f"{i}.stl"))
+    return results
+
+
+def _findings(solid: Any, triangulate: Callable[[Any, list[Any]], bool], copies: bool) -> dict[str, Any]:
+    """Findings about a solid. `triangulate` returns True if every face has triangles."""
+    faces = faces_of(solid)
+    meanwhile = ForkedWork(partial(_measures, solid, faces)) if copies else None
+    checked = _shape_findings(solid)
+    tessellates = checked["valid"] and triangulate(solid, faces)
+    if meanwhile and not tessellates:
+        meanwhile.stop()
+        meanwhile = None
+    gap, content = (meanwhile or partial(_measures, solid, faces, tessellates))()
+    return {**checked, "tessellates": tessellates, "gap": gap, "volume": content}
+
+
+def _shape_findings(solid: Any) -> dict[str, Any]:
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepCheck import BRepCheck_Analyzer
+
+    faces, box = faces_of(solid), bounds(solid, with_triangles=False)
+    analyzer = BRepCheck_Analyzer(solid, True, True)
+    valid = bool(analyzer.IsValid())
+    return {
+        "valid": valid,
+        "closed": all(BRep_Tool.IsClosed_s(shell) for shell in parts(solid, "SHELL")),
+        "faces": len(faces),
+        "box": box,
+        "bad": [] if valid else _crossing([face for face in faces if not analyzer.IsValid(face)] or faces),
+    }
+
+
+def _triangulates(deflection: float, solid: Any) -> bool:
+    draw(solid, deflection)
+    return not without_triangles(faces_of(solid))
+
+
+def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
+    """Return whether every face gets triangles, by Delabella's sweep, or else by OCCT's own method.
+
+    The sweep takes a quarter of the time for a skin with hundreds of holes, with as many and as close triangles.
+    """
+    angle = 0.5  # largest turn between neighbouring triangles, radians
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
+
+    parameters = IMeshTools_Parameters()
+    parameters.Deflection = deflection or 1e-3 * diagonal(solid, optimal=False)
+    parameters.Angle, parameters.InParallel = angle, True
+    parameters.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Delabella
+    BRepMesh_IncrementalMesh(solid, parameters)
+    unmeshed = without_triangles(faces)
+    parameters.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Watson
+    for face in unmeshed:
+        BRepMesh_IncrementalMesh(face, parameters)
+    return not without_triangles(unmeshed)
+
+
+def _measures(solid: Any, faces: list[Any], with_volume: bool = True) -> tuple[float, float]:
+    return max(map(_gap, faces), default=0.0), float(volume(solid)) if with_volume else 0.0
+
+
+def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
+    results = []
+    for solid in solids:
+        checked = _shape_findings(solid)
+        gap, _ = _measures(solid, faces_of(solid), with_volume=False)
+        results.append({**checked, "gap": gap, "volume": volume_of_small_faces(solid) if checked["valid"] else 0.0})
+    return results
+
+
+def _gap(face: Any) -> float:
+    """Largest distance between a face's edges and their curves on it, sampled at equal parameters."""
+    samples = 24  # along each edge
+    from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepLib import BRepLib_ValidateEdge
+    from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
+    from OCP.GeomAdaptor import GeomAdaptor_Curve, GeomAdaptor_Surface
+    from OCP.TopoDS import TopoDS
+
+    widest, surface = 0.0, GeomAdaptor_Surface(BRep_Tool.Surface_s(face))
+    for shape in parts(face, "EDGE"):
+        edge = TopoDS.Edge(shape)
+        curve = BRep_Tool.Curve_s(edge, 0.0, 1.0)
+        begin, end = BRep_Tool.Range_s(edge)
+        flat = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0)
+        if flat is None:
+            continue
+        curve_on_face = Adaptor3d_CurveOnSurface(Geom2dAdaptor_Curve(flat, begin, end), surface)
+        comparison = BRepLib_ValidateEdge(GeomAdaptor_Curve(curve, begin, end), curve_on_face, True)
+        comparison.SetControlPointsNumber(samples)
+        comparison.Process()
+        widest = max(widest, comparison.GetMaxDistance())
+    return widest
+
+
+def _crossing(faces: list[Any]) -> list[list[float]]:
+    """Ends of edges that cross within their wire; of all edges of invalid faces if OCCT names none."""
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+    from OCP.BRepCheck import BRepCheck_Status, BRepCheck_Wire
+    from OCP.TopoDS import TopoDS, TopoDS_Edge
+
+    ends = list[list[float]]()
+    for face in faces:
+        if is_valid(face):
+            continue
+        named = []
+        for wire in parts(face, "WIRE"):
+            edge_a, edge_b = TopoDS_Edge(), TopoDS_Edge()
+            status = BRepCheck_Wire(TopoDS.Wire(wire)).SelfIntersect(face, edge_a, edge_b)
+            if status != BRepCheck_Status.BRepCheck_NoError:
+                named += [edge for edge in (edge_a, edge_b) if not edge.IsNull()]
+        for edge in named or [TopoDS.Edge(shape) for shape in parts(face, "EDGE")]:
+            curve = BRepAdaptor_Curve(edge)
+            for parameter in (curve.FirstParameter(), curve.LastParameter()):
+                point = curve.Value(parameter)
+                ends.append([point.X(), point.Y(), point.Z()])
+    return ends

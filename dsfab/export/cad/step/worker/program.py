@@ -1,0 +1,101 @@
+"""OCCT in a process of its own, because it may crash or not end.
+
+    python -P program.py COMMAND FILE ARGUMENTS ...
+
+prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments the program loads OCCT and
+then reads them from its input, a list as one line of JSON.
+The modules beside this one import nothing else from dsfab, so that the program is a second opinion and starts quickly.
+"""
+
+import gc
+import json
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+
+def _facts(path: str) -> dict[str, Any]:
+    from dsfab.export.cad.step.worker.facts import step_facts
+
+    return step_facts(Path(path))
+
+
+def _triangles(path: str, folder: str, deflection: str = "0", faces: str = "") -> dict[str, Any]:
+    from dsfab.export.cad.step.worker.triangles import write_triangles
+
+    return write_triangles(Path(path), Path(folder), float(deflection), faces)
+
+
+def _use(path: str, cuts: str = "", every_cut: str = "") -> dict[str, Any]:
+    from dsfab.export.cad.step.worker.use import PLANES, use_findings
+
+    return use_findings(Path(path), int(cuts or len(PLANES)), bool(every_cut))
+
+
+def _sample(path: str) -> dict[str, Any]:
+    from dsfab.export.cad.step.worker.use import sample
+
+    return sample(Path(path))
+
+
+def _pieces(path: str, folder: str = "", deflection: str = "0") -> dict[str, Any]:
+    from dsfab.export.cad.step.worker.forks import CAN_FORK
+    from dsfab.export.cad.step.worker.pieces import solid_findings
+
+    return {"solids": solid_findings(path, folder, float(deflection), CAN_FORK)}
+
+
+def _whole(path: str, folder: str, deflection: str) -> dict[str, Any]:
+    from dsfab.export.cad.step.worker.forks import CAN_FORK
+    from dsfab.export.cad.step.worker.pieces import whole_findings
+
+    return {"solids": whole_findings(path, folder, float(deflection), CAN_FORK)}
+
+
+COMMANDS = {
+    "facts": _facts,
+    "triangles": _triangles,
+    "use": _use,
+    "sample": _sample,
+    "pieces": _pieces,
+    "whole": _whole,
+}
+
+
+def _enter_package() -> None:
+    """Let the modules beside this one be imported without the packages around them, which load half of dsfab."""
+    folder, names = Path(__file__).resolve().parent, ("dsfab", "export", "cad", "step")
+    for depth in range(len(names)):
+        package = ModuleType(".".join(names[: depth + 1]))
+        package.__path__ = [str(folder.parents[len(names) - 1 - depth])]
+        sys.modules[package.__name__] = package
+
+
+def _later_arguments() -> list[str]:
+    import OCP.BRepMesh
+    import OCP.STEPControl  # noqa: F401
+
+    import dsfab.export.cad.step.worker.pieces  # noqa: F401
+
+    return list(json.loads(sys.stdin.readline()))
+
+
+def main() -> None:
+    """Run a command and print its report; an unreadable file is an error of one line."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # copies of this process have no threads, and need none
+    gc.disable()  # a tenth of the time that importing OCCT takes
+    command, *arguments = sys.argv[1:] or _later_arguments()
+    try:
+        report = COMMANDS[command](*arguments)
+    except ValueError as error:
+        sys.exit(str(error))  # the caller shows this sentence without a traceback
+    sys.stdout.write(json.dumps(report) + "\n")
+    sys.stdout.flush()
+    os._exit(0)  # taking the solids apart takes a quarter of a second
+
+
+if __name__ == "__main__":
+    _enter_package()
+    main()

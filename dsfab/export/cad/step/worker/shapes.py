@@ -1,0 +1,130 @@
+"""Shapes of OCCT: reading and writing, their parts, boxes, volume and validity."""
+
+from pathlib import Path
+from typing import Any
+
+
+def read(path: Path) -> Any:
+    """Read the shape in a STEP, `.brep` or `.bin` file, millimetres; raises ValueError if OCCT finds none."""
+    from OCP.BinTools import BinTools
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepTools import BRepTools
+    from OCP.TopoDS import TopoDS_Shape
+
+    shape = TopoDS_Shape()
+    if path.suffix == ".bin":
+        BinTools.Read_s(shape, str(path))
+    elif path.suffix == ".brep":
+        BRepTools.Read_s(shape, str(path), BRep_Builder())
+    else:
+        reader = step_reader(path)
+        if reader is None:  # else it would crash
+            raise ValueError("OCCT does not read it")
+        reader.TransferRoots()
+        shape = reader.OneShape()
+    if shape.IsNull():
+        raise ValueError("OCCT finds no shape in it")
+    return shape
+
+
+def step_reader(path: Path) -> Any | None:
+    """Return OCCT's reader of a STEP file before it makes shapes; None if it cannot read the file."""
+    from OCP.IFSelect import IFSelect_ReturnStatus
+    from OCP.Message import Message
+    from OCP.STEPControl import STEPControl_Reader
+
+    Message.DefaultMessenger_s().ChangePrinters().Clear()
+    reader = STEPControl_Reader()
+    return reader if reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone else None
+
+
+def write_binary(shape: Any, path: Path) -> None:
+    """Write OCCT's binary shape, without triangles. It loads 50 times as fast as STEP."""
+    from OCP.BinTools import BinTools, BinTools_FormatVersion
+
+    if not BinTools.Write_s(shape, str(path), False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT):
+        raise OSError(f"{path} cannot be written")
+
+
+def parts(shape: Any, kind: str) -> list[Any]:
+    """Return the parts of a shape of a kind ("SOLID", "FACE", "EDGE" ...), with their orientation in it."""
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopExp import TopExp_Explorer
+
+    explorer, parts_list = TopExp_Explorer(shape, getattr(TopAbs_ShapeEnum, f"TopAbs_{kind}")), []
+    while explorer.More():
+        parts_list.append(explorer.Current())
+        explorer.Next()
+    return parts_list
+
+
+def faces_of(shape: Any) -> list[Any]:
+    """Return the faces of a shape."""
+    from OCP.TopoDS import TopoDS
+
+    return [TopoDS.Face(face) for face in parts(shape, "FACE")]
+
+
+def compound(shapes: list[Any]) -> Any:
+    """Join shapes into one, as they are."""
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Compound
+
+    builder, whole = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(whole)
+    for shape in shapes:
+        builder.Add(whole, shape)
+    return whole
+
+
+def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
+    """Return the lowest and highest corner of OCCT's box, six numbers.
+
+    with_triangles : use triangles that the faces hold.
+    """
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box, with_triangles)
+    low, high = box.CornerMin(), box.CornerMax()
+    return [low.X(), low.Y(), low.Z(), high.X(), high.Y(), high.Z()]
+
+
+def diagonal(shape: Any, optimal: bool = True) -> float:
+    """Return the diagonal of the smallest box that OCCT finds, or of its quick one."""
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    (BRepBndLib.AddOptimal_s if optimal else BRepBndLib.Add_s)(shape, box)
+    return float(box.SquareExtent() ** 0.5)
+
+
+def is_valid(shape: Any) -> bool:
+    """Return OCCT's verdict on a shape."""
+    from OCP.BRepCheck import BRepCheck_Analyzer
+
+    return bool(BRepCheck_Analyzer(shape).IsValid())
+
+
+def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
+    """Return the volume (mm3) to a relative accuracy; other rules of OCCT are wrong on faces with many holes or curved
+    edges.
+
+    On a plate with 65 holes and curved walls the adaptive rule was 1e-3 off, this one 7e-9 with an accuracy of 1e-5.
+    """
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    properties = GProp_GProps()
+    BRepGProp.VolumePropertiesGK_s(shape, properties, accuracy, False, False, False, False, False)
+    return float(properties.Mass())
+
+
+def without_triangles(faces: list[Any]) -> list[Any]:
+    """Return the faces that OCCT's last triangulation failed on."""
+    from OCP.BRep import BRep_Tool
+    from OCP.TopLoc import TopLoc_Location
+
+    return [face for face in faces if BRep_Tool.Triangulation_s(face, TopLoc_Location()) is None]

@@ -1,0 +1,92 @@
+"""Triangles of the solids in a STEP file according to OCCT.
+
+`mesh.npz` holds V (n, 3) millimetres, F (m, 3) counter-clockwise from outside, and the face (m,) of each triangle,
+counted through all solids. Neighbouring faces share no vertices. `shape.bin` is OCCT's binary shape.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab.export.cad.step.worker.shapes import compound, diagonal, faces_of, parts, read, write_binary
+
+DEFLECTION_SHARE = 1e-4
+"""Default deflection over the diagonal of the bounding box."""
+
+
+def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
+    """Read a STEP or `.bin` file and write `mesh.npz` to a folder, and `shape.bin` unless the file is one.
+
+    faces : a `.npy` file of face numbers to draw. Returns the number of solids and the deflection; raises ValueError if
+    OCCT cannot read the file.
+    """
+    shape = read(path)
+    if path.suffix != ".bin":
+        write_binary(shape, folder / "shape.bin")
+    mesh, facts = triangles_of(shape, deflection, np.load(faces) if faces else None)
+    np.savez(folder / "mesh.npz", **mesh)
+    return facts
+
+
+def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
+    """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all; number of solids and deflection.
+
+    deflection : `DEFLECTION_SHARE` of the size if 0. Selected faces are drawn together, so that neighbours share the
+    points of their edges.
+    """
+    solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)
+    faces = [face for solid in solids for face in faces_of(solid)]
+    numbers = list(range(len(faces)) if only is None else map(int, only))
+    for solid in solids if only is None else [compound([faces[k] for k in numbers])]:
+        draw(solid, deflection)
+    return _mesh(faces, numbers), {"solids": len(solids), "deflection": deflection}
+
+
+def draw(shape: Any, deflection: float) -> None:
+    """Let OCCT triangulate a shape; it stores the triangles with the faces."""
+    angle = 0.2  # largest turn between neighbouring triangles, radians
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+
+    BRepMesh_IncrementalMesh(shape, deflection, False, angle, True)
+
+
+def keep_drawn(shape: Any, folder: Path) -> None:
+    """Write a triangulated shape as `write_triangles` does, with its number of solids. `mesh.npz` appears last, and
+    only complete."""
+    solids = parts(shape, "SOLID")
+    faces = [face for solid in solids for face in faces_of(solid)]
+    write_binary(shape, folder / "shape.bin")
+    part = folder / "part.npz"
+    np.savez(part, **_mesh(faces, range(len(faces))), solids=len(solids))
+    part.replace(folder / "mesh.npz")
+
+
+def _mesh(faces: list[Any], numbers: Iterable[int]) -> dict[str, Any]:
+    V, F, face_numbers, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
+    for k in numbers:
+        points, corners = _triangles(faces[k])
+        V.append(points)
+        F.append(corners + count)
+        face_numbers.append(np.full(len(corners), k))
+        count += len(points)
+    return {"V": np.concatenate(V), "F": np.concatenate(F), "face": np.concatenate(face_numbers)}
+
+
+def _triangles(face: Any) -> tuple[Any, Any]:
+    from OCP.BRep import BRep_Tool
+    from OCP.TopAbs import TopAbs_Orientation
+    from OCP.TopLoc import TopLoc_Location
+
+    place = TopLoc_Location()
+    mesh = BRep_Tool.Triangulation_s(face, place)
+    if mesh is None:
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    nodes: Iterable[Any] = map(mesh.Node, range(1, mesh.NbNodes() + 1))
+    if not place.IsIdentity():  # moving points takes as long as reading them
+        move = place.Transformation()
+        nodes = (node.Transformed(move) for node in nodes)
+    V = np.array([node.Coord() for node in nodes])
+    F = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64).reshape(-1, 3) - 1
+    return V, F[:, ::-1] if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else F
