@@ -33,7 +33,8 @@ class StageResults:
         """Return the result `name`, computed on first access; its stage then drops its inputs."""
         if name not in self.results:
             self.results[name] = compute()
-            self.inputs = {key: held for key, held in self.inputs.items() if held[0] != name}
+            for key in [key for key, (stage, _) in self.inputs.items() if stage == name]:
+                del self.inputs[key]
         result: T = self.results[name]
         return result
 
