@@ -1,31 +1,22 @@
 """Designs that tests of several files look at: each is made once in a run, by whichever process comes first."""
 
-import copyreg
 import os
 import pickle
 import re
 import shutil
 import tempfile
 from collections.abc import Iterable
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
+from dsfab.app.carrier import pickled
 from dsfab.design import Design
 from dsfab.preset.file import load_preset
 from dsfab.preset.model import Preset
 
 FOLDER = "DSFAB_TEST_DESIGNS"
 """Environment variable: the folder of a run, which its processes inherit."""
-
-
-def read_only(held: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    """A mapping as results of stages hold it; `pickle` knows none."""
-    return MappingProxyType(held)
-
-
-copyreg.pickle(MappingProxyType, lambda held: (read_only, (dict(held),)))
 
 
 def begin() -> None:
@@ -88,8 +79,7 @@ def sliced(preset: Preset) -> Design:
     path = Path(os.environ[FOLDER], sha256(preset.model_dump_json().encode()).hexdigest())
     if not path.exists():
         made = Design.from_preset(preset).until("slicing")
-        state = {name: value for name, value in made.__getstate__().items() if name != "preset"}
         partial = path.with_suffix(f".{os.getpid()}")
-        partial.write_bytes(pickle.dumps(state))
+        partial.write_bytes(pickled(made))
         partial.replace(path)
-    return Design.from_results(preset, **pickle.loads(path.read_bytes()))
+    return replace(pickle.loads(path.read_bytes()), preset=preset)

@@ -30,9 +30,7 @@ STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening")
 
 
 def made(design: Design) -> list[str]:
-    return [
-        stage for stage in ("surface", "statics", "diffusion", "pattern", "slicing", "thickening") if design.has(stage)
-    ]
+    return [stage for stage in STAGES if design.has(stage)]
 
 
 def test_nothing_is_made_before_it_is_asked_for() -> None:
@@ -69,8 +67,8 @@ def test_a_draft_is_a_design_whose_cut_is_still_to_be_made(whole: Design) -> Non
 def test_a_revision_shares_the_stages_before_the_first_change(whole: Design, changes: dict, shared: int) -> None:
     names = ("surface", "statics", "diffusion", "pattern", "slicing", "solid")
     new = Design.from_preset(with_overrides(whole.preset, changes), whole)
-    assert [name for name in names if name in vars(new)] == list(names[:shared])
-    assert all(vars(new)[name] is getattr(whole, name) for name in names[:shared])
+    assert made(new) == list(STAGES[:shared])
+    assert all(getattr(new, name) is getattr(whole, name) for name in names[:shared])
     assert set(new.seconds) <= set(whole.seconds)
     assert len(new.seconds) == len(whole.seconds) or shared < 6
 

@@ -166,7 +166,7 @@ def test_what_a_later_section_does_not_change_is_made_once():
     assert after.solid is solid
     assert Design.from_preset(PRESET, after).slicing is thinner.slicing
     other = dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.5, "slicing.snap": 0.1})
-    assert "slicing" not in vars(Design.from_preset(other, after))
+    assert not Design.from_preset(other, after).has("slicing")
 
 
 def test_stripes_by_their_spacing_are_as_wide_as_by_the_frequency_that_it_means():

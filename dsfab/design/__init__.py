@@ -1,9 +1,9 @@
 """The order of the stages: `run` makes a `Design` from a preset; `revise` repeats it from the first changed section."""
 
 from dsfab.design.buildability import refusal
-from dsfab.design.design import PARTS, ROWS, Design
+from dsfab.design.design import Design
 from dsfab.design.finishing import least_widths
-from dsfab.design.log import Log, Progress, silent
+from dsfab.design.log import PARTS, ROWS, Log, Progress, silent
 from dsfab.design.regions_and_loads import acting_on
 from dsfab.design.sheet_loads import held_vertices, loads_on, sheet_load, sheet_loads, sheet_supports
 from dsfab.design.surface_and_statics import statics_step, surface_step

@@ -2,13 +2,10 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
-
-import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import PatternError, PresetError
@@ -21,7 +18,14 @@ from dsfab.design.pattern_measures import measured_pattern
 from dsfab.design.pattern_stage import ChosenMethod, EarlierStripes, chosen_method, pattern_stage, sketched_pattern
 from dsfab.design.sheet_loads import sheet_loads
 from dsfab.design.slicing_and_thickening import slicing_step, thickening_step
-from dsfab.design.surface_and_statics import checked_sheet, rough_statics, statics_step, surface_step
+from dsfab.design.stage_results import RESULT_NAMES, StageResults
+from dsfab.design.surface_and_statics import (
+    checked_sheet,
+    rough_statics,
+    same_followed_stress,
+    statics_step,
+    surface_step,
+)
 from dsfab.preset.model import STAGES, Preset
 from dsfab.preset.surface_section import missing_preset
 from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult, StressedSurface
@@ -43,60 +47,10 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class EarlyResults:
-    """Results by name that follow from rough `statics` (see `rough_statics`), each with its own log."""
-
-    def __init__(self, statics: StaticsResult, progress: Progress | None) -> None:
-        self.statics, self._progress = statics, progress
-        self._made: dict[str, tuple[Any, Log]] = {}
-
-    def cached_result(self, name: str, make: Callable[[Log], T]) -> T:
-        """Return the result of `make`, computed once under `name`."""
-        if name not in self._made:
-            log = Log(self._progress)
-            self._made[name] = make(log), log
-        result: T = self._made[name][0]
-        return result
-
-    def take_result(self, name: str, statics: StaticsResult, log: Log) -> Any | None:
-        """Remove and return a result, adding its seconds and notes to `log`; None if the pattern follows another
-        stress.
-        """
-        if name not in self._made or not self._holds(statics):
-            return None
-        result, result_log = self._made.pop(name)
-        log.seconds.update(result_log.seconds)
-        log.notes.extend(result_log.notes)
-        return result
-
-    def _holds(self, statics: StaticsResult) -> bool:
-        cases = self.statics.cases
-        return all(
-            np.array_equal(case.followed_stress, cases[name].followed_stress) for name, case in statics.cases.items()
-        )
-
-
-ROWS = {
-    "surface": ("surface",),
-    "statics": ("membrane", "bending", "statics", "stress", "answers"),
-    "diffusion": ("diffusion", "modes"),
-    "pattern": ("method", "stripes", "choice", "widths", "pattern"),
-    "slicing": ("slicing",),
-    "thickening": ("thickening",),
-}
-"""The rows of the timing table that each stage fills."""
-
-PARTS = {"statics": ("factor",)}
-"""Timing rows that are part of another row of the stage."""
-
-RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
-"""Attributes that hold the results of a stage, where their name is not that of the stage."""
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Design:
-    """A preset and the results of its stages, computed on first access and cached; `dsfab.revise` makes the next
-    design.
+    """A preset and the results of its stages, computed on first access and held in `StageResults`; `dsfab.revise`
+    makes the next design.
 
     surface, statics, diffusion, pattern, slicing and solid each raise the DsfabError of their stage. `dsfab.run`
     computes all of them, `dsfab.design.draft` those before the cut.
@@ -104,8 +58,7 @@ class Design:
 
     preset: Preset
     _log: Log = field(default_factory=lambda: Log(None))
-    _before: EarlierStripes | None = None
-    _answers: dict[str, tuple[str, Any]] = field(default_factory=dict)
+    _results: StageResults = field(default_factory=StageResults)
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
@@ -118,33 +71,20 @@ class Design:
         if earlier is None:
             return cls(preset, Log(progress))
         stage = preset.first_difference(earlier.preset) or "export"
-        design, start = (
-            cls(preset, Log(progress), earlier._stripes() if stage == "pattern" else None),
-            STAGES.index(stage),
-        )
-        for stage in STAGES[:start]:
-            for name in RESULT_NAMES.get(stage, (stage,)):
-                if name in vars(earlier):
-                    vars(design)[name] = vars(earlier)[name]
-            rows = (*ROWS[stage], *PARTS.get(stage, ()))
-            design._log.seconds.update({row: earlier.seconds[row] for row in rows if row in earlier.seconds})
-            design._log.notes.extend(note for note in earlier.notes if note.stage == stage)
-        if "surface" in STAGES[:start]:
-            design._log.file = earlier.file
-        design._answers.update(
-            {key: answer for key, answer in earlier._answers.items() if STAGES.index(answer[0]) < start}
-        )
+        before = STAGES[: STAGES.index(stage)]
+        design = cls(preset, earlier._log.of_stages(before, progress), earlier._results.of_stages(before))
+        if stage == "pattern" and earlier.has("pattern") and (even := earlier.pattern.even):
+            stripes = EarlierStripes(earlier.preset.pattern, even, earlier.seconds.get("stripes", 0.0))
+            design._results.input_of("pattern", "earlier stripes", lambda: stripes)
         return design
 
     @classmethod
     def from_results(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
-        """Return a design with given results, by the names of its attributes (see `HELD`).
+        """Return a design with given results, by the names of its attributes.
 
         log : receives the seconds and notes of the stages that are still to be computed.
         """
-        design = cls(preset, log or Log(None))
-        vars(design).update(results)
-        return design
+        return cls(preset, log or Log(None), StageResults(results))
 
     def until(self, stage: str) -> Self:
         """Compute every stage up to `stage` and return the design itself. Raises the DsfabError of the stage that
@@ -157,21 +97,13 @@ class Design:
                 require_buildable(self.preset, self.statics)
         return self
 
-    def _stripes(self) -> EarlierStripes | None:
-        """Return the evenly spaced stripes for a design whose first difference is in [pattern]."""
-        even = self.pattern.even if self.has("pattern") else None
-        return EarlierStripes(self.preset.pattern, even, self.seconds["stripes"]) if even else None
-
     def has(self, stage: str) -> bool:
         """Return whether the results of a stage exist already."""
-        return any(name in vars(self) for name in RESULT_NAMES.get(stage, (stage,)))
+        return self._results.has(stage)
 
     def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
         """Memoise `make()` under `name`; revisions keep it if only stages after `stage` changed."""
-        if name not in self._answers:
-            self._answers[name] = stage, make()
-        result: T = self._answers[name][1]
-        return result
+        return self._results.derived_value(stage, name, make)
 
     def write(self, path: str | Path, **options: Any) -> Path:
         """Write one file in the format of its suffix, as `dsfab build` does; see `dsfab.write`."""
@@ -200,57 +132,73 @@ class Design:
     def __repr__(self) -> str:
         return "\n".join(summary_lines(self))
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the progress callback and memoised answers out of a pickled design."""
-        now = {name: value for name, value in vars(self).items() if name not in ("_solved", "_early")}
-        return {**now, "_log": replace(self._log, progress=None), "_answers": {}}
-
-    @cached_property
+    @property
     def surface(self) -> Surface:
         """Stage 1: the surface, metres."""
-        return surface_step(self.preset, self._log)
+        return self._results.result("surface", lambda: surface_step(self.preset, self._log))
 
-    @cached_property
+    @property
     def statics(self) -> StaticsResult:
         """Stage 2: the equilibrium of the uncut surface under its loads."""
-        solved = vars(self).pop("_solved", None)  # large, and not needed again
-        return statics_step(self.preset, self.surface, self._log, **({"solved": solved} if solved else {}))
+        return self._results.result("statics", self._statics)
 
-    @cached_property
+    def _statics(self) -> StaticsResult:
+        solved = self._results.existing_input("solved sheet")
+        return statics_step(self.preset, self.surface, self._log, solved=solved)
+
+    @property
     def diffusion(self) -> DiffusionResult:
         """Stage 3: tensors and modes."""
-        early: DiffusionResult | None = self._early_result("diffusion")
-        return early or diffusion_step(self.preset, self.surface, self.statics, self._log)
+        return self._results.result("diffusion", self._diffusion)
 
-    @cached_property
+    def _diffusion(self) -> DiffusionResult:
+        rough = self._valid_rough_design()
+        if rough and rough.has("diffusion"):
+            self._log.add_stage(rough._log, "diffusion")
+            return rough.diffusion
+        return diffusion_step(self.preset, self.surface, self.statics, self._log)
+
+    @property
     def pattern(self) -> PatternResult:
         """Stage 4: the stripes, before the surface is cut."""
-        result = pattern_stage(self.preset, self.analysis, self._log, self._stripe_method(self.analysis))
-        for name in ("_chosen", "_early"):  # the pattern holds what is needed of them
-            vars(self).pop(name, None)
-        return result
+        return self._results.result("pattern", self._pattern)
+
+    def _pattern(self) -> PatternResult:
+        return pattern_stage(self.preset, self.analysis, self._log, self._stripe_method(self.analysis))
 
     def _stripe_method(self, analysis: StressedSurface) -> ChosenMethod:
         """Return the method and course of the stripes, once for the sketch and the pattern after it."""
-        if "_chosen" not in vars(self):
-            early = self._early_result("way")
-            vars(self)["_chosen"] = early or chosen_method(self.preset, analysis, self._log, self._before)
-        method: ChosenMethod = vars(self)["_chosen"]
-        return method
+        return self._results.input_of("pattern", "method", lambda: self._chosen_method(analysis))
 
-    @cached_property
-    def _early(self) -> EarlyResults | None:
-        """Rough results for a sketch before better elements are solved; None if these save no time."""
+    def _chosen_method(self, analysis: StressedSurface) -> ChosenMethod:
+        rough = self._valid_rough_design()
+        method: ChosenMethod | None = rough._results.existing_input("method") if rough else None
+        if rough and method:
+            self._log.add_stage(rough._log, "pattern")
+            return method
+        return chosen_method(self.preset, analysis, self._log, self._results.existing_input("earlier stripes"))
+
+    def _rough_design(self) -> "Design | None":
+        """Return a design with rough statics and a log of its own, for a sketch before better elements are solved.
+
+        None if better elements are solved already, or if rough statics save no time.
+        """
         if self.has("statics"):
             return None
-        solved = vars(self)["_solved"] = checked_sheet(self.preset, self.surface, self._log)
-        rough = rough_statics(self.preset, self.surface, solved)
-        return EarlyResults(rough, self._log.progress) if rough else None
+        return self._results.input_of("pattern", "rough design", self._design_with_rough_statics)
 
-    def _early_result(self, name: str) -> Any:
-        """Return a result of the sketch if it is still valid, else None."""
-        early, statics = vars(self).get("_early"), self.statics
-        return early.take_result(name, statics, self._log) if early else None
+    def _design_with_rough_statics(self) -> "Design | None":
+        solved = self._results.input_of(
+            "statics", "solved sheet", lambda: checked_sheet(self.preset, self.surface, self._log)
+        )
+        statics = rough_statics(self.preset, self.surface, solved)
+        log = Log(self._log.progress)
+        return self.from_results(self.preset, log, surface=self.surface, statics=statics) if statics else None
+
+    def _valid_rough_design(self) -> "Design | None":
+        """Return the rough design of a sketch if the pattern follows the same stress in it as in this design."""
+        rough: Design | None = self._results.existing_input("rough design")
+        return rough if rough and same_followed_stress(rough.statics, self.statics) else None
 
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
         """Return a design with an approximate pattern in a tenth of the time, for a first picture.
@@ -263,20 +211,13 @@ class Design:
         """
         if answers:
             _ = self.statics
-        early = None if self.has("statics") else self._early
-        statics = early.statics if early else self.statics
-        options, stage_inputs = self.preset.pattern, (self.preset, self.surface, statics)
-        if not (modes or self.has("diffusion") or options.method != "stripes" or options.width.rule == "stressed"):
-            analysis = StressedSurface(self.surface, statics, without_modes(*stage_inputs))
-        elif early:
-            diffusion = early.cached_result("diffusion", lambda log: diffusion_step(*stage_inputs, log))
-            analysis = StressedSurface(self.surface, statics, diffusion)
+        source, options = self._rough_design() or self, self.preset.pattern
+        if not (modes or source.has("diffusion") or options.method != "stripes" or options.width.rule == "stressed"):
+            diffusion = without_modes(self.preset, self.surface, source.statics)
+            analysis = StressedSurface(self.surface, source.statics, diffusion)
         else:
-            analysis = self.analysis
-        if early:
-            method = early.cached_result("way", lambda log: chosen_method(self.preset, analysis, log, self._before))
-        else:
-            method = self._stripe_method(analysis)
+            analysis = source.analysis
+        method = source._stripe_method(analysis)
         with suppress(PatternError):
             pattern = sketched_pattern(analysis, method)
             results = {
@@ -288,18 +229,21 @@ class Design:
             return self.from_results(self.preset, None, **results)
         return None
 
-    @cached_property
+    @property
     def slicing(self) -> SlicingResult:
         """Stage 5: the cut surface, and the sheet that remains."""
+        return self._results.result("slicing", self._slicing)
+
+    def _slicing(self) -> SlicingResult:
         require_buildable(self.preset, self.statics)
         result = slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
         vars(self)["pattern"] = replace(self.pattern, trial=None)  # large, and not needed again
         return result
 
-    @cached_property
+    @property
     def sheet(self) -> Sheet:
         """The sheet that remains after slicing."""
-        return self.slicing.sheet
+        return self._results.result("sheet", lambda: self.slicing.sheet)
 
     @property
     def members(self) -> "MemberGraph":
@@ -348,17 +292,20 @@ class Design:
         loads = self._loads_on_sheet(self.statics.cases)
         return beam_agreement(self.preset, self.sheet.surface, self.members, self.frame, loads)
 
-    @cached_property
+    @property
     def solid(self) -> Solid:
         """Stage 6: the thickened sheet."""
+        return self._results.result("solid", self._solid)
+
+    def _solid(self) -> Solid:
         return thickening_step(self.preset, self.surface, self.slicing, self._log)
 
-    @cached_property
+    @property
     def fields(self) -> Mapping[str, Floats] | None:
         """Fields of the VTU file by name, (n, ...) or (m, ...), of a design read from a folder; None for a computed
         design.
         """
-        return None
+        return self._results.result("fields", lambda: None)
 
     @property
     def analysis(self) -> StressedSurface:

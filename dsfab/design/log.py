@@ -1,12 +1,26 @@
 """The log of a run: progress, seconds and notes."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 from dsfab.results import Note
 from dsfab.surface import FileRecord
+
+ROWS = {
+    "surface": ("surface",),
+    "statics": ("membrane", "bending", "statics", "stress", "answers"),
+    "diffusion": ("diffusion", "modes"),
+    "pattern": ("method", "stripes", "choice", "widths", "pattern"),
+    "slicing": ("slicing",),
+    "thickening": ("thickening",),
+}
+"""The rows of the timing table that each stage fills."""
+
+PARTS = {"statics": ("factor",)}
+"""Timing rows that are part of another row of the stage."""
 
 Progress = Callable[[str, str], None]
 """Called with a stage and a message about the step that begins."""
@@ -46,3 +60,20 @@ class Log:
     def note(self, stage: str, text: str) -> None:
         """Add a note for the user."""
         self.notes.append(Note(stage, text))
+
+    def add_stage(self, earlier: "Log", stage: str) -> None:
+        """Add the seconds and notes of a stage whose result comes from another design."""
+        rows = (*ROWS[stage], *PARTS.get(stage, ()))
+        self.seconds.update({row: earlier.seconds[row] for row in rows if row in earlier.seconds})
+        self.notes.extend(note for note in earlier.notes if note.stage == stage)
+
+    def of_stages(self, stages: Sequence[str], progress: Progress | None) -> "Log":
+        """Return a log with the seconds and notes of some stages, for a revision."""
+        log = Log(progress, file=self.file if "surface" in stages else None)
+        for stage in stages:
+            log.add_stage(self, stage)
+        return log
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the progress callback, which another process cannot call."""
+        return {**vars(self), "progress": None}

@@ -366,6 +366,14 @@ def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> Stat
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
+def same_followed_stress(rough: StaticsResult, statics: StaticsResult) -> bool:
+    """Return whether the pattern follows the same stress under both results, in every case."""
+    cases = rough.cases
+    return all(
+        np.array_equal(case.followed_stress, cases[name].followed_stress) for name, case in statics.cases.items()
+    )
+
+
 def _statics_result(
     preset: Preset, surface: Surface, solved: SolvedSheet, answers: Sequence[Answers], follow: FollowedStress, log: Log
 ) -> StaticsResult:

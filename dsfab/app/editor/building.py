@@ -109,8 +109,7 @@ def _mesh_copy_path(mesh: Path, folder: Path) -> Path:
 def _with_mesh_copy(design: Design, mesh: Path, folder: Path) -> Design:
     """Copy the mesh beside the files, where it outlives the session; return the design with the copy."""
     copy = Path(shutil.copy(mesh, _mesh_copy_path(mesh, folder)))
-    results = {name: value for name, value in vars(design).items() if name != "preset"}
-    return Design.from_results(with_file(design.preset, copy), **results)
+    return replace(design, preset=with_file(design.preset, copy))
 
 
 def draw_png(

@@ -1,0 +1,67 @@
+"""The results of a design: what it holds, for how long, and what a revision and a pickled design receive."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
+"""Names of the results of a stage, where they are not that of the stage."""
+
+
+@dataclass
+class StageResults:
+    """The results of one design by name, each computed once.
+
+    results : of the stages. They stay as long as the design, and a revision shares those before its first difference.
+    derived : values that follow from a stage, with that stage. A revision shares them like results. A pickled design
+              omits them, because another process can compute them again.
+    inputs  : intermediate results for one later stage, with that stage. They are large, and that stage drops them;
+              revisions and pickled designs omit them.
+    """
+
+    results: dict[str, Any] = field(default_factory=dict)
+    derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
+    inputs: dict[str, tuple[str, Any]] = field(default_factory=dict)
+
+    def has(self, stage: str) -> bool:
+        """Return whether a result of the stage exists."""
+        return any(name in self.results for name in RESULT_NAMES.get(stage, (stage,)))
+
+    def result(self, name: str, compute: Callable[[], T]) -> T:
+        """Return the result `name`, computed on first access; its stage then drops its inputs."""
+        if name not in self.results:
+            self.results[name] = compute()
+            for key in [key for key, (stage, _) in self.inputs.items() if stage == name]:
+                del self.inputs[key]
+        result: T = self.results[name]
+        return result
+
+    def derived_value(self, stage: str, name: str, compute: Callable[[], T]) -> T:
+        """Return a value that follows from the results up to `stage`, computed on first access."""
+        return _computed_once(self.derived, stage, name, compute)
+
+    def input_of(self, stage: str, name: str, compute: Callable[[], T]) -> T:
+        """Return an input of `stage`, computed on first access and held until that stage has its result."""
+        return _computed_once(self.inputs, stage, name, compute)
+
+    def existing_input(self, name: str) -> Any:
+        """Return an input if it exists, else None."""
+        return self.inputs.get(name, ("", None))[1]
+
+    def of_stages(self, stages: Sequence[str]) -> "StageResults":
+        """Return the results and derived values of some stages, for a revision."""
+        names = [name for stage in stages for name in RESULT_NAMES.get(stage, (stage,)) if name in self.results]
+        derived = {name: held for name, held in self.derived.items() if held[0] in stages}
+        return StageResults({name: self.results[name] for name in names}, derived)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"results": self.results, "derived": {}, "inputs": {}}
+
+
+def _computed_once(held: dict[str, tuple[str, Any]], stage: str, name: str, compute: Callable[[], T]) -> T:
+    if name not in held:
+        held[name] = stage, compute()
+    value: T = held[name][1]
+    return value
