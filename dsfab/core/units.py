@@ -2,15 +2,7 @@
 
 from dsfab.core.errors import SurfaceError
 
-METRES_PER: dict[str, float] = {
-    "mm": 1e-3,
-    "cm": 1e-2,
-    "dm": 1e-1,
-    "m": 1.0,
-    "km": 1e3,
-    "in": 0.0254,
-    "ft": 0.3048,
-}
+METRES_PER: dict[str, float] = {"mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048}
 """Metres in each unit that a preset or a file may declare."""
 
 _PREFIXES = ("milli", "m"), ("centi", "c"), ("deci", "d"), ("kilo", "k"), ("", "")

@@ -333,9 +333,7 @@ class Design:
         Raises StaticsError if neither the material nor a strength is set.
         """
         return self.cached_result(
-            "slicing",
-            "member utilisation",
-            lambda: member_utilisation(self.preset, self.members, self.member_forces),
+            "slicing", "member utilisation", lambda: member_utilisation(self.preset, self.members, self.member_forces)
         )
 
     def frame_agreement(self) -> "list[FrameAgreement]":

@@ -162,12 +162,7 @@ FORMATS: dict[str, Format] = {
         saf.prepare, opensees.encode, opensees.check, sheets=True, told=saf.agreement_text, takes="frame"
     ),
     calculix.SUFFIX: Format(
-        saf.prepare,
-        calculix.encode,
-        calculix.check,
-        sheets=True,
-        told=saf.agreement_text,
-        takes="frame",
+        saf.prepare, calculix.encode, calculix.check, sheets=True, told=saf.agreement_text, takes="frame"
     ),
     saf.SUFFIX: Format(
         saf.prepare,
@@ -227,11 +222,7 @@ def write(
 
 
 def step_estimates(
-    thing: Solid | Surface,
-    *,
-    name: str = "part",
-    step: StepOptions | Route = "auto",
-    details: Details | None = None,
+    thing: Solid | Surface, *, name: str = "part", step: StepOptions | Route = "auto", details: Details | None = None
 ) -> tuple[Estimate, ...]:
     """Estimate the cost of each route to a STEP file of a solid; keywords as in `write`. No file is written."""
     part = part_of(thing, name)

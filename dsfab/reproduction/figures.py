@@ -24,11 +24,7 @@ STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode",
 RUNS = 3
 """Number of runs whose median gives the seconds."""
 
-RENDITION_TITLES = {
-    "letter": "The paper to the letter",
-    "preset": "The preset",
-    "stripes": "dsfab's stripes",
-}
+RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset", "stripes": "dsfab's stripes"}
 """Titles of the renditions."""
 
 

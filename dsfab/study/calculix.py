@@ -222,11 +222,7 @@ def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] 
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
         with (folder / "said").open("wb") as output:
             process = subprocess.Popen(
-                [require_ccx(), "solid"],
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
+                [require_ccx(), "solid"], cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
             )
             try:
                 _wait(process, folder, seconds, enough)

@@ -277,10 +277,7 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
     faults = (
         (crowded, f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)})"),
         (twice, f"{len(twice)} faces repeat an earlier face (first: {first_few(twice)})"),
-        (
-            opposed,
-            f"{len(opposed)} edges have faces of opposite sides (first: {named_edges(opposed, edges)}){note}",
-        ),
+        (opposed, f"{len(opposed)} edges have faces of opposite sides (first: {named_edges(opposed, edges)}){note}"),
         (
             touching,
             f"{len(touching)} vertices are pinches, where parts touch in a point (first: {first_few(touching)})",

@@ -58,9 +58,7 @@ def choose(names: Sequence[str]) -> list[Test]:
 
 
 def verify(
-    tests: Sequence[Test],
-    pairs: Sequence[Elements] = PAIRS,
-    progress: Callable[[str, str], None] | None = None,
+    tests: Sequence[Test], pairs: Sequence[Elements] = PAIRS, progress: Callable[[str, str], None] | None = None
 ) -> Iterator[VerificationRow]:
     """Yield the rows of all tests, patterns and pairs, and of other programs, series by series."""
     for test in tests:

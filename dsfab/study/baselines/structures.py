@@ -289,8 +289,7 @@ def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
     """Return stripes of plain width and the same frequencies, on modes with r = 1, with the task's share of
     material."""
     blind = with_overrides(
-        task.on_modes,
-        {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}},
+        task.on_modes, {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     )
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor

@@ -284,10 +284,7 @@ ABOUT: Mapping[str, MetricFacts] = {
         "", "less", "slicing", f"share that `verdict` may be off; over {CONVERGED:g} it has not converged"
     ),
     "over_thinner": MetricFacts(
-        "",
-        "less",
-        "slicing",
-        "compliance over that of a thinner whole sheet of the same mass: above 1 it loses",
+        "", "less", "slicing", "compliance over that of a thinner whole sheet of the same mass: above 1 it loses"
     ),
     "over_isotropic": MetricFacts(
         "", "less", "slicing", "compliance over that of the best isotropic stripes of the same mass: above 1 it loses"

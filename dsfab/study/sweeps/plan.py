@@ -185,10 +185,7 @@ def _kind_of_values(values: Any) -> str:
     return "range" if isinstance(values, dict | Range) else "list"
 
 
-Values = Annotated[
-    Annotated[Range, Tag("range")] | Annotated[Listed, Tag("list")],
-    Discriminator(_kind_of_values),
-]
+Values = Annotated[Annotated[Range, Tag("range")] | Annotated[Listed, Tag("list")], Discriminator(_kind_of_values)]
 
 USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")
 """Default metrics of `dsfab sweep`."""

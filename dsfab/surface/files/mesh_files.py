@@ -102,10 +102,7 @@ class RawMesh:
     up: str | None = None
 
 
-CAD_SUFFIXES = (
-    *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"),
-    *(".fbx", ".blend", ".ifc", ".rvt", ".gh"),
-)
+CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".fbx", ".blend", ".ifc", ".rvt", ".gh"))
 """Files of CAD programs with surfaces, but no mesh that dsfab reads."""
 
 

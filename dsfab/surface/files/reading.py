@@ -243,8 +243,7 @@ def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclar
     comments = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
     unit, program = _UNIT.search(comments), _PROGRAMS.search(comments)
     return CommentDeclarations(
-        None if unit is None else UNIT_WORDS[unit[1].lower()],
-        None if program is None else "y" if program[1] else "z",
+        None if unit is None else UNIT_WORDS[unit[1].lower()], None if program is None else "y" if program[1] else "z"
     )
 
 

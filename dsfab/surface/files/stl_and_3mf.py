@@ -23,8 +23,7 @@ HEAD, EACH = 84, 50
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
 _FACET = re.compile(
-    rf"\s*facet(?:\s+normal\s+\S+\s+\S+\s+\S+)?\s+outer\s+loop\s+{3 * _VERTEX}endloop\s+endfacet(?=\s|$)",
-    re.IGNORECASE,
+    rf"\s*facet(?:\s+normal\s+\S+\s+\S+\s+\S+)?\s+outer\s+loop\s+{3 * _VERTEX}endloop\s+endfacet(?=\s|$)", re.IGNORECASE
 )
 _BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s|\Z)", re.IGNORECASE)
 CHUNK = 1 << 14

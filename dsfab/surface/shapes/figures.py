@@ -230,11 +230,7 @@ OPENINGS = (0.22, 0.5, 0.78)
 
 
 @shape
-def bridge(
-    span: Length = 30.0,
-    rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13,
-    edge: Length = 0.5,
-) -> Surface:
+def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
     """A deck on an arch with a wall between them, genus 0: along x, as wide as a road, abutments down to z = 0.
 
     span : between the ends of the deck, metres. rise : of the arch's underside, as a share of the span.
@@ -279,9 +275,7 @@ def _slab(u: Floats, v: Floats, half: float, rounding: float) -> Floats:
 
 @shape
 def twisty_tower(
-    height: Length = 30.0,
-    twist: Annotated[float, Ge(-180), Le(180)] = 120.0,
-    edge: Length = 0.6,
+    height: Length = 30.0, twist: Annotated[float, Ge(-180), Le(180)] = 120.0, edge: Length = 0.6
 ) -> Surface:
     """A slab that twists as it rises, with three openings through it, one above the other, genus 3, on z = 0.
 
@@ -340,12 +334,7 @@ class _Disc:
         w = X[:, 0] + 1j * X[:, 1]
         a = w**6 + np.sqrt(5) * w**3 - 1
         g = np.stack(
-            [
-                -1.5 * (w * (1 - w**4) / a).imag,
-                -1.5 * (w * (1 + w**4) / a).real,
-                ((1 + w**6) / a).imag - 0.5,
-            ],
-            axis=1,
+            [-1.5 * (w * (1 - w**4) / a).imag, -1.5 * (w * (1 + w**4) / a).real, ((1 + w**6) / a).imag - 0.5], axis=1
         )
         P = g / (g**2).sum(axis=1, keepdims=True)
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
