@@ -84,8 +84,7 @@ class Variants:
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):
-                tile = self._tile(number, changes, previewers)
-                if tile.png is not None or number == UNCONFIRMED_VARIANTS:
+                if self._tile(number, changes, previewers).png is not None or number == UNCONFIRMED_VARIANTS:
                     break
             start = time.perf_counter()
             self._tile(number, changes, previewers)

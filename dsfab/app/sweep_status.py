@@ -109,8 +109,7 @@ def _best_runs_table(sweep: SweepFolder, count: int, by: str | None) -> str:
         raise DsfabError(f"{metric!r} was not measured in {sweep.path}; use one of {', '.join(plan.measured_metrics)}")
     if count < 1:
         raise DsfabError(f"--best {count} lists nothing; give 1 or more")
-    rows = sweep.rows()
-    best_rows = best_of(rows, metric, plan.limits)[:count]
+    best_rows = best_of(sweep.rows(), metric, plan.limits)[:count]
     if not best_rows:
         limits = f" and meets {', '.join(plan.constraints)}" if plan.constraints else ""
         raise DsfabError(f"no run of {sweep.path} is done{limits} with a {metric}")

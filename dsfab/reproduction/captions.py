@@ -141,8 +141,7 @@ def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
 
 def _lines(surface: Surface, z: Floats) -> tuple[Ints, Ints]:
     """Return the faces that the line z = 0 crosses, with the number of each face's connected part."""
-    above = z >= 0
-    side = above[surface.F]
+    side = (z >= 0)[surface.F]
     faces = np.flatnonzero(side.any(axis=1) & ~side.all(axis=1))
     face_edges = surface.edges.of[faces]
     cut = side[faces] != np.roll(side[faces], -1, axis=1)

@@ -85,8 +85,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
     for stripes, x in families:
         levels, corners = stripes.levels(x), x[surface.F]
         below = np.searchsorted(levels, corners.max(axis=1))
-        up_to = np.searchsorted(levels, corners.min(axis=1), side="right")
-        count += np.maximum(below - up_to, 0)
+        count += np.maximum(below - np.searchsorted(levels, corners.min(axis=1), side="right"), 0)
     return count
 
 

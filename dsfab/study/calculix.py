@@ -139,8 +139,7 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
     across = normal[surface.edges.ends].sum(axis=1)
     normals = iter((normal, across / np.linalg.norm(across, axis=1, keepdims=True)))
     solid = wedges(surface, thickness, lambda points: (points, next(normals)))
-    held_directions = held_nodes(surface, {"HELD": load.fixed})["HELD"]
-    fixed, opposite = _supports(solid, surface, load, held_directions)
+    fixed, opposite = _supports(solid, surface, load, held_nodes(surface, {"HELD": load.fixed})["HELD"])
     force = np.zeros_like(solid.nodes)
     for column, share in zip(solid.columns.T, THICKNESS_SHARES, strict=True):
         np.add.at(force, column, share * load.force)

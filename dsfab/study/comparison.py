@@ -237,8 +237,7 @@ def _with_measures(task: ComparisonTask, entered: Competitor, structure: Structu
 def _smallest_member(structure: Structure) -> float | None:
     if structure.cells is structure.sheet:  # not cut
         return None
-    kept_material = kept_cells(structure.cells, structure.sheet)
-    member = features(structure.cells, kept_material, structure.names).member
+    member = features(structure.cells, kept_cells(structure.cells, structure.sheet), structure.names).member
     return None if member is None else member.size
 
 

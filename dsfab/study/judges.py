@@ -110,8 +110,7 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
     """Solve each load that the pattern follows (`every`: each case and combination) on a structure's sheet. Raises
     StaticsError if the structure does not carry its loads; a concentrated load on a loose piece is not carried."""
     statics, surface = task.preset.statics, structure.sheet.surface
-    uncut_loads = task.loads_on(structure, every)
-    loads = sheet_loads(task.surface, structure.material, structure.sheet, uncut_loads)
+    loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure, every))
     sheet = statics.sheet(structure.thickness).model_for(surface)
     answers = solve_for(sheet, loads, "displacement")
     return {
@@ -203,8 +202,7 @@ def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
 def _modes(
     task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, request: ResultRequest
 ) -> tuple[float | None, float | None, tuple[str, ...], str]:
-    statics = task.preset.statics
-    sheet = statics.sheet(structure.thickness).model_for(structure.sheet.surface)
+    sheet = task.preset.statics.sheet(structure.thickness).model_for(structure.sheet.surface)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
     if not request.modes:
         return None, None, (), ""
@@ -252,9 +250,7 @@ def full(
         text = f"it carries what its pattern follows, but not every load case: {error}"
         return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=text)
     statics = task.preset.statics
-    sheet_material = statics.sheet(structure.thickness)
-    loads = task.loads_on(structure, every)
-    setting = LoadedSurface(task.surface, sheet_material, loads)
+    setting = LoadedSurface(task.surface, statics.sheet(structure.thickness), task.loads_on(structure, every))
     checked = check(setting, structure.material, "full", budget, progress, structure.cells)
     if checked.status == "fail":
         raise StaticsError(checked.reason)

@@ -160,8 +160,7 @@ def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
     """
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
-    common = np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel()
-    return np.asarray(common == edges.count[chosen])
+    return np.asarray(np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel() == edges.count[chosen])
 
 
 def contracted_faces(F: Ints, onto: Ints) -> Ints:

@@ -305,8 +305,7 @@ class _Front:
         return [start_windows, end_windows]
 
     def _note_middles(self, w: Windows) -> None:
-        shown = (w.start <= 0.5 + SLACK) & (w.end >= 0.5 - SLACK)
-        w = w.select(shown)
+        w = w.select((w.start <= 0.5 + SLACK) & (w.end >= 0.5 - SLACK))
         np.minimum.at(self.middle, w.edge, w.distance((w.at_a + w.at_b) / 2))
 
     def _arrive(self, w: Windows, C: Floats, c: Ints, edges: Ints) -> None:

@@ -262,8 +262,7 @@ class Surface:
     @cached_property
     def loops(self) -> list[Ints]:
         """Boundary loops as vertex indices (k,), longest first (in metres)."""
-        loops = boundary_loops(self.F, self.edges)
-        return sorted(loops, key=lambda loop: -polygon_perimeter(self.V[loop]))
+        return sorted(boundary_loops(self.F, self.edges), key=lambda loop: -polygon_perimeter(self.V[loop]))
 
     @cached_property
     def vertex_areas(self) -> Floats:

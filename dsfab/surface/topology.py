@@ -240,8 +240,7 @@ def euler_characteristic(F: Ints, edges: EdgeTable) -> int:
 
 def duplicate_faces(F: Ints) -> Ints:
     """Return the faces (k,) of F (m, 3) that join the same three vertices as an earlier face, in either orientation."""
-    seen = np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1]
-    return complement(seen, len(F))
+    return complement(np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1], len(F))
 
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
@@ -323,8 +322,7 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
     count, because its marks belong to the boundary. Exception: it is a side of a face whose corners are all marked,
     unless that face has two free edges (an ear of the mesh)."""
     is_spanned = marks[edges.ends].all(axis=1)
-    rim = on_boundary(edges, len(marks))
-    chord = rim[edges.ends].all(axis=1) & ~edges.boundary
+    chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)
     ears = edges.boundary[edges.of].sum(axis=1) > 1
     for k in range(3):

@@ -51,8 +51,7 @@ def halved_on_cylinder(surface: Surface) -> Surface:
 
 def feet(surface: Surface) -> Bools:
     """Return (n,) vertices on the two springing lines."""
-    turn = np.arctan2(surface.V[:, 0], surface.V[:, 2])
-    return is_at(np.abs(turn), OPENING / 2)
+    return is_at(np.abs(np.arctan2(surface.V[:, 0], surface.V[:, 2])), OPENING / 2)
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:

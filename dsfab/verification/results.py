@@ -152,8 +152,7 @@ def _verdict(test: Test, ratios: Sequence[float | None]) -> str:
     is_within = [ratio is not None and abs(ratio - 1) <= test.tolerance for ratio in ratios]
     finest, limit = ratios[-1], test.limit
     if test.beyond and limit and finest is not None and not is_within[-1]:
-        within = abs(finest * test.reference / limit - 1) <= test.tolerance
-        return "theory" if within else "off"
+        return "theory" if abs(finest * test.reference / limit - 1) <= test.tolerance else "off"
     return "ok" if is_within[0] else "coarse" if is_within[-1] else "off"
 
 

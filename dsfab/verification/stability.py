@@ -27,8 +27,7 @@ for six waves: a tube of three half waves converges to .952 of it here, and its 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a tube pressed along its axis, ends on simple supports; the value is N R / (E t^2). Before
     buckling its ends are free to widen, so that the stress is uniform; then they are held round."""
-    along = 2 * max(1, round(cells * WAVE / np.pi))
-    uv, F = square(cells, along, mesh)
+    uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)
     start, end, low, high = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0), is_at(uv[:, 1], 0.0), is_at(uv[:, 1], 1.0)

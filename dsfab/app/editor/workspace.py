@@ -182,8 +182,7 @@ def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outp
     """
     preset = opened.preset_with(changes)
     if mesh := opened.page_mesh:
-        mesh_copy = outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes())
-        preset = with_file(preset, Path(mesh_copy.name))
+        preset = with_file(preset, Path(outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes()).name))
     return outputs.write_file(preset.name, ".toml", preset_toml(preset).encode())
 
 

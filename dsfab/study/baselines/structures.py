@@ -182,8 +182,7 @@ Baseline = Callable[[ComparisonTask], list[Variant]]
 
 def thinner(task: ComparisonTask) -> list[Variant]:
     """Return the whole surface in one thickness, at the design's mass."""
-    thickness = task.share * task.preset.statics.thickness
-    return [Variant("", partial(Structure.uncut, task.surface, thickness))]
+    return [Variant("", partial(Structure.uncut, task.surface, task.share * task.preset.statics.thickness))]
 
 
 SAME_MASS = 1e-3
@@ -226,8 +225,7 @@ def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
-    tidy = tidy_of(preset, task.stressed_surface, layers)
-    pattern = PatternResult(names, fields, levels, widths, tidy=tidy)
+    pattern = PatternResult(names, fields, levels, widths, tidy=tidy_of(preset, task.stressed_surface, layers))
     result = slicing_step(preset, task.surface, task.statics, pattern, Log(None))
     return Structure(result.cells, names, result.sheet, len(result.pieces), preset.statics.thickness)
 

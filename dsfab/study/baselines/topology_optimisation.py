@@ -23,8 +23,7 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
     Distances are straight between centroids, so sheets that nearly touch influence each other. The area of each face
     removes the effect of local refinement [Sigmund 2007].
     """
-    pairs = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray")
-    i, j = pairs.T
+    i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)
     row, column = np.concatenate([i, j, diagonal]), np.concatenate([j, i, diagonal])
@@ -120,8 +119,7 @@ class Densities:
         It is large where both principal stresses are equal and opposite, as on a sphere pressed at its pole. Even grey
         is stable there from any start, because a rib loses across itself what it gains along itself.
         """
-        between = (self.density > 0.1) & (self.density < 0.9)
-        return float(surface.areas @ between) / surface.area
+        return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
 def densities(

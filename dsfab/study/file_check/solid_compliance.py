@@ -152,8 +152,7 @@ class SolidModel:
         k = len(points)
         rows = np.broadcast_to(3 * np.arange(k)[None, None] + np.arange(3)[None, :, None], (10, 3, k))
         columns = self._dofs[:, tet].reshape(10, 3, k)
-        values = np.broadcast_to(phi[:, None], (10, 3, k))
-        entries = (values.ravel(), (rows.ravel(), columns.ravel()))
+        entries = (np.broadcast_to(phi[:, None], (10, 3, k)).ravel(), (rows.ravel(), columns.ravel()))
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
@@ -214,8 +213,7 @@ class Holding:
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
     """Return (c,) f . u, joules, of each force (N,). Raises StaticsError if the solid is not supported."""
-    weighted = diags_array(holding.stiffness) @ holding.rows
-    K = csr_array(model.K + holding.rows.T @ weighted)
+    K = csr_array(model.K + holding.rows.T @ (diags_array(holding.stiffness) @ holding.rows))
     scale = 1 / np.sqrt(K.diagonal())
     inner = csr_array(diags_array(scale) @ K @ diags_array(scale))
     inner.sort_indices()

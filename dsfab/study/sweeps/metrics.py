@@ -71,8 +71,7 @@ def _sheet_mass(design: Design) -> float:
 def _loose(design: Design) -> float:
     cells = design.slicing.cells
     material = float(cells.surface.areas @ cells.material)
-    supported_area = sum(piece.area for piece in design.slicing.pieces if piece.held)
-    return max(0.0, 1 - supported_area / material)
+    return max(0.0, 1 - sum(piece.area for piece in design.slicing.pieces if piece.held) / material)
 
 
 def _min_width(design: Design) -> float:

@@ -101,8 +101,7 @@ def _run_job(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
 def _job_design(job: Job, changes: Mapping[str, Any]) -> Design:
     if getattr(_thread_state, "token", None) != job.token:
         _thread_state.token, _thread_state.base, _thread_state.last = job.token, _base(job), None
-    preset = with_overrides(_thread_state.base, changes)
-    _thread_state.last = draft(preset, earlier=_thread_state.last)
+    _thread_state.last = draft(with_overrides(_thread_state.base, changes), earlier=_thread_state.last)
     return _thread_state.last  # type: ignore[no-any-return]
 
 
@@ -351,8 +350,7 @@ class DaskWorkers:
     def workers(self) -> Collection[str]:
         """Return the addresses of the present workers."""
         # n_workers=-1, because newer versions list five workers by default
-        by_address = self._client.scheduler_info(n_workers=-1)["workers"]
-        return list(by_address)
+        return list(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
         if worker not in self._executors:

@@ -276,8 +276,7 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
 
 
 def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *pairs: Elements) -> Level:
-    cases_and_spreads = on_mesh(setting.surface, mesh, setting.loads, forces)
-    return level(mesh.surface, setting.made, *cases_and_spreads, pairs)
+    return level(mesh.surface, setting.made, *on_mesh(setting.surface, mesh, setting.loads, forces), pairs)
 
 
 def calibrate(count: int = 8, told: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:

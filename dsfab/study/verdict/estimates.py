@@ -186,8 +186,7 @@ def inward_corners(surface: Surface) -> Ints:
     """Return (c,) border vertices around which the material turns by more than half a turn and `REENTRANT_ANGLE`."""
     X = surface.V[surface.F]
     ahead, back = np.roll(X, -1, axis=1) - X, np.roll(X, 1, axis=1) - X
-    sine = np.linalg.norm(np.cross(ahead, back), axis=2)
-    angle = np.arctan2(sine, (ahead * back).sum(axis=2))
+    angle = np.arctan2(np.linalg.norm(np.cross(ahead, back), axis=2), (ahead * back).sum(axis=2))
     around = np.bincount(surface.F.ravel(), angle.ravel(), surface.n)
     border = np.zeros(surface.n, dtype=bool)
     border[surface.edges.ends[surface.edges.boundary]] = True

@@ -68,14 +68,12 @@ def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []
-    gap = np.diff(large, append=large[0] + len(turn))
-    breaks = np.flatnonzero(gap > LARGEST_GAP)
+    breaks = np.flatnonzero(np.diff(large, append=large[0] + len(turn)) > LARGEST_GAP)
     if not len(breaks):
         return [(np.arange(len(turn)), True)] if _alternates(turn[large]) else []
     runs = []
     for start, end in zip(breaks, np.roll(breaks, -1), strict=True):
-        count = (end - start - 1) % len(large) + 1
-        chosen = large[(start + 1 + np.arange(count)) % len(large)]
+        chosen = large[(start + 1 + np.arange((end - start - 1) % len(large) + 1)) % len(large)]
         if _alternates(turn[chosen]):
             runs.append((np.arange(chosen[0], chosen[-1] + (len(turn) if chosen[-1] < chosen[0] else 0) + 1), False))
     return [(run % len(turn), closed) for run, closed in runs]
@@ -148,8 +146,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 def _triangle_costs(a: Floats, X: Floats, b: Floats) -> Floats:
     """Return the area (k,) of the triangles a, X, b; of equal areas, the smaller is that with shorter edges."""
     area = lengths(np.cross(X - a, b - a)) / 2
-    squares = ((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)
-    return np.asarray(area + 1e-3 * squares)
+    return np.asarray(area + 1e-3 * (((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)))
 
 
 def _triangles(apex: Ints, k: int) -> Ints:

@@ -20,8 +20,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
     inner[F] = True
     inner[edges.ends[edges.count != 2]] = False
     low, high = np.sort(pairs, axis=1).T
-    key = edges.ends[:, 0] * n + edges.ends[:, 1]
-    is_crossing = inner[low] & inner[high] & ~np.isin(low * n + high, key)
+    is_crossing = inner[low] & inner[high] & ~np.isin(low * n + high, edges.ends[:, 0] * n + edges.ends[:, 1])
     if not is_crossing.any():
         return np.asarray(is_crossing)
     twice = _on_repeated_faces(F, link_components(n, low, high)[1])

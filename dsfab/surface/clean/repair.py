@@ -141,8 +141,7 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 def _with_area(V: Floats, F: Ints) -> Ints:
     P = V[F]
     longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
-    twice = lengths(area_vectors(V, F))
-    return np.flatnonzero(twice > 1e-9 * longest**2)
+    return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)
 
 
 def _distinct_faces(_: Floats, F: Ints) -> Ints:
@@ -170,8 +169,7 @@ def _on_edges_of_two(_: Floats, F: Ints) -> Ints:
 def _in_large_pieces(V: Floats, F: Ints) -> Ints:
     count, piece = pieces(F, edge_table(F))
     area = lengths(area_vectors(V, F))
-    of_piece = np.bincount(piece, area, minlength=count)
-    return np.flatnonzero(of_piece[piece] >= CRUMB * area.sum())
+    return np.flatnonzero(np.bincount(piece, area, minlength=count)[piece] >= CRUMB * area.sum())
 
 
 _UNSOUND: tuple[Fault, ...] = ((_with_area, _NO_AREA),)

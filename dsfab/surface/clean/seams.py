@@ -97,14 +97,12 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
     """
     faces, joined = F, 0
     for _ in range(4):  # each round takes the vertices of one edge of a face, which has up to three at a seam
-        edges = edge_table(faces)
-        half, vertex = _open_seams(V, faces, edges, within)
+        half, vertex = _open_seams(V, faces, edge_table(faces), within)
         if not len(half):
             break
         faces = _with_fans(V, faces, half, vertex)
         joined += len(half)
-    crowded = (edge_table(faces).count > 2).sum() > (edge_table(F).count > 2).sum()
-    return (F, 0) if crowded else (faces, joined)
+    return (F, 0) if (edge_table(faces).count > 2).sum() > (edge_table(F).count > 2).sum() else (faces, joined)
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:

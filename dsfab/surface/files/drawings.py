@@ -305,8 +305,7 @@ def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Fl
                 raise SurfaceError(_open_curve_message(np.concatenate(chain), where))
             free[end // 2] = False
             chain.append(runs[end // 2][::-1] if end % 2 else runs[end // 2])
-        loop = np.concatenate([chain[0], *(run[1:] for run in chain[1:])])
-        yield loop[:-1]
+        yield np.concatenate([chain[0], *(run[1:] for run in chain[1:])])[:-1]
 
 
 def _open_curve_message(run: Floats, where: str) -> str:

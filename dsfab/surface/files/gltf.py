@@ -47,8 +47,7 @@ class Buffers:
 
     def _buffer(self, number: int) -> bytes:
         if number not in self.known:
-            uri = self.tree["buffers"][number].get("uri")
-            self.known[number] = self._content(uri)
+            self.known[number] = self._content(self.tree["buffers"][number].get("uri"))
             self.budget.require_bytes(sum(map(len, self.known.values())))
         return self.known[number]
 

@@ -84,8 +84,7 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the sum of both minus the first
     beyond = np.where(count[edge[side]] == 2, beyond, side)
     is_flat = (beyond != side) & ~bent[owner[beyond]]
-    sign = np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat
-    return np.asarray(sign[..., None] * N[owner[beyond]])
+    return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
 
 
 MOST_CORNERS_FOR_EARS = 12

@@ -160,8 +160,7 @@ def _flipped_faces(F: Ints, flips: Bools) -> Ints:
 
 def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
     count, piece = pieces(F, edges)
-    on_boundary = edges.boundary[edges.of].any(axis=1)
-    is_open = np.bincount(piece, on_boundary, minlength=count) > 0
+    is_open = np.bincount(piece, edges.boundary[edges.of].any(axis=1), minlength=count) > 0
     inward: Bools = np.logical_and(~is_open, signed_volumes(V, F, piece, count) < 0)
     return np.asarray(inward[piece])
 

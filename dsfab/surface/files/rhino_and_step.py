@@ -85,8 +85,7 @@ def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
     V = np.array([[p.X, p.Y, p.Z] for p in mesh.Vertices], dtype=np.float64).reshape(-1, 3)
     quads = np.array([mesh.Faces[k] for k in range(len(mesh.Faces))], dtype=np.int64).reshape(-1, 4)
     sizes = np.where(quads[:, 2] == quads[:, 3], 3, 4)
-    corners = quads[np.arange(4) < sizes[:, None]]
-    return V, triangles(Polygons(V, corners, sizes)).F
+    return V, triangles(Polygons(V, quads[np.arange(4) < sizes[:, None]], sizes)).F
 
 
 def _model(path: Path) -> Any:

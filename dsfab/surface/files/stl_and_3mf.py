@@ -132,8 +132,7 @@ def _meshes(model: Any) -> Iterator[tuple[Floats, Ints]]:
     while objects.MoveNext():
         mesh = objects.GetCurrentMeshObject()
         V = np.frombuffer(b"".join(mesh.GetVertices()), dtype="<f4").reshape(-1, 3).astype(np.float64)
-        F = np.frombuffer(b"".join(mesh.GetTriangleIndices()), dtype="<u4").reshape(-1, 3).astype(np.int64)
-        yield V, F
+        yield V, np.frombuffer(b"".join(mesh.GetTriangleIndices()), dtype="<u4").reshape(-1, 3).astype(np.int64)
 
 
 class _Plate:

@@ -236,8 +236,7 @@ class Pressure:
             raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
         faces = picked_faces(surface, self.at, "pressure")
         require_two_sides(surface, faces, "a load of kind 'pressure'")
-        on_face = (-self.pressure * faces * surface.areas)[:, None] * surface.normals
-        return forces_at_corners(surface, on_face)
+        return forces_at_corners(surface, (-self.pressure * faces * surface.areas)[:, None] * surface.normals)
 
 
 @dataclass(frozen=True)

@@ -219,8 +219,7 @@ def _keeps_boundary(s: Surface, vertex: int, faces: Ints, step: Floats, toleranc
 def _spoilt(s: Surface, V: Floats) -> Bools:
     """Return the faces (m,) that turn or shrink too much if the vertices move to V (n, 3)."""
     a, b, c = (V[s.F[:, k]] for k in range(3))
-    area = np.einsum("mi,mi->m", np.cross(b - a, c - a), s.normals) / 2
-    return np.asarray(area < 0.3 * s.areas)
+    return np.asarray((np.einsum("mi,mi->m", np.cross(b - a, c - a), s.normals) / 2) < 0.3 * s.areas)
 
 
 def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
@@ -334,8 +333,7 @@ def _turns_back(depth: Floats) -> Bools:
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)
     back = np.zeros(depth.shape[1], dtype=bool)
     for was, now in ((fell, sign > 0), (rose, sign < 0)):
-        after = np.logical_or.accumulate(was)
-        back |= (after[:-1] & now[1:]).any(axis=0)
+        back |= (np.logical_or.accumulate(was)[:-1] & now[1:]).any(axis=0)
     return back
 
 
@@ -347,8 +345,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
     points = np.concatenate([place[s.edges.of], np.where(outlined.on[s.F][:, :, None], s.V[s.F], np.nan)], axis=1)
     is_crossed = np.isfinite(points[:, :, 0])
     faces = np.flatnonzero((is_crossed.sum(axis=1) == 2) & is_crossed[:, :3].any(axis=1))
-    middle = points[faces][is_crossed[faces]].reshape(-1, 2, 3).mean(axis=1)
-    return faces, np.abs(extent.depth(middle))
+    return faces, np.abs(extent.depth(points[faces][is_crossed[faces]].reshape(-1, 2, 3).mean(axis=1)))
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:

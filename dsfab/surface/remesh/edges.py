@@ -95,8 +95,7 @@ class Net:
     @property
     def link_edges(self) -> Ints:
         """Indices (l,) of the edges along curves."""
-        ends = np.sort(self.link_ends, axis=1)
-        return np.searchsorted(self.edges.ends @ (self.n, 1), ends @ (self.n, 1))
+        return np.searchsorted(self.edges.ends @ (self.n, 1), np.sort(self.link_ends, axis=1) @ (self.n, 1))
 
     @property
     def along_curves(self) -> Bools:
@@ -231,8 +230,7 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
     lower = row_min(net.kind[edges.ends[chosen]])
     chosen = chosen[(lower < FIXED) & (net.along_curves[chosen] | (lower == FREE))]
     chosen = chosen[meets_link_condition(edges, chosen, net.n)]
-    ends = edges.ends[chosen]
-    a, b = ends.T
+    a, b = edges.ends[chosen].T
     swap = (net.kind[a] < net.kind[b]) | ((net.kind[a] == net.kind[b]) & backwards)
     target, gone = np.where(swap, b, a), np.where(swap, a, b)
     fine = (net.kind[gone] == FREE) | _keeps_curves(net, curves, target, gone, edge)
@@ -406,8 +404,7 @@ def with_ears_flipped(surface: Surface) -> Surface:
     for start, end in ((a, b), (b, a)):  # neither new face turns over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    behind = pairs[chosen, 1] // 3
-    chosen = chosen[np.unique(behind, return_index=True)[1]]  # the first of two ears at a face
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # the first of two ears at a face
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))

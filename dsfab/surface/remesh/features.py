@@ -63,8 +63,7 @@ def design_features(surface: Surface, edge: float) -> Bools:
 
 def _crease_lengths(surface: Surface, crease: Ints) -> Floats:
     """Return the length (c,) of the smooth curve of creases (c,) that contains each, metres."""
-    ends = surface.edges.ends[crease]
-    passes = vertices_of_two_edges(surface.V, ends)
+    passes = vertices_of_two_edges(surface.V, surface.edges.ends[crease])
     smooth = passes.edges[passes.turn < np.radians(CORNER)]
     count, part = link_components(len(crease), smooth[:, 0], smooth[:, 1])
     return np.asarray(np.bincount(part, surface.edge_lengths[crease], minlength=count)[part])
@@ -80,8 +79,7 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     toward = surface.centroids[faces] - middle[:, None]
     toward /= lengths(toward)[:, :, None]
     across = toward[:, 0] - toward[:, 1]
-    tree = cKDTree(surface.centroids)
-    _, near_faces = tree.query(middle, k=min(128, surface.m), distance_upper_bound=radius)
+    _, near_faces = cKDTree(surface.centroids).query(middle, k=min(128, surface.m), distance_upper_bound=radius)
     near_faces = np.concatenate([near_faces.reshape(len(crease), -1), faces], axis=1)
     exists = near_faces < surface.m
     near_faces = np.where(exists, near_faces, 0)

@@ -52,8 +52,7 @@ def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     count : least number of points; points as far as the last one count too.
     """
     distance = lengths(x)
-    least = np.partition(distance, -count)[-count]
-    farthest = np.flatnonzero(distance > least - FAR_TOLERANCE * size)
+    farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
 
 

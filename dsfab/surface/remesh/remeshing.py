@@ -141,8 +141,7 @@ def _even_net(
     """Return the net after all rounds; wanted edges are `edge` metres long, or as the shortest of the sizes."""
     chords = chord_lengths(curves, edge)
     finer = [field for field in sizes if np.ptp(field.length)]
-    other_surfaces = {field.surface for field in finer} - {nearest.surface}
-    trees = [nearest, *map(NearestOnSurface, other_surfaces)]
+    trees = [nearest, *map(NearestOnSurface, {field.surface for field in finer} - {nearest.surface})]
     rounds = 8
     for k in range(rounds):
         base = _shortest_lengths(net.V, finer, trees) if finer else edge

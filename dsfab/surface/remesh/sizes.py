@@ -36,8 +36,7 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
     ends = surface.edges.ends[shared]
     along = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     tensor = np.einsum("e,ei,ej->eij", _bends(surface, shared) / lengths(along) / 2, along, along).reshape(-1, 9)
-    mean = _mean_around(surface, ends, tensor)
-    largest = np.abs(np.linalg.eigvalsh(mean.reshape(-1, 3, 3))).max(axis=1)
+    largest = np.abs(np.linalg.eigvalsh(_mean_around(surface, ends, tensor).reshape(-1, 3, 3))).max(axis=1)
     turning = np.radians(TURN_PER_EDGE)
     return np.asarray(np.clip(turning / np.maximum(largest, turning / edge), finest, edge))
 

@@ -160,5 +160,4 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
         V[back] = net.V[back]
         if k == retreats:
             V, positions = net.V, net.at
-    shifted = (V != net.V).any(axis=1)[net.node]
-    return replace(net, V=V, at=np.where(shifted, positions, net.at))
+    return replace(net, V=V, at=np.where((V != net.V).any(axis=1)[net.node], positions, net.at))

@@ -86,8 +86,7 @@ def _ear(wide: float) -> Field:
     leaf = ellipsoid(centre, (0.095, max(0.055, wide), max(0.036, wide)), axes)
     if wide > HOLLOW:
         return leaf
-    hollow = ellipsoid(centre + 0.042 * front, (0.068, 0.034, 0.026), axes)
-    return smooth_difference(leaf, hollow, 0.02)
+    return smooth_difference(leaf, ellipsoid(centre + 0.042 * front, (0.068, 0.034, 0.026), axes), 0.02)
 
 
 @shape

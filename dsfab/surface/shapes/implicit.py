@@ -166,8 +166,7 @@ def _flip_edges(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple
 
 
 def _valence_gain(quad: Ints, edges: EdgeTable, n: int) -> Floats:
-    valence = np.bincount(edges.ends.ravel(), minlength=n)
-    excess = (valence - np.where(on_boundary(edges, n), 4, 6))[quad]
+    excess = (np.bincount(edges.ends.ravel(), minlength=n) - np.where(on_boundary(edges, n), 4, 6))[quad]
     change = np.array([-1, -1, 1, 1])
     return np.asarray(((excess**2) - (excess + change) ** 2).sum(axis=1), dtype=np.float64)
 

@@ -31,8 +31,7 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
 
     @functools.wraps(function)
     def checked_shape(*args: P.args, **kwargs: P.kwargs) -> Surface:
-        arguments = inspect.signature(function).bind(*args, **kwargs).arguments
-        for name, value in arguments.items():
+        for name, value in inspect.signature(function).bind(*args, **kwargs).arguments.items():
             if not np.isfinite(value):
                 raise SurfaceError(f"{function.__name__}: {name} = {value} is not a finite number")
             for bound in bounds[name]:

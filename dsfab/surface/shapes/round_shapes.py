@@ -77,8 +77,7 @@ def tower(
         raise SurfaceError(f"tower: twist = {twist:g} degrees is too much for a height of {height:g} m; use less")
     z = np.linspace(0, height, 1 + pieces_of(height, ROW * edge, multiple=2, least=4))
     scale = 0.5 * width * (1 + (taper - 1) * z / height)
-    counts = np.array([pieces_of(around * s, edge, multiple=4, least=8) for s in scale])
-    turns = ring_turns(counts)
+    turns = ring_turns(np.array([pieces_of(around * s, edge, multiple=4, least=8) for s in scale]))
     share = np.linspace(0, 1, len(x))
     rings = []
     for t, s, level in zip(turns, scale, z, strict=True):
@@ -138,8 +137,7 @@ def _icosahedron() -> tuple[Floats, Ints]:
     V = np.concatenate([[[0, 0, 1.0]], ring[0], ring[1], [[0, 0, -1.0]]])
     a, b, c, d = 1 + k, 1 + (k + 1) % 5, 6 + k, 6 + (k + 1) % 5
     top, bottom = 0 * k, 0 * k + 11
-    F = np.concatenate([np.stack(t, axis=1) for t in ((top, a, b), (a, c, b), (b, c, d), (bottom, d, c))])
-    return V, F
+    return V, np.concatenate([np.stack(t, axis=1) for t in ((top, a, b), (a, c, b), (b, c, d), (bottom, d, c))])
 
 
 def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
