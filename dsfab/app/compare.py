@@ -333,8 +333,7 @@ These are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `boun
 @dataclass(frozen=True)
 class Batch:
     """Comparisons of several presets. output : folder of the summary and of a folder for each, None for
-    outputs/compare.
-    """
+    outputs/compare."""
 
     task: CompareTask
     output: Path | None

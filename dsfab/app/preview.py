@@ -1,6 +1,5 @@
 """The command `dsfab preview`: a picture of a design before its files are written, again after each save of its
-preset.
-"""
+preset."""
 
 import os
 import sys
@@ -95,8 +94,7 @@ class PictureOptions:
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
         """Return the page of a preset, in `folder` unless --output names a file; raise DsfabError for invalid
-        options.
-        """
+        options."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)

@@ -81,8 +81,7 @@ def reproduce(
 
 def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
     """Return the figures of these names, in the paper's order; all without names. Raises DsfabError for an unknown
-    name.
-    """
+    name."""
     from dsfab.reproduction.published import FIGURES
 
     presets = [figure.preset for figure in FIGURES]

@@ -170,8 +170,7 @@ PAPER_SIZES = {
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
     """Return the changes of --model, --stock and --thickness. Raises PresetError for an invalid scale, size or
-    length.
-    """
+    length."""
     texts = []
     if model is not None:
         set_values = source.set_values()

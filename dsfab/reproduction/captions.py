@@ -18,9 +18,7 @@ RINGS, SPOKES = 2, 4
 @dataclass(frozen=True)
 class Web:
     """Rings of a family around a load, the innermost first, each with the number of crossing lines of the other family.
-
-    family : of the rings; '' without rings.
-    """
+    family : of the rings; '' without rings."""
 
     family: str = ""
     crossed: tuple[int, ...] = ()
@@ -165,9 +163,7 @@ ANGLE, EVENNESS = 60.0, 3.0
 
 def finding(claim: str, rendition: Rendition) -> str:
     """Return the measured result for a claim (see `PaperFigure`) as a clause; '' without a claim or a design.
-
-    rendition : its stripes lie on modes.
-    """
+    rendition : its stripes lie on modes."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

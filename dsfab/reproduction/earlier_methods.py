@@ -108,8 +108,7 @@ End = Literal["boundary", "inside", "round"]
 class StressLine:
     """points : (k, 3) metres, in order; a closed line repeats the first at its end.
     faces  : (k - 1,) the face of each segment.
-    loose  : number of ends inside the surface.
-    """
+    loose  : number of ends inside the surface."""
 
     points: Floats
     faces: tuple[int, ...]

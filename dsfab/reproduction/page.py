@@ -383,9 +383,7 @@ PICTURE = re.compile(r'src="([\w.-]+\.(?:webp|svg))"')
 
 def small_page(text: str, folders: Sequence[Path]) -> str:
     """Return a page that contains its pictures, at half their width and height, without links to larger ones.
-
-    text : the page whose pictures lie in one of the `folders`.
-    """
+    text : the page whose pictures lie in one of the `folders`."""
     data_by_name: dict[str, str] = {}
 
     def inside(match: re.Match[str]) -> str:

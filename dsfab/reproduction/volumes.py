@@ -96,9 +96,7 @@ def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
     """Return the row of `compare_at` for each rival with this share of the surface.
-
-    design : compliance (J) of the reference design; None if it does not carry its loads.
-    """
+    design : compliance (J) of the reference design; None if it does not carry its loads."""
     from dsfab.study import compare_at
 
     rows = []

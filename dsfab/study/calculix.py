@@ -118,8 +118,7 @@ THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)
 class WedgeModel:
     """solid : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
     opposite : (r, 3) two nodes and a direction in which they move oppositely: the sheet may turn there.
-    force    : (p, 3) newtons.
-    """
+    force    : (p, 3) newtons."""
 
     solid: Wedges
     material: Material
@@ -174,9 +173,7 @@ TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 @dataclass(frozen=True)
 class CcxFiles:
     """Output of CalculiX so far: its console text, its results (.dat) and its attempts (.sta).
-
-    ended : True if the program ended by itself.
-    """
+    ended : True if the program ended by itself."""
 
     said: str
     results: str
@@ -258,8 +255,7 @@ FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
 class LoadPath:
     """load : (k,) factors on the loads, from 0 on.    u : (k, w, 3) metres, of the watched nodes.
     whole   : True if the last requested factor was reached.    late : True if the time ran out before.
-    failed  : (f, 2) of each attempt without equilibrium: its start point, and its increment of the factor.
-    """
+    failed  : (f, 2) of each attempt without equilibrium: its start point, and its increment of the factor."""
 
     load: Floats
     u: Floats

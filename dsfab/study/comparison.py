@@ -148,11 +148,9 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare with `share` of the surface for every sheet; the design's widths are scaled to it.
-
-    If the design does not carry its loads then, the comparison holds the error. Raises DsfabError for unknown names and
-    for a share that is not between 0 and 1.
-    """
+    """Compare with `share` of the surface for every sheet; the design's widths are scaled to it. If the design does not
+    carry its loads then, the comparison holds the error. Raises DsfabError for unknown names and for a share that is
+    not between 0 and 1."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
@@ -268,9 +266,7 @@ class Checks:
 
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the judge of a depth: quick, full, or whole (full for whole sheets, quick for cut sheets).
-
-        One solve is far off on the coarse meshes of whole sheets.    every : whether to judge all cases.
-        """
+        One solve is far off on the coarse meshes of whole sheets.    every : whether to judge all cases."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
         if depth == "full":
@@ -319,9 +315,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
     """Return `full` for comparisons at many shares of one surface; whole sheets of equal thickness are judged once.
-
-    memory : bytes that the solver may take.
-    """
+    memory : bytes that the solver may take."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
 

@@ -41,8 +41,7 @@ class Check:
 @dataclass(frozen=True)
 class PieceContacts:
     """A piece of the sheet: m2, the entries of surface.support and surface.load that act on it (counted from 1), their
-    names.
-    """
+    names."""
 
     area: float
     supports: tuple[int, ...]
@@ -118,9 +117,7 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
     """Raise PatternError for `refusals`, unless the preset accepts them (`fabrication.accept`).
-
-    measure : whether to measure a workshop design if `measured` is None.
-    """
+    measure : whether to measure a workshop design if `measured` is None."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):

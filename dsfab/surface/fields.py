@@ -45,9 +45,7 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
     """Return the sparse sum (n, n) of the face blocks (m, 3, 3); row and column i of a block belong to corner i.
-
-    diagonal : (n,) added to it. All matrices with a diagonal have the same pattern, because zeros stay entries.
-    """
+    diagonal : (n,) added to it. All matrices with a diagonal have the same pattern, because zeros stay entries."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()
@@ -141,8 +139,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 class _Nodes(NamedTuple):
     """Crossings of levels and edges: those of edge e are offset[e] + 0, 1, ... for the levels begin[e], begin[e] +
-    1, ...
-    """
+    1, ..."""
 
     offset: Ints
     begin: Ints
@@ -309,7 +306,6 @@ class DividedSurface:
 
     def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
         """Divide marked edges (e',), and the longest edge of each affected face, which keeps angles from shrinking.
-
         positions : (e',) of the new vertices, 0 at the first end of each edge, 1 at its second; by default the middle.
         """
         surface = self.surface
@@ -357,9 +353,7 @@ class DividedSurface:
 
 def _interpolation(ends: Ints, positions: Floats, n: int) -> csr_array:
     """Return the matrix (k, n) from values at n vertices to values on edges with ends (k, 2).
-
-    positions : (k,) from 0 at the first end to 1 at the second.
-    """
+    positions : (k,) from 0 at the first end to 1 at the second."""
     rows = np.repeat(np.arange(len(ends)), 2)
     return csr_array((np.stack([1 - positions, positions], axis=1).ravel(), (rows, ends.ravel())), shape=(len(ends), n))
 

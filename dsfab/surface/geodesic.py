@@ -23,9 +23,7 @@ SLACK = 1e-10
 @dataclass(frozen=True, eq=False)
 class Windows:
     """Parts of edges that sources see, in the plane of each source, as arrays that are processed together.
-
-    names  : (k, 5) columns `edge` to `parallel`.    values : (k, 7) columns `at_a` to `offset`.
-    """
+    names  : (k, 5) columns `edge` to `parallel`.    values : (k, 7) columns `at_a` to `offset`."""
 
     names: Ints
     values: Floats
@@ -149,9 +147,7 @@ def dot2(a: Floats, b: Floats) -> Floats:
 
 class Origins(NamedTuple):
     """Origins of distances: marked vertices (n,), edges (e,) and faces (m,).
-
-    The edges of a marked face are marked too, and the ends of a marked edge.
-    """
+    The edges of a marked face are marked too, and the ends of a marked edge."""
 
     vertices: Bools
     edges: Bools

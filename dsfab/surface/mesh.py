@@ -56,8 +56,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
     """Yield blocks of faces: their slice, first corners from the middle of the box (3, k), twice their area vectors
-    (3, k).
-    """
+    (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)

@@ -29,9 +29,7 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 def lean(station: Floats, shape: Shape) -> Floats:
     """Return the offset of a cross line's top at stations (k,) from 0 to 6; the end lines are upright.
-
-    Trapezoids: inner lines lean to and fro.  Parallelograms: all lean the same way.
-    """
+    Trapezoids: inner lines lean to and fro.  Parallelograms: all lean the same way."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -113,9 +111,7 @@ def _curved_strip() -> float:
 
 def _curved_plane() -> float:
     """Movement of a quarter ring's free end along a unit shear force, in plane stress, in closed form:
-
-    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]
-    """
+    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]"""
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
     squares = a**2 + b**2
     return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))

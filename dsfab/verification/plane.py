@@ -84,11 +84,9 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet under a unit tension along x.
-
-    Its outer edge carries the tractions of Kirsch's solution, so the cut-off causes no error. The value is the stress
-    along the edge of the hole, where it is three times the tension.
-    """
+    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet under a unit tension along x. Its
+    outer edge carries the tractions of Kirsch's solution, so the cut-off causes no error. The value is the stress along
+    the edge of the hole, where it is three times the tension."""
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
@@ -107,9 +105,7 @@ def kirsch_stress(x: Floats, y: Floats) -> Floats:
 
 def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:
     """NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled outwards by 10 MPa on its outer edge.
-
-    The value is the stress along the inner edge at the end of its long axis, Pa.
-    """
+    The value is the stress along the inner edge at the end of its long axis, Pa."""
     uv, F = square(cells, cells, mesh)
     turn, out = np.pi / 2 * uv[:, 0], uv[:, 1]
     V = np.stack([(2 + 1.25 * out) * np.cos(turn), (1 + 1.75 * out) * np.sin(turn), 0 * out], axis=1)

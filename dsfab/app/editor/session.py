@@ -38,8 +38,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 @dataclass(frozen=True, eq=False)
 class SessionView:
     """A draft with its number; `version` changes with the data that stripes alone do not change, which the page
-    keeps.
-    """
+    keeps."""
 
     draft: Design
     number: int
@@ -157,8 +156,7 @@ class Session:
 
     def command(self, changes: Changes) -> dict[str, Any]:
         """Return the command of the build, and the preset file that was saved for it, or that the page has to save
-        first.
-        """
+        first."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
         if not (save and outputs.label):
@@ -169,8 +167,7 @@ class Session:
 
     def ask_solve(self, changes: Changes) -> int:
         """Start a job that solves these changes and then measures the design; return the running one if it does so
-        already.
-        """
+        already."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -212,8 +209,7 @@ class Session:
 
     def first_model(self) -> bytes:
         """Return the last draft, or a sketch of the first one, for a page that opens; empty if neither is in
-        progress.
-        """
+        progress."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)

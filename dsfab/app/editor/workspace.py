@@ -302,8 +302,7 @@ class VariantTray:
 
     def keep(self, variant: KeptVariant) -> None:
         """Add a variant; its number becomes its name if it has none. Raises DsfabError for invalid or too many
-        variants.
-        """
+        variants."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
             raise DsfabError(f"{MAX_VARIANTS} variants are kept already; remove one first")

@@ -1,6 +1,5 @@
 """The components for Grasshopper. Each function maps a request to the values of its outputs, in the unit of the
-model.
-"""
+model."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence

@@ -80,8 +80,7 @@ def release_freed_memory(freed: float) -> None:
     """Return freed memory to the system; glibc otherwise holds it as long as small blocks lie above it.
 
     That is 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of their factor. The function
-    takes
-    10 ms for 100 MB and does nothing on other systems.
+    takes 10 ms for 100 MB and does nothing on other systems.
 
     freed : approximate number of freed bytes; the function does nothing up to `LITTLE`.
     """
@@ -105,9 +104,7 @@ def _pools() -> Any:
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread: on vectors and small fronts, threads cost up to ten times their gain.
-
-    The number of threads belongs to the process, so other threads of Python wait.
-    """
+    The number of threads belongs to the process, so other threads of Python wait."""
     with _BLAS_LOCK, _pools().limit(limits=1, user_api="blas"):
         yield
 
@@ -122,8 +119,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
     Each part is halved at the median of its longest axis. The points of one half that touch the other half separate the
     two (the half with fewer such points) and are eliminated after both. Each level adds one base-4 digit (0 lower, 1
-    upper,
-    2 separator), so the order of the keys is the order of elimination. All parts of a level are divided at once.
+    upper, 2 separator), so the order of the keys is the order of elimination. All parts of a level are divided at once.
     """
     i, j = graph
     n = len(points)
@@ -147,9 +143,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 def upper_half(points: Floats, part: Ints) -> Ints:
     """Return 1 (k,) for points above the median of their part along its longest axis, else 0.
-
-    part : (k,) numbers from 0.
-    """
+    part : (k,) numbers from 0."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -164,9 +158,7 @@ def upper_half(points: Floats, part: Ints) -> Ints:
 
 def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
     """Return the pairs of different points that K couples, each pair in both directions.
-
-    node : (N,) the point of each unknown, 0 to n - 1.
-    """
+    node : (N,) the point of each unknown, 0 to n - 1."""
     pairs = csr_array((np.ones(K.nnz, dtype=bool), node[K.indices].astype(np.int32), K.indptr), (K.shape[0], n))
     gather = csr_array((np.ones(len(node), dtype=bool), (node, np.arange(len(node)))), (n, len(node)))
     graph = (gather @ pairs).tocoo()
@@ -266,9 +258,7 @@ class Fronts:
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
     """Return the later points that each front touches, fill included, and the children of each front.
-
-    row, column : points of every entry below the diagonal.   front_start : (fronts + 1,) first point of each front.
-    """
+    row, column : points of every entry below the diagonal.   front_start : (fronts + 1,) first point of each front."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]
@@ -340,8 +330,7 @@ class Multifrontal:
 
 def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
     """Add a child's update (c, c), upper triangle, to rows and columns `step_positions` (c,) of the parent's front.
-    Runs of
-    neighbouring columns are added together, which is several times faster than column by column."""
+    Runs of neighbouring columns are added together, which is several times faster than column by column."""
     k = len(pivot_rows)
     inner = int(np.searchsorted(positions, k))
     ends = np.flatnonzero((np.diff(positions) != 1) | (positions[1:] == k)) + 1

@@ -116,9 +116,7 @@ def pardiso_matrix(K: Matrix) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class _Pattern:
     """Positions of the entries of a symmetric matrix (n, n), and of those in its upper triangle.
-
-    indptr, indices : of the matrix.    pointer, column : of the upper triangle.    place : its entries among all.
-    """
+    indptr, indices : of the matrix.    pointer, column : of the upper triangle.    place : its entries among all."""
 
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
@@ -246,8 +244,7 @@ class Multigrid:
 
     Smoothed aggregation [Vanek, Mandel and Brezina 1996] with all available knowledge: points as blocks of three, rigid
     motions, strength 0, energy-smoothed prolongation, symmetric block Gauss-Seidel. Otherwise it needs hundreds of
-    steps
-    or diverges on irregular sheets. Each solve therefore computes the true residual.
+    steps or diverges on irregular sheets. Each solve therefore computes the true residual.
 
     rigid : (N, 6) the rigid motions in the unknowns of K, which K nearly annihilates away from supports.
 

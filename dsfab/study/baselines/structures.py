@@ -193,11 +193,9 @@ Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet, without loose pieces, has the area of the task.
-
-    Wider layers make up for dropped pieces, so that the remaining sheet has the full mass. A second try uses a finer
-    snap, because snapped values make the area jump on coarse meshes. Raises PatternError if the area cannot be met.
-    """
+    """Return the structure whose sheet, without loose pieces, has the area of the task. Wider layers make up for
+    dropped pieces, so that the remaining sheet has the full mass. A second try uses a finer snap, because snapped
+    values make the area jump on coarse meshes. Raises PatternError if the area cannot be met."""
     try:
         return _structure_of_area(task, drawing)
     except PatternError:

@@ -56,9 +56,7 @@ AGREES, DIFFERS = 0.05, 0.15
 @dataclass(frozen=True)
 class Finding:
     """A question and its answer: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
-
-    reason : a sentence; empty if the numbers explain it.
-    """
+    reason : a sentence; empty if the numbers explain it."""
 
     name: str
     verdict: Status
@@ -126,9 +124,7 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check contents like `check_file`; with a design, read to the deflection `deflection_for` its preset.
-
-    unit_given : whether the user named the unit of the file's numbers.
-    """
+    unit_given : whether the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
     sound = _file_soundness(contents, tell)

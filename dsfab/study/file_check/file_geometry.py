@@ -269,9 +269,7 @@ class Distance:
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance of a file's solid from a design's, as in a build.
-
-    flat   : metres, everywhere.     limits : of the smooth solid; None for a file without curved faces.
-    """
+    flat   : metres, everywhere.     limits : of the smooth solid; None for a file without curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None

@@ -108,9 +108,7 @@ LARGEST = 1_200_000
 @dataclass(frozen=True, eq=False)
 class SolidModel:
     """Stiffness K (N, N), N/m, of a solid, and the places of its unknowns.
-
-    points : (N / 3, 3) nodes.     node : (N,) the node of each unknown.
-    """
+    points : (N / 3, 3) nodes.     node : (N,) the node of each unknown."""
 
     mesh: Tetrahedra
     K: csr_array
@@ -203,9 +201,7 @@ def _shapes(local: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class Holding:
     """Springs that support a model, along combinations of its unknowns.
-
-    rows : (r, N) one combination each.     stiffness : (r,) N/m; a rigid support is a very stiff spring.
-    """
+    rows : (r, N) one combination each.     stiffness : (r,) N/m; a rigid support is a very stiff spring."""
 
     rows: csr_array
     stiffness: Floats

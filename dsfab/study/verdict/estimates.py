@@ -74,8 +74,7 @@ at best, smooth sheets to 1 / 16; steps below the first ratio count as not shrin
 class ModeEstimate:
     """value : lowest load factor, or hertz.   bound : half width of its interval, relative to the value; inf for one
             mesh.
-    ratio : of the steps between three meshes, None for fewer; each mesh has four times the triangles.
-    """
+    ratio : of the steps between three meshes, None for fewer; each mesh has four times the triangles."""
 
     value: float
     bound: float

@@ -135,9 +135,7 @@ class Shares(NamedTuple):
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
     """Return the mesh-independent shares of each load; they sum to its forces.
-
-    loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices.
-    """
+    loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices."""
     areas, face_count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
@@ -348,11 +346,9 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the squared energy errors of membrane and of bending, relative to the compliance.
-
-    The error is the difference between the stress and its average around each vertex [Zienkiewicz and Zhu 1987]; 0 for
-    stress that is constant on each face.
-    """
+    """Return the squared energy errors of membrane and of bending, relative to the compliance. The error is the
+    difference between the stress and its average around each vertex [Zienkiewicz and Zhu 1987]; 0 for stress that is
+    constant on each face."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness

@@ -41,9 +41,7 @@ _ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the 
 @dataclass(frozen=True, eq=False)
 class MendedMesh:
     """A mesh and its repairs.
-
-    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a few words each, empty for a sound mesh.
-    """
+    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a few words each, empty for a sound mesh."""
 
     V: Floats
     F: Ints
@@ -71,8 +69,7 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     Vertices within `WELD` of the largest side become one, except where sheets cross. Removed are faces without area,
     repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. Pinholes with outlines
     below `PINHOLE` are closed. Seams of patches with different divisions are stitched, and parts that touch in a point
-    are
-    joined there (`dsfab.surface.clean.seams`). Copies go, and a slab becomes its middle sheet
+    are joined there (`dsfab.surface.clean.seams`). Copies go, and a slab becomes its middle sheet
     (`dsfab.surface.clean.overlaps`). Ragged borders are evened (`dsfab.surface.clean.borders`). The rest is unchanged.
     """
     mesh = single_sheet(sound_faces(V, F), metres)

@@ -56,9 +56,8 @@ def merged_vertices(
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
     """Return the target (n,) of each vertex: the first `targets` of its group, unless it is further than `reach`.
-    Groups may
-    be chains, so that a finely divided outline would shrink to a point. Along such a chain a vertex becomes the first
-    vertex within reach that stays."""
+    Groups may be chains, so that a finely divided outline would shrink to a point. Along such a chain a vertex becomes
+    the first vertex within reach that stays."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets

@@ -225,8 +225,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
     unit : of the file's numbers; by default the unit that the file declares.
 
     Raises SurfaceError for a missing file or layer, no closed curve, open curves, a missing unit, and a drawing beyond
-    the
-    limits of `DrawingBudget`.
+    the limits of `DrawingBudget`.
     """
     path = Path(path)
     if path.suffix.lower() not in _READERS:
@@ -240,7 +239,6 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
     """Return the content of the layers with these names (any case), by name; empty layers are left out.
-
     metres : in one unit of the file's numbers. Raises SurfaceError for a file that cannot be read, as `closed_curves`.
     """
     path = Path(path)

@@ -110,9 +110,8 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMe
     """Read OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP, by the suffix.
 
     glTF's y axis (up, by its specification) becomes z. Quads are cut along a fold, or along the shorter diagonal. STL
-    and
-    glTF vertices at exactly the same place become one, and those of other files if faces share none; unused vertices
-    go.
+    and glTF vertices at exactly the same place become one, and those of other files if faces share none; unused
+    vertices go.
 
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
 

@@ -92,9 +92,8 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and their
-    end. Raises
-    MalformedFileError for a file that ends before, or has a word that is no number there."""
+    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and their end.
+    Raises MalformedFileError for a file that ends before, or has a word that is no number there."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:

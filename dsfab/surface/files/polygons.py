@@ -69,9 +69,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
     """Return the unit normals (r, 4, 3) of the flat faces beyond the sides of quads, 0 for none or more than one.
-
-    bent : (f,) faces that are not flat.    starts : (r,) the places of the first corners among `corners`.
-    """
+    bent : (f,) faces that are not flat.    starts : (r,) the places of the first corners among `corners`."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
@@ -244,9 +242,7 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 @dataclass(frozen=True, eq=False)
 class Polygons:
     """A mesh of polygons: V (n, 3) in the file's unit, and the corners of all faces in a row.
-
-    corners : (c,) vertex indices; face k has sizes[k] of them.
-    """
+    corners : (c,) vertex indices; face k has sizes[k] of them."""
 
     V: Floats
     corners: Ints
@@ -285,8 +281,7 @@ def triangles(mesh: Polygons) -> CutPolygons:
     `large_polygon_triangles`.
 
     Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or one that is not finite, is
-    cut
-    as a fan, and the caller has to refuse it.
+    cut as a fan, and the caller has to refuse it.
     """
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)

@@ -56,10 +56,9 @@ def read_surface(
     repair : whether the file is a raw scan, to be turned into a sheet first: see `dsfab.surface.clean.repair`.
 
     Faces are flipped so that neighbours agree, as few as possible, and closed pieces face outward. A piece with one
-    side
-    only (a Moebius strip) keeps a seam where neighbours disagree. A GLB file has y up by its specification and is
-    rotated
-    to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file` the repairs.
+    side only (a Moebius strip) keeps a seam where neighbours disagree. A GLB file has y up by its specification and is
+    rotated to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file` the
+    repairs.
 
     Raises SurfaceError for a file that cannot be read, coordinates that are not finite, collapsed or repeated faces,
     and edges with more than two faces.
@@ -82,9 +81,7 @@ def surface_in_file(
 
 def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
     """Return a raw mesh with small faults mended, or repaired as a scan, with the repairs in its record.
-
-    unit : of its numbers; by default that of the file.
-    """
+    unit : of its numbers; by default that of the file."""
     metres = metres_per(unit) if unit else raw.metres
     better = (repaired_scan if scan else mended_mesh)(raw.V, raw.F, metres)
     if not better.repairs:

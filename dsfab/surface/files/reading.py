@@ -79,9 +79,7 @@ log = logging.getLogger(__name__)
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
     """Convert any exception while a file is read into a SurfaceError with a sentence.
-
-    smaller : remedy if memory does not suffice.    damaged : cause of a foreign parser's error.
-    """
+    smaller : remedy if memory does not suffice.    damaged : cause of a foreign parser's error."""
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -145,9 +143,7 @@ class PolygonFile:
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
     """Triangles of a file: vertices V (n, 3) in its unit and faces F (m, 3); and remarks as of a `PolygonFile`.
-
-    unit : the unit that the file declares, or None. metres : in one of it.
-    """
+    unit : the unit that the file declares, or None. metres : in one of it."""
 
     V: Floats
     F: Ints
@@ -230,9 +226,7 @@ def text_file(data: bytes) -> TextFile:
 @dataclass(frozen=True)
 class CommentDeclarations:
     """Declarations in comments at the beginning of a file; None for missing ones.
-
-    unit : a key of METRES_PER.    up : "y" or "z", the default up axis of the program that wrote the file.
-    """
+    unit : a key of METRES_PER.    up : "y" or "z", the default up axis of the program that wrote the file."""
 
     unit: str | None = None
     up: str | None = None
@@ -272,8 +266,7 @@ LARGEST_NUMBER = 1e12
 class Drawing:
     """Content of a drawing, in its unit: layer and points (k, 3) of each curve; the layers; the unit, or None; layer
     and
-    place (1, 3) of each point.
-    """
+    place (1, 3) of each point."""
 
     runs: tuple[tuple[str, Floats], ...]
     layers: tuple[str, ...]

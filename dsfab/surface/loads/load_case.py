@@ -24,9 +24,8 @@ class Snow:
     """A load in pascals per *plan* area, which falls along `direction` (any length): s A |n . d| d on each face.
 
     s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]; reduce it, or pick less, where snow
-    slides
-    off. Open sheets carry it whatever their normals, so pick the upper part of an overhanging sheet. On closed surfaces
-    only faces that look against `direction` carry.
+    slides off. Open sheets carry it whatever their normals, so pick the upper part of an overhanging sheet. On closed
+    surfaces only faces that look against `direction` carry.
 
     covered : whether a cover of the openings carries it to the ribs; otherwise it lies on the ribs alone.
     """
@@ -66,9 +65,8 @@ class Wind:
 
     Normals point to the outside; on closed surfaces the outside does not depend on them. The defaults give the walls
     across the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1], and fade
-    with
-    the cosine to the sides. This is a first estimate for choosing a pattern. It leaves out suction along roofs and side
-    walls, and pressure inside open halls; add these as a `pressure` on picked faces.
+    with the cosine to the sides. This is a first estimate for choosing a pattern. It leaves out suction along roofs and
+    side walls, and pressure inside open halls; add these as a `pressure` on picked faces.
 
     covered : as for snow; an open lattice also has other coefficients [EN 1991-1-4, 7.11].
     """
@@ -340,9 +338,7 @@ Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, 
 
 def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
     """Return the loads in parts by what they act on.
-
-    weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that does.
-    """
+    weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that does."""
     spread: dict[str, Floats] = {part: np.zeros((surface.m, 3)) for part in SPREAD_PARTS}
     point = np.zeros((surface.n, 3))
     for load in loads:
@@ -395,8 +391,7 @@ class LoadCase:
         weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
 
         Raises SurfaceError without a support or a load, for pickers without vertices, for loads that are zero, and if
-        every
-        load acts in fixed directions.
+        every load acts in fixed directions.
         """
         if not supports:
             raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")

@@ -24,9 +24,7 @@ TEST_POINTS = 7
 @dataclass(frozen=True, eq=False)
 class OutlinedSurface:
     """A surface with vertices on outlines.
-
-    on    : (n,) vertices on the current line.    fixed : (n,) vertices on earlier lines, which stay.
-    """
+    on    : (n,) vertices on the current line.    fixed : (n,) vertices on earlier lines, which stay."""
 
     surface: Surface
     on: Bools
@@ -102,9 +100,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
     """Return the share of edges (k,), from an end (0 or 1) on the line, up to which they are on the wrong side, or 0.
-
-    sign : (k,) of the side of their other end.
-    """
+    sign : (k,) of the side of their other end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):
@@ -180,9 +176,7 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
     """Return which vertices (k,) may move to places (k, 3): not fixed, and without moving the surface or its boundary.
-
-    tolerance : metres. Vertices at creases stay, where a face leans from the step by more than a sine of 0.2.
-    """
+    tolerance : metres. Vertices at creases stay, where a face leans from the step by more than a sine of 0.2."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -238,8 +232,7 @@ def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurf
     fixed : (n,) vertices on earlier outlines, which stay in place.
 
     Corners of the line are vertices; edges follow its curves within `EVEN`. Raises SurfaceError for a line that is so
-    fine
-    that it needs too many faces.
+    fine that it needs too many faces.
     """
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)

@@ -217,9 +217,7 @@ class ClosedCurves:
 @dataclass(frozen=True)
 class Brush:
     """The space of a brush stroke: within `radius` of any point, metres, or of the segment to the next point.
-
-    A segment counts only if the balls around its ends overlap; points further apart begin another stroke.
-    """
+    A segment counts only if the balls around its ends overlap; points further apart begin another stroke."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]

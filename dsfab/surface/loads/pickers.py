@@ -181,9 +181,7 @@ class Ball:
 @dataclass(frozen=True)
 class Side:
     """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 those on it.
-
-    relative : whether the depth is a share of the surface's extent along the axis.
-    """
+    relative : whether the depth is a share of the surface's extent along the axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     axis: Literal["x", "y", "z"]
@@ -206,9 +204,7 @@ class Side:
 @dataclass(frozen=True)
 class Nearest:
     """The vertex nearest to each point, metres.
-
-    relative : whether points are in shares of the surface's box, 0 to 1 along each axis.
-    """
+    relative : whether points are in shares of the surface's box, 0 to 1 along each axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -296,8 +292,7 @@ class Vertices:
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
     """The rest of another picker after voids: vertices, and the edges between them by their `ends`, the smaller
-    first.
-    """
+    first."""
 
     ends: tuple[tuple[int, int], ...] = ()
 

@@ -138,9 +138,7 @@ LONGEST = 4 / 3
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
     """Return the net with its long edges halved once, or itself; edges along curves also if they miss the curve.
-
-    edge : metres, to which the tolerance is relative.
-    """
+    edge : metres, to which the tolerance is relative."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -349,9 +347,7 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
     """Return by how much (q,) the angles opposite edges together exceed half a turn, radians.
-
-    angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges.
-    """
+    angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges."""
     first_angle, second_angle = angles.ravel()[next_half_edge(pairs.T, 2)]
     return np.asarray(first_angle + second_angle - np.pi - 1e-6)
 

@@ -48,9 +48,7 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     """Return the unit directions (k, 3) to the points x (n, 3) farthest from the axis, which is their origin.
-
-    count : least number of points; points as far as the last one count too.
-    """
+    count : least number of points; points as far as the last one count too."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
@@ -243,9 +241,7 @@ PLANE_TOLERANCE = 1e-3
 @dataclass(frozen=True, eq=False)
 class Chamber:
     """The part of a surface on one side of each mirror plane.
-
-    toward : (k, 3) unit normals of the planes, pointing to that side.
-    """
+    toward : (k, 3) unit normals of the planes, pointing to that side."""
 
     whole: Surface
     mirrors: Mirrors

@@ -49,15 +49,12 @@ def remeshed_surface(
 
     Boundaries, and creases of more than 30 degrees, stay within a fiftieth of `edge`, their corners exactly. So do the
     extent, the number of pieces and holes, and the sides of the faces. Creases of slivers and noise go
-    (`design_features`),
-    and ears (`with_ears_flipped`). Edges are shorter where this requires it, and between close curves. The same surface
-    gives the same mesh. Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an
-    exactly
-    symmetric mesh, whose extent is within a fiftieth of `edge`.
+    (`design_features`), and ears (`with_ears_flipped`). Edges are shorter where this requires it, and between close
+    curves. The same surface gives the same mesh. Without `sizes`, a surface with mirror symmetries (within a twentieth
+    of `edge`) gets an exactly symmetric mesh, whose extent is within a fiftieth of `edge`.
 
     Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
-    and a
-    surface with repeated faces or edges of more than two.
+    and a surface with repeated faces or edges of more than two.
     """
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ from side to side

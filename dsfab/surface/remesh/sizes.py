@@ -29,9 +29,8 @@ class SizeField(NamedTuple):
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
     """Return lengths (n,) of edges over which the surface turns by `TURN_PER_EDGE`, between `finest` and `edge`,
-    metres. The
-    largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
-    2003], over the faces around its neighbours. Creases do not count."""
+    metres. The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and
+    Morvan 2003], over the faces around its neighbours. Creases do not count."""
     shared = _inner_edges(surface)
     ends = surface.edges.ends[shared]
     along = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
@@ -47,9 +46,8 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
     field : (m, 3, 3) tensors in the planes of the faces; `CHANGE_PER_EDGE` refers to their root mean square.
 
     Differences along edges are those of the means around their ends [as Zienkiewicz and Zhu 1987 recover stress],
-    without
-    the rotation of the surface between them. The square of the gradient at a vertex is twice the mean square of such
-    slopes around it, which lie in all directions.
+    without the rotation of the surface between them. The square of the gradient at a vertex is twice the mean square of
+    such slopes around it, which lie in all directions.
     """
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T

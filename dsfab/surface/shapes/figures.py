@@ -44,9 +44,8 @@ def _above_ground(field: Field, k: float) -> Field:
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
 
-    If edges are longer than the widths of its details, the mouth, the nostrils and the hollow of the ears are left
-    out, and
-    the ears are thicker.
+    If edges are longer than the widths of its details, the mouth, the nostrils and the hollow of the ears are left out,
+    and the ears are thicker.
 
     height : from the boundary to about the tips of the ears, metres.
     """
@@ -231,9 +230,7 @@ OPENINGS = (0.22, 0.5, 0.78)
 @shape
 def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
     """A deck on an arch with a wall between them, genus 0: along x, as wide as a road, abutments down to z = 0.
-
-    span : between the ends of the deck, metres. rise : of the arch's underside, as a share of the span.
-    """
+    span : between the ends of the deck, metres. rise : of the arch's underside, as a share of the span."""
     crown = rise + 0.075
 
     def deck(P: Floats) -> Floats:
@@ -277,9 +274,7 @@ def twisty_tower(
     height: Length = 30.0, twist: Annotated[float, Ge(-180), Le(180)] = 120.0, edge: Length = 0.6
 ) -> Surface:
     """A slab that twists as it rises, with three openings through it, one above the other, genus 3, on z = 0.
-
-    twist : degrees between its top and its foot.
-    """
+    twist : degrees between its top and its foot."""
     slab = rounded_box((0, 0, 0.5), (0.19, 0.12, 0.6), 0.07)
     openings = [limb([(0, -0.5, z), (0, 0.5, z), (0, 0.6, z)], [0.085] * 3) for z in OPENINGS]
     for opening in openings:

@@ -55,8 +55,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
     X, F : any oriented manifold mesh of it, in the chart's coordinates; its genus and its boundaries stay.
 
     Raises SurfaceError if the result is no manifold, is folded, or never ends, because the edge is longer than details
-    of
-    the surface.
+    of the surface.
     """
     for round_ in range(ROUNDS):
         before = len(F)
@@ -224,9 +223,7 @@ def ball(centre: Point, radius: float) -> Field:
 
 def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
     """Return an ellipsoid, with its distance to first order.
-
-    axes : (3, 3) unit vectors of the radii, in rows; by default x, y and z.
-    """
+    axes : (3, 3) unit vectors of the radii, in rows; by default x, y and z."""
     c, r, R = np.array(centre), np.array(radii), np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -239,9 +236,7 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
     """Return a tube with round ends along a polygon; its radius is linear between the corners.
-
-    soft : the width over which its joints are filled, as a share of the smallest radius.
-    """
+    soft : the width over which its joints are filled, as a share of the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
@@ -262,9 +257,7 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
 
 def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
     """Return a rounded box, a field of P (k, 3), metres.
-
-    halves : half of each side, metres, roundings included.    axes : (3, 3) along its sides, in rows.
-    """
+    halves : half of each side, metres, roundings included.    axes : (3, 3) along its sides, in rows."""
     c, h, R = np.array(centre), np.array(halves) - rounding, np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:

@@ -115,7 +115,6 @@ def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = Fal
 @shape
 def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
     """A sphere around the origin: an icosahedron with every edge divided in f parts, projected onto the sphere.
-
     Class I subdivision [Clinton 1971] of any frequency f: 10 f^2 + 2 vertices, 20 f^2 faces. A vertex is at each pole.
     """
     area = 4 * np.pi * radius**2
@@ -170,9 +169,7 @@ def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
 @shape
 def torus(major: Length = 3.0, minor: Length = 1.2, edge: Length = 0.22) -> Surface:
     """A ring around the z axis: tube of radius `minor` along a circle of radius `major`, normals outward.
-
-    Area 4 pi^2 major minor, volume 2 pi^2 major minor^2. Raises SurfaceError unless major > minor.
-    """
+    Area 4 pi^2 major minor, volume 2 pi^2 major minor^2. Raises SurfaceError unless major > minor."""
     if minor >= 0.95 * major:
         raise SurfaceError(f"torus: minor = {minor:g} m leaves no hole; keep it under 0.95 x major = {major:g} m")
     check_density(4 * np.pi**2 * major * minor, edge)
