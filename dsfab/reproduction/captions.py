@@ -99,8 +99,7 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return (n,) the loaded part of the surface inside the line z = level, if it is a disc without supports; else
-    None."""
+    """Return (n,) the loaded part of the surface inside the line z = level, if a disc without supports; else None."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -120,8 +119,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many middle lines of the other family cross the line ring = 0 that bounds a region. Each face counts
-    the whole numbers of z between the two ends of the line."""
+    """Return how many middle lines of the other family cross the line ring = 0: whole numbers of z between its ends."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))

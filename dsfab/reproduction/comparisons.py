@@ -113,8 +113,7 @@ PAPER = 37
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:
-    """Draw one pattern with other numbers, and measure frames a second during the changes, as the paper does for
-    Bob."""
+    """Draw one pattern with other numbers; measure frames a second during changes, as the paper does for Bob."""
     title = "Frequency and thickness, edited"
     try:
         with previewer_of(design) as previewer:
@@ -143,8 +142,7 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return how often a change is drawn per second: by the median of all times but the first two, which prepare
-    buffers."""
+    """Return changes drawn per second, by the median of all times but the first two, which prepare buffers."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()

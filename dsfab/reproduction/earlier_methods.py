@@ -133,8 +133,7 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
-    """Return lines along directions (m, 3), units up to sign, in clear faces (m,), about `apart` metres apart. Lines
-    shorter than `apart` are left out, but their place counts as taken."""
+    """Return lines along unit directions (m, 3), signless, in clear faces (m,), about `apart` m apart and longer."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
     distance = np.where(clear, np.inf, 0.0)
@@ -201,8 +200,7 @@ class _Walk:
         return index if distances[index] < NEAR * self.apart else None
 
     def _exit(self, face: int, p: Floats, t: Floats, entered: int) -> tuple[int, Floats]:
-        """Return the half-edge through which a ray leaves a face, and the point; -1 if it would leave through its
-        entry."""
+        """Return the half-edge through which a ray leaves a face, and the point; -1 if that is its entry."""
         corners = self.surface.V[self.surface.F[face]]
         outward = np.cross(np.roll(corners, -1, axis=0) - corners, self.surface.normals[face])
         speed = outward @ t

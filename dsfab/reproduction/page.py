@@ -54,8 +54,7 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """Return the ratio of stiffness of two rows, and its lower and upper bound; None if either does not carry its
-    loads."""
+    """Return the ratio of stiffness of two rows, and its bounds; None if either does not carry its loads."""
     if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own_row["compliance_J"]

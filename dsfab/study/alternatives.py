@@ -78,8 +78,7 @@ class Competitor:
         return {"verdict": "fail", "reason": self.error} if self.structure else {}
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return a table row of plain values in SI units, None for unknown values. full, design: compliance of both
-        (J)."""
+        """Return a table row of plain SI values, None for unknown ones. full, design: compliance of both (J)."""
         columns: dict[str, Any] = {
             "name": self.name,
             "variant": self.variant,
@@ -208,8 +207,7 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return the alternatives of a design by the quickest sufficient solve; computed once per design. Raises DsfabError
-    if the design cannot be cut."""
+    """Return a design's alternatives, by the quickest sufficient solve, once. Raises DsfabError if it cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness

@@ -274,8 +274,7 @@ def _no_stop(path: LoadPath) -> int | None:
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
-    """Return the lowest linear buckling factor on the loads, and its shape (p, 3) in any size. Raises StaticsError if
-    CalculiX finds no buckling."""
+    """Return the lowest linear buckling factor and its shape (p, 3), any size. Raises StaticsError for none."""
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:

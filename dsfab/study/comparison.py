@@ -74,8 +74,7 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return the compliance of a competitor over the design's: above 1 the design is stiffer; nan if neither
-        carries."""
+        """Return a competitor's compliance over the design's: above 1 the design is stiffer; nan if neither carries."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         return (
             rival / design_compliance if np.isfinite(design_compliance) else 0.0 if np.isfinite(rival) else float("nan")

@@ -248,8 +248,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Return the quads (k, 4) with faces (k, 2) that may have the edge c-d instead of a-b. It must be a new edge within
-    `tolerance` of the faces, and neither face may turn over."""
+    """Return quads (k, 4) whose faces (k, 2) may have edge c-d for a-b: new, within `tolerance`, no face turns over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

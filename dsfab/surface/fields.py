@@ -27,8 +27,7 @@ def hat_gradients(surface: Surface) -> Floats:
 
 
 def tangents(surface: Surface) -> Floats:
-    """Return an orthonormal frame (m, 2, 3) of each face's plane: the first edge's direction, and normal x that
-    direction."""
+    """Return an orthonormal frame (m, 2, 3) of each face's plane: the first edge's direction, and normal x it."""
     edge = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
     t1 = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)

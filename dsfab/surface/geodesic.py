@@ -192,8 +192,7 @@ class _Bends(NamedTuple):
 
     @classmethod
     def from_origins(cls, origins: Origins) -> "_Bends":
-        """Return the origins as sources; `_Front.vertex_windows` leaves out rays that are nearest to an edge among the
-        origins."""
+        """Return the origins as sources; `_Front.vertex_windows` leaves out rays nearest to an edge of them."""
         vertex = np.flatnonzero(origins.vertices)
         none = np.full((len(vertex), 2), -1)
         return cls(vertex, np.zeros(len(vertex)), none, np.full(none.shape, np.inf), np.pi / 2)

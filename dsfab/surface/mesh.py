@@ -37,8 +37,7 @@ def signed_volume(V: Floats, F: Ints) -> float:
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """Return the signed volume (count,) of each closed shell; `shell` (m,) is the shell of each face; negative for
-    voids."""
+    """Return the signed volume (count,) of each closed shell, negative for voids; `shell` (m,) is that of each face."""
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 
@@ -162,8 +161,7 @@ class Surface:
 
     @classmethod
     def of(cls, mesh: Any, unit: str | None = None) -> "Surface":
-        """Return a surface from a mesh of trimesh, pyvista, compas and others; see
-        `dsfab.surface.files.other_libraries`."""
+        """Return a surface from a mesh of trimesh, pyvista, compas and others; see `surface.files.other_libraries`."""
         from dsfab.surface.files.other_libraries import surface_of
 
         return surface_of(mesh, unit)

@@ -167,8 +167,7 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
-    """Return the vertices (k,) where the sheet F (m, 3) touches itself in a point: their faces form more than one
-    fan."""
+    """Return the vertices (k,) where the sheet F (m, 3) touches itself in a point: more than one fan of faces."""
     if _walks_meet_all_corners(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
@@ -266,8 +265,7 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
-    """Return the reasons, a sentence each, why faces F (m, 3) on n vertices are no oriented manifold; empty for a
-    manifold."""
+    """Return the reasons, a sentence each, why faces F (m, 3) on n vertices are no oriented manifold."""
     crowded = np.flatnonzero(edges.count > 2)
     opposed = misoriented_edges(F, edges)
     twice = duplicate_faces(F)
@@ -331,8 +329,7 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 
 def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """Return vertices (p,) and the neighbours (p,) whose mean they may move to; boundary vertices only move along
-    it."""
+    """Return vertices (p,) and neighbours (p,) whose mean they may move to; boundary vertices move along it."""
     i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

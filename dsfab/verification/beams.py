@@ -72,8 +72,7 @@ def bent_strip_tip(slenderness: float) -> float:
 
 
 def raasch_hook(cells: int, mesh: Mesh) -> Problem:
-    """Return a strip 20 wide and 2 thick, bent by 60 degrees at radius 14, then back by 150 degrees at radius 46. Its
-    end is pushed sideways, along its own width."""
+    """Return a strip 20 x 2, bent by 60 degrees at radius 14, back by 150 at 46, its end pushed along its width."""
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
     first_arc = np.minimum(turn, np.pi / 3)

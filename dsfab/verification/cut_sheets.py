@@ -55,8 +55,7 @@ def feet(surface: Surface) -> Bools:
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
-    """Return the vault as a thin sheet, built in at both springing lines, under its own weight; the value is in
-    joules."""
+    """Return the vault as a thin sheet, built in at both springings, under its own weight; the value is in joules."""
     surface = vault(cells)
     where = feet(surface)
     return Problem(

@@ -36,8 +36,7 @@ INK, FAINT = "#010203", "#040506"
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Plot the error in percent over the number of unknowns: a line for each pair and pattern, marks for published
-    values."""
+    """Plot the error in percent over unknowns: a line for each pair and pattern, marks for published values."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):

@@ -45,8 +45,7 @@ STEEL = Material(210e9, 0.3)
 
 
 def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
-    """Return a square metre, 10 mm thick, under 1 kN/m of tension or shear on its sides; the value is a side's
-    movement."""
+    """Return a square metre, 10 mm thick, under 1 kN/m of tension or shear; the value is a side's movement."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     left, right, bottom, top = (is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0))
@@ -148,8 +147,7 @@ def quarter(
 
 
 def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Return (e, 3) mean of stress . n on marked edges, n pointing away from the origin, by four Gauss points; else
-    0."""
+    """Return (e, 3) mean of stress . n on marked edges, n away from the origin, by four Gauss points; else 0."""
     ends = surface.V[surface.edges.ends[marked], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

@@ -122,8 +122,7 @@ def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
 
 
 def observed_rate(values: Sequence[float | None]) -> float | None:
-    """Return log2 of the ratio of the last two steps of three values on meshes of 1, 1/2, 1/4 the size; None at
-    round-off."""
+    """Return log2 of the ratio of two steps of values on meshes of 1, 1/2, 1/4 the size; None at round-off."""
     if any(value is None for value in values):
         return None
     a, b, c = (value for value in values if value is not None)
@@ -362,8 +361,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return by test a line about errors of the paper's elements, with published values of triangles of constant
-    strain."""
+    """Return by test a line about errors of the paper's elements beside published constant-strain triangles."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]

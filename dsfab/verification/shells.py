@@ -60,8 +60,7 @@ def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
 
 
 def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return an eighth of a cylinder between diaphragms: radius 300, length 600, 3 thick, two opposite unit forces. The
-    eighth carries a quarter of one force."""
+    """Return an eighth of a cylinder between diaphragms, R 300, L 600, 3 thick, under a quarter of a unit force."""
     uv, F = square(cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([300 * np.cos(turn), 300 * uv[:, 1], 300 * np.sin(turn)], axis=1), F)

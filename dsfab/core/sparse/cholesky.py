@@ -167,8 +167,7 @@ def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def morton_positions(points: Floats) -> Ints:
-    """Return the positions (n,) on a space-filling curve [Morton 1966], 1024 steps an axis: near points get near
-    numbers."""
+    """Return positions (n,) on a space-filling curve [Morton 1966], 1024 steps an axis, near for near points."""
     low = points.min(axis=0)
     cell = ((points - low) * (1023 / max(float((points - low).max()), np.finfo(float).tiny))).astype(np.int64)
     number = np.zeros(len(points), dtype=np.int64)
@@ -213,8 +212,7 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse K (N, N), whose unknown i is on point node[i]; by points, because the unknowns of a point share
-        rows."""
+        """Analyse K (N, N) by points, because the unknowns of a point share rows; unknown i is on point node[i]."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
@@ -245,8 +243,7 @@ class Fronts:
 
     @property
     def peak(self) -> int:
-        """Largest number of values in memory during the factorisation: the factor so far, waiting updates, and a
-        front."""
+        """Largest number of values in memory during the factorisation: the factor, waiting updates, and a front."""
         stored = waiting = worst = 0
         for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
             m = len(rows)
@@ -281,8 +278,7 @@ def _unknowns_of_points(begin: Ints, points: Ints) -> Ints:
 
 
 class Multifrontal:
-    """Factor of a positive definite matrix, real or Hermitian; a call with b, (N,) or (N, k), returns K^-1 b. Raises
-    NotPositiveDefinite for a pivot that is not positive."""
+    """Factor of a positive definite matrix: b, (N,) or (N, k), -> K^-1 b. Raises NotPositiveDefinite otherwise."""
 
     def __init__(self, K: csr_array, fronts: Fronts) -> None:
         self._fronts = fronts

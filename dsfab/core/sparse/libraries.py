@@ -206,8 +206,7 @@ class Pardiso:
 
 
 def _set_mkl_path() -> None:
-    """Set the path of MKL for pypardiso before its import, which otherwise searches the Python installation (0.5 to 1
-    s)."""
+    """Set the path of MKL for pypardiso before its import, which else searches the Python installation (1 s)."""
     if "PYPARDISO_MKL_RT" in os.environ:
         return
     try:

@@ -119,8 +119,7 @@ class ComparisonTask:
         return flat_axis(self.surface, *self.all_loads.values()) is not None
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads` (`every`: `all_loads`) on the uncut surface, with the self-weight of the structure's
-        thickness."""
+        """Return `loads` (`every`: `all_loads`) on the uncut surface, with the self-weight of the structure."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
@@ -282,8 +281,7 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of plain width and the same frequencies, on modes with r = 1, with the task's share of
-    material."""
+    """Return stripes of plain width and equal frequencies, on modes with r = 1, with the task's material."""
     blind = with_overrides(
         task.on_modes, {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     )
@@ -354,8 +352,7 @@ def mode_like_field(surface: Surface, face: Floats) -> Floats:
 
 
 def scaled_field(surface: Surface, value: Floats) -> Floats:
-    """Return values of vertices (n,) scaled like a mode (see `dsfab.diffusion.Modes`), so that frequencies mean the
-    same. Their mean is 0, and the integral of their square is area / 4 pi."""
+    """Return values (n,) scaled like `dsfab.diffusion.Modes`: mean 0, and the integral of the square is area / 4 pi."""
     mass = voronoi_mass(surface)
     value = value - mass @ value / mass.sum()
     return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))

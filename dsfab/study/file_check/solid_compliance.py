@@ -301,8 +301,7 @@ class SupportPoints:
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return (r, N) relative displacement of the outer Gauss points, square to each marked edge and along the
-        sheet."""
+        """Return (r, N) relative displacement of the outer Gauss points, square to each marked edge in the sheet."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)

@@ -201,8 +201,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Make every waiting run, interrupted runs, and runs that ended as in `retry`. Runs whose worker was killed
-        `TRIES` times in all come last, one after another."""
+        """Make each waiting or interrupted run, and runs in states `retry`; those whose workers died come last."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:

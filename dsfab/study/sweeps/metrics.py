@@ -31,8 +31,7 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return equilibria of a design's cut sheet under the loads that its pattern follows, by name; solved once. Raises
-    StaticsError if the sheet does not carry them."""
+    """Return the cut sheet's equilibria under the followed loads, by name, solved once. Raises StaticsError."""
 
     def solve() -> dict[str, Equilibrium]:
         return solve_for(design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, use)

@@ -328,8 +328,7 @@ def _check_text(check: Any, text: str) -> None:
 
 
 def load_plan(path: Path) -> Plan:
-    """Return the plan of a sweep file, with paths relative to its folder. Raises PresetError that lists every
-    mistake."""
+    """Return the plan of a sweep file, paths relative to its folder. Raises PresetError with every mistake."""
     return plan_from(read_plan(path), f"sweep {path.name}")
 
 

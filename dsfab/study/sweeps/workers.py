@@ -313,8 +313,7 @@ def free_memory() -> int:
 
 
 def memory_kills() -> int:
-    """Return how many processes the system has killed for want of memory, in this container or machine; 0 if
-    unknown."""
+    """Return how many processes the system has killed for want of memory, in this container or machine."""
     for path in ("/sys/fs/cgroup/memory.events", "/proc/vmstat"):
         with suppress(OSError, ValueError, IndexError, StopIteration):
             lines = Path(path).read_text(encoding="ascii").splitlines()

@@ -221,8 +221,7 @@ snap value of the shipped table, whatever its preset says."""
 
 
 def random_design(kind: str, seed: int) -> Design:
-    """Return a design with random frequencies, modes, phases, widths and share of material; `seed` fixes them. Raises
-    DsfabError if the design cannot be built."""
+    """Return a design of random stripes, widths and share, fixed by `seed`. Raises DsfabError if it cannot be built."""
     rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
     changes: dict[str, Any] = {**surface_kind.changes, "pattern.method": "modes", "pattern.fillet": 0.0}

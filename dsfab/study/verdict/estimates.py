@@ -54,8 +54,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate the values at the rate of their last two steps, clipped to `STEP_RATIOS`. Two values, or a last step
-    that turns back, are extrapolated by `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate at the last steps' rate within `STEP_RATIOS`, or by `EXTRAPOLATION_DIVISOR` without a rate."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR

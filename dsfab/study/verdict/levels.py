@@ -199,8 +199,7 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Return the softening of a solved sheet that bends, for each of its cases. It solves once more on the same
-    mesh."""
+    """Return the softening of a solved sheet that bends, for each case, by another solve on the same mesh."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [

@@ -40,8 +40,7 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, the material of the sheet, and the loads by case on equal supports: shared by all
-    competitors."""
+    """The uncut surface, the sheet's material, and the loads by case on equal supports, for all competitors."""
 
     surface: Surface
     made: SheetMaterial

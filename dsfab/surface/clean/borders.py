@@ -86,8 +86,7 @@ def _alternates(turn: Floats) -> bool:
 
 
 def _smoothed_line(P: Floats, closed: bool) -> Floats:
-    """Return the points (k, 3) of a line without its teeth; the ends of an open line stay. Steps alternately shrink and
-    swell the line, so that arcs keep their radius [Taubin 1995]."""
+    """Shrink and swell a line (k, 3) in turns, which keeps its ends and the radius of arcs [Taubin 1995]."""
     for k in range(20):
         step = (-0.53 if k % 2 else 0.5) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
         if not closed:

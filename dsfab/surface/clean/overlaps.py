@@ -123,8 +123,7 @@ def parallel_parts(V: Floats, F: Ints) -> tuple[ParallelParts, ...]:
 
 
 def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, int]]) -> Iterator[ParallelParts]:
-    """Yield the closed pieces that consist of two parallel faces and their sides. Without the parts that have no
-    parallel part, two parts remain."""
+    """Yield the closed pieces that consist of two parallel faces and their sides; the sides have no parallel part."""
     area, paired = lengths(area_vectors(V, F)) / 2, np.isin(part, np.unique(pairs))
     for p in np.unique(piece[paired]):
         piece_faces, faces = np.flatnonzero(piece == p), np.flatnonzero((piece == p) & paired)
@@ -210,8 +209,7 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of parts (k, 3), (l, 3) if each covers the other, else None; even: of nearly equal
-    distance."""
+    """Return the median distance of parts (k, 3), (l, 3) that cover each other, else None; even: nearly constant."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])

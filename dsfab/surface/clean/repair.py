@@ -303,8 +303,7 @@ def _without_specks(mesh: MendedMesh) -> MendedMesh:
 
 
 def _fill_holes(mesh: MendedMesh) -> MendedMesh:
-    """Fill small holes; unchanged if the faces cannot be oriented. The time for a hole grows with the cube of its
-    edges."""
+    """Fill small holes, in time cubic in their edges; unchanged if the faces cannot be oriented."""
     V, F = mesh.V, mesh.F
     edges = edge_table(F)
     if flips_to_orient(F, edges) is None:
@@ -345,8 +344,7 @@ def _vertex_normal_sums(V: Floats, F: Ints) -> Floats:
 
 
 def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
-    """Collapse the shortest edges of faces that noise has crumpled, until noise is less than the edges' lengths. The
-    mesh is unchanged if its faces are not oriented alike."""
+    """Collapse the shortest edges of crumpled faces until noise is less than the edges' lengths, if oriented alike."""
     V, F = mesh.V, mesh.F
     if not _folded_faces(V, F).any() or len(misoriented_edges(F, edge_table(F))):
         return mesh

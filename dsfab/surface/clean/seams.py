@@ -71,8 +71,7 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at exactly the same place, sorted by place; return them and faces F (m, 3) on them.
-    Adding 0.0 turns -0.0 into 0.0."""
+    """Merge vertices V (n, 3) at the same place, sorted by place, of faces F (m, 3). Adding 0.0 turns -0.0 into 0.0."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 

@@ -80,8 +80,7 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
 
 
 def _document(path: Path) -> Any:
-    """Return the drawing in a file; raises MalformedFileError for any other file. A plain read comes first, because it
-    takes half the time of ezdxf's recovery of damaged files."""
+    """Return the drawing in a file, by a plain read before ezdxf's slow recovery; raises MalformedFileError."""
     import ezdxf
     from ezdxf import recover
 
@@ -278,16 +277,14 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
 
 
 def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
-    """Return the drawing in a file of `size` bytes; raises SurfaceError for an unreadable file and beyond the
-    budget."""
+    """Return the drawing in a file of `size` bytes; raises SurfaceError for an unreadable or too large file."""
     with readable(path, "draw less into it", "it is damaged"):
         budget.require("bytes", size)
         return _READERS[path.suffix.lower()](path, budget)
 
 
 def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join runs whose ends meet, in the order of the file; yield the closed curves without their repeated last point.
-    Raises SurfaceError for open curves."""
+    """Join runs whose ends meet; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # 2 k is where run k begins, 2 k + 1 its end

@@ -272,8 +272,7 @@ class _Scene:
 
 
 def _matrix(node: dict[str, Any]) -> Floats:
-    """Return the transformation (4, 4) of a node: a matrix, columns first, or scale, rotation (quaternion) and
-    translation."""
+    """Return the transformation (4, 4) of a node: a matrix, columns first, or scale, rotation and translation."""
     if "matrix" in node:
         return _numbers(node["matrix"], 16).reshape(4, 4).T
     x, y, z, w = _numbers(node.get("rotation", [0, 0, 0, 1]), 4)

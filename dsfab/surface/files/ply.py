@@ -106,8 +106,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return the start and the count (count, p) of each property in each record, and the end of the records. The result
-    is None if lists differ in length from those of the first record."""
+    """Return start and count (count, p) of each property in each record, and their end; None for unequal lists."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:

@@ -178,8 +178,7 @@ def _earcut(flat: Floats) -> Ints:
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, in units of its size; and its
-    noise."""
+    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, over its size; and its noise."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size

@@ -119,8 +119,7 @@ def oriented_surface(V: Floats, F: Ints) -> Surface:
 
 
 def normalized_surface(surface: Surface) -> Surface:
-    """Return the surface as a file would return it: faces oriented, no vertex (n, 3) without a face (m, 3). Raises
-    SurfaceError as `read_surface` does."""
+    """Return the surface oriented, every vertex (n, 3) on a face (m, 3). Raises SurfaceError as `read_surface` does."""
     used, F = np.unique(surface.F, return_inverse=True)
     if len(used) < surface.n:
         return oriented_surface(surface.V[used], F.reshape(-1, 3))

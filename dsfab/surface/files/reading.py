@@ -38,8 +38,7 @@ class Budget:
 
     @property
     def bytes(self) -> int:
-        """Largest size of the file, also unpacked; a text file with normals, textures and colours takes 350 bytes a
-        triangle."""
+        """Largest size of the file, also unpacked; a text file with normals and colours takes 350 bytes a triangle."""
         return 500 * self.triangles
 
     @property
@@ -195,8 +194,7 @@ class TextFile:
 
 
 def may_lack_digits(word: str, count: int) -> bool:
-    """Return whether a whole number from 1 to `count` at the end of a file may have lost its last digits. It cannot if
-    another digit would exceed `count`."""
+    """Return whether one more digit could follow a whole number, from 1 to `count`, at the end of a file."""
     if not (word.isascii() and word.isdigit()):
         return True
     return len(word) <= len(str(count)) and 10 * int(word) <= count  # Python reads no number of 5000 digits
@@ -306,8 +304,7 @@ _APART = "put the outlines into a drawing of their own"
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of `curve` at the ends of spans (s,) and, within 1024 a span, enough between to be within
-    `FLAT`."""
+    """Return points (k, 3) of `curve` at the ends of spans (s,) and, up to 1024 a span, between to be within `FLAT`."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

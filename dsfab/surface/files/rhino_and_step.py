@@ -127,8 +127,7 @@ class _DrawnObjects:
                 yield self.layers.get(thing.Attributes.LayerIndex, ""), thing.Geometry, place
 
     def _block_objects(self, number: Any) -> list[Any]:
-        """Return the content of a block; raises MalformedFileError if it is not in the file, like that of a linked
-        block."""
+        """Return the content of a block; raises MalformedFileError if it is not in the file, as in a linked block."""
         block = self.model.InstanceDefinitions.FindId(number)
         inside = [self.model.Objects.FindId(object_id) for object_id in block.GetObjectIds()] if block else []
         if not inside or None in inside:

@@ -30,8 +30,7 @@ LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "
 
 
 def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes or exceeds its
-    limits."""
+    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes or is too slow."""
     require_rhino()
     try:
         answer = json.loads(_program_output("drawing", path, budget.seconds))
@@ -95,8 +94,7 @@ def _raise_refusal(answer: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Run the program; arguments: kind of file, path, seconds. The answer is a line of JSON; for meshes it is an .npz
-    file with that line in it."""
+    """Run the program (kind of file, path, seconds); the answer is a line of JSON, for meshes inside an .npz file."""
     kind, path, seconds = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])
     if kind == "drawing":

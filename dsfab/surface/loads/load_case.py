@@ -187,8 +187,7 @@ class LoadParts:
 
 @dataclass(frozen=True)
 class Force:
-    """A total force in newtons, spread over the picked vertices in proportion to their areas; on one vertex a point
-    force."""
+    """A total force in newtons, spread over the picked vertices by their areas; on one vertex a point force."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker
@@ -248,8 +247,7 @@ class SelfWeight:
     name: Name = ""
 
     def forces(self, surface: Surface, weight: float) -> Floats:
-        """Return the forces (n, 3), newtons, of a sheet of `weight` newtons per square metre; they sum to weight times
-        area."""
+        """Return the forces (n, 3), N, of a sheet of `weight` N/m2; their sum is weight times area."""
         if not weight > 0:
             raise SurfaceError(
                 f"a load of kind 'self_weight' needs a sheet that weighs something (it is {weight:g} N/m2); give the "
@@ -309,8 +307,7 @@ class Line:
     name: Name = ""
 
     def on_edges(self, surface: Surface) -> Floats:
-        """Return the load (e, 3), newtons per metre; times the lengths it sums to `per_metre` times the length of the
-        line."""
+        """Return the load (e, 3), N/m; times the lengths it sums to `per_metre` times the line's length."""
         if not any(self.per_metre):
             raise SurfaceError("a load of kind 'line' is zero; give per_metre = [fx, fy, fz] in newtons per metre")
         line: Bools = np.asarray(self.at.vertices(surface)[surface.edges.ends].all(axis=1))
@@ -448,8 +445,7 @@ class LoadCase:
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """Return the load case where only shares (m,) of the faces exist, which carry themselves and the loads on
-        them."""
+        """Return the load case where only shares (m,) of the faces exist, which carry themselves and their loads."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

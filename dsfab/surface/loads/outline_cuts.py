@@ -64,8 +64,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Edges (k,) that the line crosses, ascending, their shares (k,), 0 at the first end to 1, and the places (k,
-    3)."""
+    """Edges (k,) that the line crosses, ascending, shares (k,), 0 at the first end to 1, and places (k, 3)."""
 
     edge: Ints
     share: Floats
@@ -280,8 +279,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) near the line that are longer than the extent is wide, because it could slip through
-    them."""
+    """Return the edges (e,) near the line that are longer than the extent is wide: it could slip through them."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -319,8 +317,7 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Return whether (k,) depths (p, k) along edges change their sign more than once, or touch 0 between equal
-    signs."""
+    """Return whether (k,) depths (p, k) along edges change sign more than once, or touch 0 between equal signs."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)

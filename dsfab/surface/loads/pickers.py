@@ -320,8 +320,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError if none
-    are."""
+    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError for none."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 

@@ -117,8 +117,7 @@ class Support:
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:
-        """Return the stiffness (n, 3), newtons per metre; it sums to `spring`. Raises SurfaceError on vertices without
-        faces."""
+        """Return the stiffness (n, 3), N/m, with sum `spring`. Raises SurfaceError on vertices without faces."""
         if self.spring is None:
             return np.zeros((surface.n, 3))
         share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)

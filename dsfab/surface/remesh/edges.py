@@ -163,8 +163,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Halve marked edges (e,); those along curves at positions (l,) of the axis, or in the middle where these are
-    nan."""
+    """Halve marked edges (e,); those along curves at positions (l,) of the axis, or at the middle where nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -357,8 +356,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return the edges (q,) whose new faces lie like the old ones within 37 degrees, and are no worse where they are
-    bad."""
+    """Return edges (q,) whose new faces lie like the old ones within 37 degrees, and are no worse where bad."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))

@@ -124,8 +124,7 @@ class FeatureCurves:
         return which, np.arange(len(which)) - starts[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the distance (k,) of the curves from their chords from start to end (k,), metres, and its position
-        (k,)."""
+        """Return the distance (k,) of the curves from chords start to end (k,), metres, and its position (k,)."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))

@@ -158,8 +158,7 @@ class _MirrorTest:
         return np.concatenate([a, a[line] + t[:, None] * (b - a)[line]])
 
     def holds(self, normal: Floats) -> bool:
-        """Return whether the surface, its boundaries and its creases are their own mirror images, with the same
-        sides."""
+        """Return whether the surface, its boundaries and its creases are their own mirror images, sides included."""
         s, R, limit = self.surface, mirror(normal), IMAGE_TOLERANCE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False

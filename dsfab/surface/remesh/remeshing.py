@@ -78,8 +78,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Remesh one side of all mirrors of the surface and copy it; None without mirrors, or for a small or unlike
-    result."""
+    """Remesh one side of all mirrors and copy it; None without mirrors, or for a small or unlike result."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -156,8 +155,7 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until none is left, with flips and collapses in between, because needles create too many
-    points."""
+    """Halve long edges until none is left, with flips and collapses between, because needles create many points."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
@@ -169,8 +167,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the shortest (k,) of the fields' lengths at points (k, 3), metres; one tree serves all fields on a
-    surface."""
+    """Return the shortest (k,) of the fields' lengths at points (k, 3), metres; one tree for fields on one surface."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

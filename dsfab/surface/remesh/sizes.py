@@ -119,8 +119,7 @@ CHORD_SHARES = 0.85 ** np.arange(19)
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded wanted lengths: `base` (n,) or a number, metres, within the chords (p,) of its
-    curves."""
+    """Return the net with graded lengths: `base` (n,) or a number, metres, within the chords (p,) of its curves."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -135,8 +134,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
 
 
 def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
-    """Return the largest sizes (n,) below the input, metres, that change along no edge (e, 2) by over `GRADE` times its
-    length."""
+    """Return the largest sizes (n,) below the input, metres, whose slope along edges (e, 2) is at most `GRADE`."""
     length = GRADE * edge_lengths(V, ends)
     a, b = ends.T
     while True:

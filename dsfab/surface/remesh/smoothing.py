@@ -64,8 +64,7 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return the unit normals (m, 3 corners, 3): means of the faces around a vertex up to the next features (e,), by
-    angle."""
+    """Return unit normals (m, 3 corners, 3): means of faces by angle around a vertex up to the next features (e,)."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -125,8 +124,7 @@ def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
 
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
-    """Return positions (k,) of the nodes with even steps in wanted lengths, where the edges stay near the curve. Every
-    second node moves at once."""
+    """Return positions (k,) of nodes with even steps in wanted lengths near the curve; every second moves at once."""
     positions = net.at.copy()
     for parity in (0, 1):
         k = np.arange(1 + parity, max(len(positions) - 1, 1 + parity), 2)
@@ -145,8 +143,7 @@ def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
 
 
 def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
-    """Move the vertices to goals (n, 3), metres, and the nodes to positions (k,), except where a face turns by 60
-    degrees."""
+    """Move the vertices to goals (n, 3), metres, and the nodes to positions (k,), unless a face turns by 60 degrees."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
     retreats = 6  # rounds that put back single vertices, before all go back

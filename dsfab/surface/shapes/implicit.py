@@ -43,8 +43,7 @@ class MeshChart(Protocol):
         ...
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the coordinates (n, k) of the points moved by about step (n, 3), metres; border stays on the
-        border."""
+        """Return the coordinates (n, k) of points moved by about step (n, 3), metres; border stays on the border."""
         ...
 
 
@@ -268,8 +267,7 @@ def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | No
 
 
 def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
-    """Return the smaller value (k,), rounded where they differ by less than k [polynomial smooth minimum, Quilez
-    2013]."""
+    """Return the smaller value (k,), rounded where they differ by less than k [polynomial, Quilez 2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
@@ -315,8 +313,7 @@ class LevelSet:
         return X
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return X + step (n, 3) after two Newton steps along the same gradient; those of the border (n,) stay on the
-        floor."""
+        """Return X + step (n, 3) after two Newton steps along one gradient; the border (n,) stays on the floor."""
         P = X + step
         down = border & (self.floor is not None)
         if self.floor is not None:

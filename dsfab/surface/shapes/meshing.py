@@ -104,8 +104,7 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return the positions (k,) of the vertices of each ring, of `counts` (r,), in turns. A ring is shifted by half a
-    step against a ring of the same count."""
+    """Return positions (k,), in turns, of vertices in rings of `counts` (r,); equal rings alternate by half a step."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0

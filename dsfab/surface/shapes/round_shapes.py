@@ -89,8 +89,7 @@ def tower(
 
 
 def _superellipse(p: float) -> tuple[Floats, Floats, float]:
-    """Return points at equal arc lengths of |x|^p + |y|^p = 1, from (1, 0) counter-clockwise back to it, and its
-    length."""
+    """Return points at equal arc lengths of |x|^p + |y|^p = 1, once round from (1, 0), and its length."""
     angle = np.linspace(0, 2 * np.pi, 4 * 2048 + 1)
     c, s = np.cos(angle), np.sin(angle)
     r = (np.abs(c) ** p + np.abs(s) ** p) ** (-1 / p)
