@@ -28,11 +28,8 @@ TIMING_COLUMNS = (
 `stripes` are evenly spaced: directions, densities and phases, which replace the modes.
 """
 
-SCALING = (10_000, 40_000, 100_000)
-"""Vertices of the surfaces of `--scaling`."""
-
-SCALING_STATICS = (*SCALING, 250_000, 500_000)
-"""Vertices of `--scaling` with `--stages statics`."""
+SCALING = (10_000, 40_000, 100_000)  # Vertices of the surfaces of `--scaling`.
+SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertices of `--scaling` with `--stages statics`.
 
 STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
 """Columns of `--stages statics`, seconds.

@@ -21,16 +21,12 @@ if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
     from dsfab.render.view import View
 
-SIZES = (10_000, 60_000, 300_000, 1_000_000)
-"""Triangles of the surfaces."""
+SIZES = (10_000, 60_000, 300_000, 1_000_000)  # Triangles of the surfaces.
 
 PIXELS = (1024, 768)
 
-SECONDS = 4.0
-"""Seconds of each measurement, with five pictures of each kind at least."""
-
-KINDS = ("plain", "shader", "graded", "walls")
-"""Kinds of pictures, see `measure`."""
+SECONDS = 4.0  # Seconds of each measurement, with five pictures of each kind at least.
+KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
 """Names of renderers that run on the processor."""

@@ -417,8 +417,7 @@ def _write_summary(rows: Sequence[SummaryRow], against: Sequence[str], folder: P
     )
 
 
-DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()
-"""Default options and files."""
+DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()  # Default options and files.
 
 
 def compare(

@@ -34,8 +34,7 @@ from dsfab.study.variations import (
     spelled_value,
 )
 
-UNCONFIRMED_VARIANTS = 200
-"""Variants that are drawn without --yes."""
+UNCONFIRMED_VARIANTS = 200  # Variants that are drawn without --yes.
 
 
 class Variants:

@@ -22,10 +22,8 @@ if TYPE_CHECKING:
 
 CALCULIX = "calculix"
 CALCULIX_SUFFIX = ".inp"
-ALIASES = {".stp": ".step"}
-"""Suffixes with the format of another one."""
-SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}
-"""Suffixes of common names."""
+ALIASES = {".stp": ".step"}  # Suffixes with the format of another one.
+SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}  # Suffixes of common names.
 ELSEWHERE = {
     "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
     "html": "`dsfab compare` and `dsfab report` write reports as HTML",

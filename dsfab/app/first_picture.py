@@ -20,8 +20,7 @@ PROGRAM = (
 )
 """Program of the other process. Garbage collection would take a tenth of the time of importing."""
 
-SKETCH_SECONDS = 60.0
-"""Seconds after which a sketch is given up, from the moment when the true picture could be drawn."""
+SKETCH_SECONDS = 60.0  # Seconds after which a sketch is given up, from the moment when the true picture could be drawn.
 
 
 class FirstPicture:

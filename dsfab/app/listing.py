@@ -23,8 +23,7 @@ from dsfab.report.design.inspection import (
 if TYPE_CHECKING:
     from dsfab.surface import MeshFacts, RawMesh
 
-DONE, REFUSED = 0, 1
-"""Exit codes of `inspect`."""
+DONE, REFUSED = 0, 1  # Exit codes of `inspect`.
 
 
 def presets() -> int:

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from dsfab.preset.model import Preset
     from dsfab.render.previewer import Previewers
 
-FINISHED_PICTURES = ("fabrication", "members")
-"""Pictures of the finished solid, and of the finished sheet."""
+FINISHED_PICTURES = ("fabrication", "members")  # Pictures of the finished solid, and of the finished sheet.
 
 
 SHOW_WORDS = {

@@ -22,11 +22,8 @@ if TYPE_CHECKING:
     from dsfab.reproduction.figures import FigurePictures
     from dsfab.reproduction.published import PaperFigure
 
-FOLDER = Path("outputs/paper")
-"""Default folder of the page."""
-
-COARSEST = 8.0
-"""Limit of --coarser, because coarser meshes have too few vertices for modes."""
+FOLDER = Path("outputs/paper")  # Default folder of the page.
+COARSEST = 8.0  # Limit of --coarser, because coarser meshes have too few vertices for modes.
 
 
 def reproduce(

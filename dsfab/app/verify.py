@@ -110,8 +110,7 @@ TEST_HEAD = (
 )
 """`of limit`: the value over the limit of thin sheets, if the usual reference is another one."""
 
-PAGE = Path("outputs/verification")
-"""Default folder of the page."""
+PAGE = Path("outputs/verification")  # Default folder of the page.
 
 
 def verify(

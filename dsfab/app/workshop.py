@@ -37,8 +37,7 @@ class WorkshopFlags:
     ] = False
 
 
-PRESET_FLAGS = WorkshopFlags()
-"""Options of the preset."""
+PRESET_FLAGS = WorkshopFlags()  # Options of the preset.
 
 
 def workshop(
@@ -98,8 +97,7 @@ def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, b
     return documents | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
 
 
-MEMBERS = "members.ifc"
-"""File of the members for building models."""
+MEMBERS = "members.ifc"  # File of the members for building models.
 
 
 def _check_ifc(preset: "Preset") -> None:

@@ -120,8 +120,7 @@ _ALL = (
         source="Farah, Anderson and Langer 2016; makers' sheets",
     ),
 )
-MATERIALS = {material.name: material for material in _ALL}
-"""Materials by name."""
+MATERIALS = {material.name: material for material in _ALL}  # Materials by name.
 
 NO_STRENGTH = (
     "what members can bear is not known: the preset names no material and gives no strength; set statics.material = "

@@ -16,11 +16,8 @@ UNIT_WORDS: dict[str, str] = {
 }
 """Units by the words that files use for them, in small letters."""
 
-MM_PER_M = 1e3
-"""Exported files are in millimetres."""
-
-GRAVITY = 9.80665
-"""Standard acceleration of gravity, m/s^2 (CGPM 1901)."""
+MM_PER_M = 1e3  # Exported files are in millimetres.
+GRAVITY = 9.80665  # Standard acceleration of gravity, m/s^2 (CGPM 1901).
 
 
 def metres_per(unit: str) -> float:

@@ -11,8 +11,7 @@ from dsfab.design import Design
 from dsfab.reproduction.renditions import Rendition
 from dsfab.surface import Surface, edge_table
 
-RINGS, SPOKES = 2, 4
-"""Least number of rings of a web, and of spokes that cross each."""
+RINGS, SPOKES = 2, 4  # Least number of rings of a web, and of spokes that cross each.
 
 
 @dataclass(frozen=True)

@@ -108,8 +108,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
 }
 """Changes of the pattern on the same modes."""
 
-PAPER = 37
-"""Frames a second of the paper's editor, on a laptop of 2015."""
+PAPER = 37  # Frames a second of the paper's editor, on a laptop of 2015.
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:
@@ -151,8 +150,7 @@ def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
     return 1 / median(taken[2:])
 
 
-RATIOS = (1.0, 10.0, 100.0)
-"""Compared values of the anisotropy."""
+RATIOS = (1.0, 10.0, 100.0)  # Compared values of the anisotropy.
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:

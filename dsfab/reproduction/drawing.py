@@ -28,10 +28,8 @@ VIEWS = {
 }
 """Views of figures whose default view (see `dsfab.render.view`) hides their subject."""
 
-MARKS = ("loads", "supports", "person", "gradients")
-"""Marks beside a surface; only modes have gradients."""
-SCALE = {"pavilion": "tree"}
-"""Marks in place of a person, as in the paper."""
+MARKS = ("loads", "supports", "person", "gradients")  # Marks beside a surface; only modes have gradients.
+SCALE = {"pavilion": "tree"}  # Marks in place of a person, as in the paper.
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,8 +98,7 @@ def typical_slope(surface: Surface, value: Floats) -> float:
     return quantile(slope, surface.areas, 0.5)
 
 
-NEAR = 0.5
-"""A line ends at this distance from another line, over the distance of lines."""
+NEAR = 0.5  # A line ends at this distance from another line, over the distance of lines.
 
 End = Literal["boundary", "inside", "round"]
 

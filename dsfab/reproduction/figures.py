@@ -21,8 +21,7 @@ STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode",
 """Pictures of every figure beside its structure, in the order of the method."""
 
 
-RUNS = 3
-"""Number of runs whose median gives the seconds."""
+RUNS = 3  # Number of runs whose median gives the seconds.
 
 RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset", "stripes": "dsfab's stripes"}
 """Titles of the renditions."""

@@ -20,8 +20,7 @@ from dsfab.reproduction.published import Parameters, Timings
 from dsfab.reproduction.renditions import Rendition
 from dsfab.reproduction.volumes import RIVALS
 
-Row = Mapping[str, Any]
-"""A row of sphere_volumes.json."""
+Row = Mapping[str, Any]  # A row of sphere_volumes.json.
 
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
@@ -198,8 +197,7 @@ def _bar(bar: ColourBar) -> str:
 
 PAGE_NAME = "index.html"
 
-TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")
-"""The columns of Table 2 in seconds."""
+TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")  # The columns of Table 2 in seconds.
 
 PARAMETERS = (
     ("&gamma;", "force magnitude"),

@@ -11,14 +11,11 @@ from dsfab.report.compliance.figures import write_chart
 if TYPE_CHECKING:
     from dsfab.study.judges import Judge
 
-NAME = "sphere_volumes"
-"""Name of the files: .json, .svg and .png."""
+NAME = "sphere_volumes"  # Name of the files: .json, .svg and .png.
 
 PRESET = "sphere_graded"
-EDGE = 0.08
-"""Edge of its mesh in metres; the third verdict mesh of a finer mesh would exceed the memory."""
-MEMORY = 9e9
-"""Bytes that a verdict may take."""
+EDGE = 0.08  # Edge of its mesh in metres; the third verdict mesh of a finer mesh would exceed the memory.
+MEMORY = 9e9  # Bytes that a verdict may take.
 ON_MODES = {
     "pattern.method": "modes",
     "pattern.width": {"rule": "graded", "q": 1.0, "solid_fraction": 0.5},
@@ -34,10 +31,8 @@ ROW = {
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
 """Table 1's row of the sphere: no kept regions, plain widths, phase 0; but labelled by sign."""
-LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}
-"""The same row to the letter of the paper."""
-SHARES = (0.3, 0.5, 0.7)
-"""Kept shares of the surface; each takes a few minutes."""
+LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # The same row to the letter of the paper.
+SHARES = (0.3, 0.5, 0.7)  # Kept shares of the surface; each takes a few minutes.
 
 RIVALS = {
     "letter": "Table 1's row to the letter, labelled by magnitude",

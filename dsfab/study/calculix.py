@@ -17,8 +17,7 @@ from dsfab.statics import Material
 from dsfab.study.check_model import held_nodes
 from dsfab.surface import LoadCase, Surface
 
-CCX = "ccx"
-"""Name of CalculiX's solver program."""
+CCX = "ccx"  # Name of CalculiX's solver program.
 
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
 
@@ -110,8 +109,7 @@ def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
 
 
-THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)
-"""Shares of a force on a vertex for its nodes below, above and between."""
+THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # Shares of a force on a vertex for its nodes below, above and between.
 
 
 @dataclass(frozen=True, eq=False)

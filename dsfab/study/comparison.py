@@ -29,8 +29,7 @@ from dsfab.study.baselines.structures import striped_structure
 from dsfab.study.judges import Judge, Judgement, full, quick
 from dsfab.study.verdict import BUDGET
 
-NameReport = Callable[[str], None]
-"""Function that receives the name of the next competitor."""
+NameReport = Callable[[str], None]  # Function that receives the name of the next competitor.
 
 
 @dataclass(frozen=True, repr=False)

@@ -165,14 +165,9 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
     return [int(k) for k in np.unique(label[faces])]
 
 
-ATTEMPTS = 8
-"""Limit on the number of changes; each change measures the whole design."""
-
-MARGIN = 1.02
-"""Factor on a limit for the requested width, because slicing moves lines slightly."""
-
-COARSER, COARSEST = 0.85, 0.6
-"""Largest and smallest factor on frequencies if no width helps."""
+ATTEMPTS = 8  # Limit on the number of changes; each change measures the whole design.
+MARGIN = 1.02  # Factor on a limit for the requested width, because slicing moves lines slightly.
+COARSER, COARSEST = 0.85, 0.6  # Largest and smallest factor on frequencies if no width helps.
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, adjacency, edge_table, manifold_faults, misoriented_edges, next_half_edge
 
-CREASE = 30.0
-"""Degrees between the normals of two faces from which their edge is a crease."""
+CREASE = 30.0  # Degrees between the normals of two faces from which their edge is a crease.
 
 
 def feature_edges(surface: Surface) -> Bools:
@@ -33,8 +32,7 @@ def sharp_edges(surface: Surface) -> Bools:
     return marks
 
 
-LARGEST = 4_000_000
-"""Largest number of triangles; more are refused before dsfab creates them."""
+LARGEST = 4_000_000  # Largest number of triangles; more are refused before dsfab creates them.
 
 
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
@@ -193,8 +191,7 @@ def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = 
     return np.asarray((least_rank[touched] >= rank[:, None]).all(axis=1))
 
 
-LEAST_ANGLE_GAIN = 1.0
-"""Smallest gain, degrees, of the smallest angle of two faces."""
+LEAST_ANGLE_GAIN = 1.0  # Smallest gain, degrees, of the smallest angle of two faces.
 
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:

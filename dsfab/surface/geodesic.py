@@ -16,8 +16,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import next_half_edge
 
-SLACK = 1e-10
-"""Rounding, as a share of the compared lengths, areas and angles."""
+SLACK = 1e-10  # Rounding, as a share of the compared lengths, areas and angles.
 
 
 @dataclass(frozen=True, eq=False)

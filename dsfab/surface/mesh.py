@@ -97,8 +97,7 @@ def weights_at(places: Floats, V: Floats, corners: Ints) -> Floats:
     return np.asarray(igl.barycentric_coordinates(places, *(np.ascontiguousarray(V[corners[:, i]]) for i in range(3))))
 
 
-ZERO_AREA = 1e-20
-"""Share of the squared size below which a face counts as collapsed."""
+ZERO_AREA = 1e-20  # Share of the squared size below which a face counts as collapsed.
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,7 @@ from scipy.sparse import coo_array, csr_array
 
 from dsfab.core.arrays import Bools, Ints, complement, first_few
 
-LONGEST_WALK = 100
-"""Largest number of steps around a vertex; each step visits all vertices whose walk has not ended."""
+LONGEST_WALK = 100  # Largest number of steps around a vertex; each step visits all vertices whose walk has not ended.
 
 
 @dataclass(frozen=True, eq=False)

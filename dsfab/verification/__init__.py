@@ -37,8 +37,7 @@ __all__ = [
 
 FAMILIES = (plates, beams, plane, shells, vessels, vibrations, stability, cut_sheets)
 
-TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}
-"""Every test by its name."""
+TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # Every test by its name.
 
 PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
 """Default pairs: those of reported values, and two for comparison."""

@@ -162,8 +162,7 @@ def _svg(figure: "Figure", title: str) -> str:
 WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
 """Verdicts; the first that occurs stands for all patterns."""
 
-PAIR = str(elements_of("displacement"))
-"""The pair of targets and published values."""
+PAIR = str(elements_of("displacement"))  # The pair of targets and published values.
 
 STYLE = """
 :root { --faint: rgb(138, 134, 128); }

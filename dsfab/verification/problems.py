@@ -25,8 +25,7 @@ Mesh = Literal["diagonal", "union_jack", "jittered"]
 MESHES: tuple[Mesh, ...] = ("diagonal", "union_jack", "jittered")
 """Squares halved by parallel diagonals, by alternating diagonals, and the latter with randomly moved inner vertices."""
 
-NEAR = 1e-9
-"""Parameters of the unit square closer than this are equal."""
+NEAR = 1e-9  # Parameters of the unit square closer than this are equal.
 
 
 def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:

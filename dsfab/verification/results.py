@@ -85,8 +85,7 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
     return rows
 
 
-OUTSIDE = "solid wedges (CalculiX)"
-"""Name of another program in place of a pair of elements."""
+OUTSIDE = "solid wedges (CalculiX)"  # Name of another program in place of a pair of elements.
 
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
@@ -218,8 +217,7 @@ SIMO = Publication(
 DVORKIN = Publication("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
 FELIPPA = Publication("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
 
-TWELVE_BY_TWO = 12 * 3 * 5
-"""Free unknowns of the usual mesh of the twisted beam."""
+TWELVE_BY_TWO = 12 * 3 * 5  # Free unknowns of the usual mesh of the twisted beam.
 
 Ratios = dict[str, tuple[float, ...]]
 
@@ -312,8 +310,7 @@ def _published_value(
     return Published(test, element, cells, ratio, source, unknowns, element in CONSTANT, element in MIDDLES, note)
 
 
-PUBLISHED = tuple(_published_values())
-"""All published values."""
+PUBLISHED = tuple(_published_values())  # All published values.
 
 
 Outcome = Literal["better", "alike", "worse", "unknown"]

@@ -25,12 +25,9 @@ bl_info = {
     "category": "Mesh",
 }
 
-PYTHON = ""
-"""The Python in which dsfab is installed; empty: that of Blender."""
-MADE_OF = "dsfab_source"
-"""Property that marks our objects and collections, with the name of the source object."""
-WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
-"""Types of objects that Blender can turn into a mesh."""
+PYTHON = ""  # The Python in which dsfab is installed; empty: that of Blender.
+MADE_OF = "dsfab_source"  # Property that marks our objects and collections, with the name of the source object.
+WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}  # Types of objects that Blender can turn into a mesh.
 
 
 class BuildError(Exception):

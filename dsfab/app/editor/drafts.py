@@ -209,8 +209,7 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     return np.concatenate([V[chosen], total], axis=1)
 
 
-TINTS = ("major", "minor")
-"""Families with a colour of their own; other material has the next one."""
+TINTS = ("major", "minor")  # Families with a colour of their own; other material has the next one.
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:

@@ -72,8 +72,7 @@ def _with_absolute_imports(name: str, text: str) -> str:
     return _FROM.sub(rf"\1dsfab/{folder + '/' if folder else ''}\2", text)
 
 
-SMALLEST, WIDEST = 64, 2400
-"""Limits on the sides of a picture, pixels."""
+SMALLEST, WIDEST = 64, 2400  # Limits on the sides of a picture, pixels.
 
 RequestFields = Mapping[str, Any]
 

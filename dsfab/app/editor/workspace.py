@@ -90,8 +90,7 @@ def _may_write(path: Path, content: bytes) -> bool:
     return not path.exists() or (path.is_file() and path.read_bytes() == content)
 
 
-MATERIAL = "statics.material"
-"""Key that decides the thickness of a proposal."""
+MATERIAL = "statics.material"  # Key that decides the thickness of a proposal.
 
 
 @dataclass(frozen=True)
@@ -254,11 +253,8 @@ def _mesh_file(preset: Preset) -> Path | None:
     return getattr(preset.surface, "file", None)
 
 
-MAX_VARIANTS = 48
-"""Variants of one session, at most."""
-
-LARGEST = 2 * 2**20
-"""Characters of a picture, at most."""
+MAX_VARIANTS = 48  # Variants of one session, at most.
+LARGEST = 2 * 2**20  # Characters of a picture, at most.
 
 FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")
 """Measures that a variant keeps (see `drafts.sheet_figures`)."""

@@ -181,8 +181,7 @@ Index = npt.NDArray[np.integer[Any]]
 """Indices of 4 bytes where these suffice, because each entry of the matrix has one."""
 
 
-Numbers = npt.NDArray[Any]
-"""Real or complex array."""
+Numbers = npt.NDArray[Any]  # Real or complex array.
 
 
 class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgError)

@@ -184,8 +184,7 @@ def thinner(task: ComparisonTask) -> list[Variant]:
     return [Variant("", partial(Structure.uncut, task.surface, task.share * task.preset.statics.thickness))]
 
 
-SAME_MASS = 1e-3
-"""Largest relative difference in mass."""
+SAME_MASS = 1e-3  # Largest relative difference in mass.
 
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 """(task, share of the surface, tolerance) -> layers to cut with that share of material."""
@@ -262,14 +261,9 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3
-"""Pairs combine this many first modes, because a single pair would be a lucky draw where modes repeat."""
-
-PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]
-"""Pairs of a major and a minor mode."""
-
-PHASES = (0.0, 0.25, 0.5, 0.75)
-"""Phases, in periods, of stripes without modes to choose from."""
+MODES = 3  # Pairs combine this many first modes, because a single pair would be a lucky draw where modes repeat.
+PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # Pairs of a major and a minor mode.
+PHASES = (0.0, 0.25, 0.5, 0.75)  # Phases, in periods, of stripes without modes to choose from.
 
 
 class IsotropicStripes(NamedTuple):

@@ -19,14 +19,9 @@ from dsfab.surface.topology import edge_table
 from dsfab.thickening.offset_vectors import SHIFT
 from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
-SUFFIXES = (".stl", ".3mf", ".step", ".stp")
-"""Suffixes of files that can be checked."""
-
-STEP_BEGINS = b"ISO-10303-21"
-"""First words of every STEP file."""
-
-BY_CONVENTION = "mm"
-"""Unit of STL files, which name none; dsfab writes millimetres, and workshops read them so."""
+SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # Suffixes of files that can be checked.
+STEP_BEGINS = b"ISO-10303-21"  # First words of every STEP file.
+BY_CONVENTION = "mm"  # Unit of STL files, which name none; dsfab writes millimetres, and workshops read them so.
 
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),

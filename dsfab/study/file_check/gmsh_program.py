@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-TRIANGLE, TETRAHEDRON = 2, 4
-"""gmsh's numbers of element types."""
+TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers of element types.
 
 
 def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:

@@ -27,11 +27,8 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.edge_changes import refined_surface
 from dsfab.thickening.offset_vectors import SHIFT
 
-NEEDED = ("gmsh", "skfem")
-"""Packages of the extra `solid`: a mesher (GPL) and assembly of solid elements (BSD-3)."""
-
-STEP = (".step", ".stp")
-"""Suffixes of files that gmsh reads itself."""
+NEEDED = ("gmsh", "skfem")  # Packages of the extra `solid`: a mesher (GPL) and assembly of solid elements (BSD-3).
+STEP = (".step", ".stp")  # Suffixes of files that gmsh reads itself.
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +98,7 @@ OUTSIDE = 0.25
 """Allowed distance of a point from its tetrahedron, in barycentric coordinates, because skins are chords of curved
 sheets."""
 
-LARGEST = 1_200_000
-"""Limit on the number of unknowns."""
+LARGEST = 1_200_000  # Limit on the number of unknowns.
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,8 +226,7 @@ thicknesses wide, edges of two thicknesses gave 2.5 to 5 % less compliance."""
 COARSE = 1 / 100
 """See `EDGE`: very thin sheets would take millions of tetrahedra, and quadratic elements bend well at 1 : 5."""
 
-RIGID = 1e3
-"""Stiffness of a rigid support's spring, over Young's modulus times the thickness."""
+RIGID = 1e3  # Stiffness of a rigid support's spring, over Young's modulus times the thickness.
 
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 """Heights of Gauss points over the middle, in half thicknesses, and their weights."""

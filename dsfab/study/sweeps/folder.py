@@ -61,8 +61,7 @@ def _held_by(holder: Path) -> str:
 
 CSV, PARQUET = "results.csv", "results.parquet"
 
-PICTURES = "pictures"
-"""Folder of the pictures."""
+PICTURES = "pictures"  # Folder of the pictures.
 
 
 def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
@@ -155,15 +154,13 @@ def _column(values: list[Any]) -> list[Any]:
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
 
-HARMLESS = {"constraints"}
-"""Keys that do not change the runs; they may differ if a sweep continues."""
+HARMLESS = {"constraints"}  # Keys that do not change the runs; they may differ if a sweep continues.
 
 RENEWING = {"metrics", "keep", "formats", "size", "view"}
 """Keys that need more of every run: with --extend, all runs are repeated."""
 
 
-TRIED_AGAIN: tuple[State, ...] = ("killed",)
-"""States of runs that a new session repeats by default."""
+TRIED_AGAIN: tuple[State, ...] = ("killed",)  # States of runs that a new session repeats by default.
 
 
 @dataclass(frozen=True)

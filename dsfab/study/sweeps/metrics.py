@@ -50,8 +50,7 @@ def verdict(design: Design) -> Verdict:
     return design.cached_result("slicing", "verdict", run_check)
 
 
-Metric = Callable[[Design], float]
-"""Function of a design that returns a number."""
+Metric = Callable[[Design], float]  # Function of a design that returns a number.
 
 NARROWEST = 0.1
 """`min_width` leaves out this share of the stripes' area. Around singular points modes have no unique slope, so the

@@ -20,8 +20,7 @@ from dsfab.preset.file import load_preset, require_mesh
 from dsfab.preset.model import Preset
 from dsfab.study.sweeps.metrics import METRICS
 
-DIGITS = 6
-"""Significant digits of the values in a range."""
+DIGITS = 6  # Significant digits of the values in a range.
 
 
 class Range(BaseModel):
@@ -187,8 +186,7 @@ def _kind_of_values(values: Any) -> str:
 
 Values = Annotated[Annotated[Range, Tag("range")] | Annotated[Listed, Tag("list")], Discriminator(_kind_of_values)]
 
-USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")
-"""Default metrics of `dsfab sweep`."""
+USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # Default metrics of `dsfab sweep`.
 
 
 class Search(BaseModel):

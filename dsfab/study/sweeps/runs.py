@@ -26,8 +26,7 @@ from dsfab.study.sweeps.plan import Axis, Constraint, Plan
 
 Changes = dict[str, Any]
 
-MOST = 1_000_000
-"""Limit on the number of runs; a grid with more is a mistake."""
+MOST = 1_000_000  # Limit on the number of runs; a grid with more is a mistake.
 
 
 def points(plan: Plan) -> list[Changes]:

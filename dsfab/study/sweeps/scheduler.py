@@ -15,11 +15,8 @@ TRIES = 2
 """A run whose worker was killed this often in a session waits for the next session; this often in all, it runs
 alone."""
 
-PATIENCE = 600.0
-"""Seconds without any worker before the scheduler gives up."""
-
-Deliver = Callable[[Outcome, Changes], list[str]]
-"""Function that writes the files of a run and returns their names."""
+PATIENCE = 600.0  # Seconds without any worker before the scheduler gives up.
+Deliver = Callable[[Outcome, Changes], list[str]]  # Function that writes the files of a run and returns their names.
 
 
 @dataclass

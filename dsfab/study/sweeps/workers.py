@@ -66,8 +66,7 @@ class Outcome:
 _run_lock = threading.Lock()
 """One run at a time in a process, because neither the sparse solver nor the graphics are safe for threads."""
 
-_thread_state = threading.local()
-"""State of each worker thread: the job, its base preset, and the last design."""
+_thread_state = threading.local()  # State of each worker thread: the job, its base preset, and the last design.
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
@@ -321,8 +320,7 @@ def memory_kills() -> int:
     return 0
 
 
-SECONDS = 20
-"""Time limit for a scheduler's answer."""
+SECONDS = 20  # Time limit for a scheduler's answer.
 
 
 class DaskWorkers:
@@ -373,8 +371,7 @@ class DaskWorkers:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-MEMORY = 3e9
-"""Expected memory of one process, bytes."""
+MEMORY = 3e9  # Expected memory of one process, bytes.
 
 
 def fitting_processes(count: int) -> int:

@@ -31,8 +31,7 @@ from dsfab.study.verdict.levels import (
 )
 from dsfab.study.verdict.verdict import LoadedSurface, attached_material, facet_ratio, mean_member_width
 
-TABLE = files("dsfab.study.verdict") / "calibration.csv"
-"""The table that ships with dsfab."""
+TABLE = files("dsfab.study.verdict") / "calibration.csv"  # The table that ships with dsfab.
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,12 @@ from dsfab.surface import Surface
 EXTRAPOLATION_DIVISOR = 2.0
 """Two meshes extrapolate to c1 + (c1 - c0) / this: each refinement divides the error by 1 + this."""
 
-LEAST_BOUND = 0.003
-"""Smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only."""
+LEAST_BOUND = 0.003  # Smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only.
 
 QUICK_ERRORS = (0.02, 0.05)
 """Relative error of the quick level (hybrid + hhj, unrefined mesh): its median and its 90 % quantile."""
 
-LEAST_EDGES_PER_MEMBER = 4.0
-"""A warning appears if members are narrower than this many edges of the uncut mesh."""
+LEAST_EDGES_PER_MEMBER = 4.0  # A warning appears if members are narrower than this many edges of the uncut mesh.
 
 
 @dataclass(frozen=True)

@@ -248,8 +248,7 @@ def theory_share(soft: RibSoftening) -> float:
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
 """The pair of elements of a verdict, and the pair beside it. Their errors have mostly opposite signs."""
 
-QUICK_ELEMENTS = elements_of("compliance_once")
-"""The pair of the quick level, which solves one mesh only."""
+QUICK_ELEMENTS = elements_of("compliance_once")  # The pair of the quick level, which solves one mesh only.
 
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},

@@ -191,8 +191,7 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-MOST_MESHES = 3
-"""Limit on the number of meshes: the cut mesh and two refinements."""
+MOST_MESHES = 3  # Limit on the number of meshes: the cut mesh and two refinements.
 
 COUNT = {2: "two levels", 3: "three levels"}
 
@@ -316,8 +315,7 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %"
 
 
-BUDGET = 4e9
-"""Default memory limit of a verdict, bytes."""
+BUDGET = 4e9  # Default memory limit of a verdict, bytes.
 
 
 def check(

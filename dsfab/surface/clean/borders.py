@@ -13,8 +13,7 @@ vertex, except at corners of the design."""
 LEAST_TURNS = 12
 """Least number of alternating turns in a row; fewer may be design. A door in a wall has four corners, and an opening of
 a 5 m roof may have fifteen edges. (With such an opening evened, the STEP file by members failed.)"""
-LARGEST_GAP = 3
-"""Largest number of edges from one turn to the next; teeth of more edges are not those of the mesh."""
+LARGEST_GAP = 3  # Largest number of edges from one turn to the next; teeth of more edges are not those of the mesh.
 FLAT = float(np.radians(150))
 """Radians; a face with a wider corner at the border has lost its height to evening, and goes."""
 

@@ -25,12 +25,9 @@ from dsfab.surface.topology import (
     pinches,
 )
 
-WELD = 5e-5
-"""Share of the largest side within which vertices become one vertex."""
-CRUMB = 0.01
-"""Share of the area below which a loose piece is dropped."""
-PINHOLE = 1e-3
-"""Share of the largest side; a hole with a shorter outline is closed by a fan of faces."""
+WELD = 5e-5  # Share of the largest side within which vertices become one vertex.
+CRUMB = 0.01  # Share of the area below which a loose piece is dropped.
+PINHOLE = 1e-3  # Share of the largest side; a hole with a shorter outline is closed by a fan of faces.
 
 _NO_AREA = "without area"
 _DOUBT = ", many of all: is a part of it in another unit?"
@@ -198,11 +195,8 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15
-"""Share of the largest side; holes with a shorter outline are filled, up to a twentieth of the side wide."""
-
-SPECK = 0.05
-"""Share of the area of the largest piece below which other pieces are dropped."""
+HOLE = 0.15  # Share of the largest side; holes with a shorter outline are filled, up to a twentieth of the side wide.
+SPECK = 0.05  # Share of the area of the largest piece below which other pieces are dropped.
 
 FINE, SEVERAL = 0.01, 3
 """A mesh counts as a scan if its mean edge is below this share of its largest side, and it has this number of small

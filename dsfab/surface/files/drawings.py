@@ -29,8 +29,7 @@ from dsfab.surface.files.reading import (
 )
 from dsfab.surface.files.separate_process import read_rhino_in_process
 
-UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}
-"""Units by DXF's $INSUNITS."""
+UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}  # Units by DXF's $INSUNITS.
 
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
 """Entities with shapes that only AutoCAD reads."""
@@ -182,8 +181,7 @@ def _spline_points(spline: Any) -> Floats:
     return curve_points(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
 
 
-SAME_PLACE = 1e-6
-"""Share of the drawing's size within which two ends of curves meet."""
+SAME_PLACE = 1e-6  # Share of the drawing's size within which two ends of curves meet.
 
 
 @dataclass(frozen=True, eq=False)

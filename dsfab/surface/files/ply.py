@@ -24,10 +24,8 @@ from dsfab.surface.files.reading import (
     whole_number,
 )
 
-CHUNK = 1 << 16
-"""Records between two checks of the time."""
-BLOCK = 1 << 20
-"""Bytes of text that are converted together."""
+CHUNK = 1 << 16  # Records between two checks of the time.
+BLOCK = 1 << 20  # Bytes of text that are converted together.
 _SPACE = re.compile(rb"\s")
 
 
@@ -251,8 +249,7 @@ _NUMBERS = (
 _TYPES = dict(pair.split("=") for pair in _NUMBERS.split())
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _END = re.compile(rb"(?<=[\r\n])end_header[ \t]*(\r\n|\n|\r|\Z)")
-LONGEST_HEADER = 1 << 20
-"""Bytes within which a header ends."""
+LONGEST_HEADER = 1 << 20  # Bytes within which a header ends.
 
 _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 

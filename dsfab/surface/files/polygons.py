@@ -85,16 +85,12 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
 
 
-MOST_CORNERS_FOR_EARS = 12
-"""Largest number of corners for cutting ears, which takes k^3 steps."""
-MANY = 2000
-"""Number of corners above which triangles are Delaunay's: a comb of 100,000 takes 0.2 s, with earcut 4 s."""
+MOST_CORNERS_FOR_EARS = 12  # Largest number of corners for cutting ears, which takes k^3 steps.
+MANY = 2000  # Number of corners above which triangles are Delaunay's: a comb of 100,000 takes 0.2 s, with earcut 4 s.
 NOISE = 32 * float(np.finfo(np.float64).eps)
 """Distance from the line of its neighbours, as a share of the largest coordinate, below which a corner is straight."""
-ORDER = cdt.VertexInsertionOrder.AUTO
-"""Order of insertion: near points follow each other."""
-TOGETHER = 1 << 12
-"""Polygons of one size that are cut together; their numbers fit into the processor's cache."""
+ORDER = cdt.VertexInsertionOrder.AUTO  # Order of insertion: near points follow each other.
+TOGETHER = 1 << 12  # Polygons of one size that are cut together; their numbers fit into the processor's cache.
 
 
 def small_polygon_triangles(P: Floats) -> Ints:

@@ -164,8 +164,7 @@ _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IG
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
 """Programs whose OBJ files have y up by default (first group), or z."""
 
-BLOCK = 1 << 20
-"""Letters that are split into lines together, between two checks of the time."""
+BLOCK = 1 << 20  # Letters that are split into lines together, between two checks of the time.
 
 
 @dataclass(frozen=True)
@@ -253,11 +252,8 @@ def whole_number(word: str) -> int:
     return int(word)
 
 
-CURVE_TOLERANCE = 2e-4
-"""Largest distance of a polygon's sides from its curve, as a share of the curve's size."""
-
-LARGEST_NUMBER = 1e12
-"""Larger numbers are no lengths or angles, and foreign libraries may loop endlessly on them."""
+CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon's sides from its curve, as a share of the curve's size.
+LARGEST_NUMBER = 1e12  # Larger numbers are no lengths or angles, and foreign libraries may loop endlessly on them.
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,8 +295,7 @@ class DrawingBudget:
             raise SurfaceError(f"reading the drawing took more than {self.seconds:.0f} s; {_APART}")
 
 
-_APART = "put the outlines into a drawing of their own"
-"""Remedy for any of the limits."""
+_APART = "put the outlines into a drawing of their own"  # Remedy for any of the limits.
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:

@@ -23,8 +23,7 @@ from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino
 GIB = 2**30
 MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}
 """Bytes of address space beyond that of the process before it reads."""
-SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}
-"""Seconds of the processor for a small file, and again for each 10 MB."""
+SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}  # Seconds of the processor for a small file, and again for each 10 MB.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}
 

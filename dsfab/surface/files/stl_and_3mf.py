@@ -18,16 +18,14 @@ from dsfab.core.units import metres_per
 from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, text_file
 
-HEAD, EACH = 84, 50
-"""Bytes of the header with the number of triangles, and of each triangle."""
+HEAD, EACH = 84, 50  # Bytes of the header with the number of triangles, and of each triangle.
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
 _FACET = re.compile(
     rf"\s*facet(?:\s+normal\s+\S+\s+\S+\s+\S+)?\s+outer\s+loop\s+{3 * _VERTEX}endloop\s+endfacet(?=\s|$)", re.IGNORECASE
 )
 _BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s|\Z)", re.IGNORECASE)
-CHUNK = 1 << 14
-"""Triangles of a text file between two checks of the time."""
+CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
@@ -100,8 +98,7 @@ _PARTS = re.compile(rb"<(/?)(?:[\w.-]+:)?(object|component|item)\b([^>]*)>")
 _TRIANGLE = re.compile(rb"[<:]triangle\s")
 _ATTRIBUTE = re.compile(rb"""\b(id|objectid|path)\s*=\s*["']([^"']*)["']""")
 
-Key = tuple[str, bytes]
-"""A part of the file, and the number of an object in it."""
+Key = tuple[str, bytes]  # A part of the file, and the number of an object in it.
 
 
 def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:

@@ -15,8 +15,7 @@ from dsfab.surface.loads.pickers import STRICT, CaseName, Real
 from dsfab.surface.loads.supports import Support
 from dsfab.surface.mesh import Surface
 
-LimitState = Literal["ULS", "SLS", ""]
-"""Ultimate and serviceability limit state."""
+LimitState = Literal["ULS", "SLS", ""]  # Ultimate and serviceability limit state.
 
 COMBINED = "combined"
 """Value of [diffusion] follow for all cases at once; no case and no combination may have this name."""

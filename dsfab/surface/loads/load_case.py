@@ -15,8 +15,7 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12
-"""Share of a normal along a direction below which the face counts as parallel to it."""
+EDGE_ON = 1e-12  # Share of a normal along a direction below which the face counts as parallel to it.
 
 
 @dataclass(frozen=True)
@@ -129,8 +128,7 @@ def _require_pressure(kind: str, pressure: float) -> None:
         raise SurfaceError(f"a load of kind '{kind}' needs a positive pressure in pascals, not {pressure:g}")
 
 
-SPREAD_PARTS = ("weight", "bare", "covered")
-"""Parts of loads that are spread over faces."""
+SPREAD_PARTS = ("weight", "bare", "covered")  # Parts of loads that are spread over faces.
 
 
 @dataclass(frozen=True, eq=False)

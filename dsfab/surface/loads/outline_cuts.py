@@ -12,13 +12,9 @@ from dsfab.surface.edge_changes import LARGEST, halved_edges, with_flipped_edges
 from dsfab.surface.loads.pickers import Extent, pierced_faces
 from dsfab.surface.mesh import Surface
 
-LINE_TOLERANCE = 0.002
-"""Largest distance of edges from the curved line that they follow, as a share of `Extent.width`."""
-SNAP_SHARE = 0.25
-"""Share of an edge within which its end moves along it onto the line."""
-
-TEST_POINTS = 7
-"""Number of points between the ends of an edge that are tested against the line."""
+LINE_TOLERANCE = 0.002  # Largest distance of edges from the curved line that they follow, as a share of `Extent.width`.
+SNAP_SHARE = 0.25  # Share of an edge within which its end moves along it onto the line.
+TEST_POINTS = 7  # Number of points between the ends of an edge that are tested against the line.
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,10 +105,8 @@ def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
-LEVEL = float(np.cos(np.radians(1)))
-"""A curve whose plane is within a degree of horizontal is projected from above."""
-ONE_PLANE = 1e-3
-"""Share of their size within which curves are in one plane."""
+LEVEL = float(np.cos(np.radians(1)))  # A curve whose plane is within a degree of horizontal is projected from above.
+ONE_PLANE = 1e-3  # Share of their size within which curves are in one plane.
 
 
 class OutlineError(SurfaceError, ValueError):

@@ -98,12 +98,8 @@ Real = Annotated[float, AllowInfNan(False)]
 Vector = tuple[Real, Real, Real]
 CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
-PICKER_TOLERANCE = 1e-6
-"""Tolerance of a picker, as a share of the surface's size, because coordinates are rounded."""
-
-
-STRICT: ConfigDict = {"extra": "forbid"}
-"""pydantic: refuse unknown keys."""
+PICKER_TOLERANCE = 1e-6  # Tolerance of a picker, as a share of the surface's size, because coordinates are rounded.
+STRICT: ConfigDict = {"extra": "forbid"}  # pydantic: refuse unknown keys.
 
 
 class _HasPick(Protocol):

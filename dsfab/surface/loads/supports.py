@@ -15,11 +15,8 @@ from dsfab.surface.loads.outlines import Picker, edges_of
 from dsfab.surface.loads.pickers import STRICT, Vector
 from dsfab.surface.mesh import Surface
 
-LONGEST_NAME = 40
-"""Characters of a name, which must fit into a column of a table."""
-
-SIGNS = " _-.,/+"
-"""Characters that a name may have besides letters and digits of any language."""
+LONGEST_NAME = 40  # Characters of a name, which must fit into a column of a table.
+SIGNS = " _-.,/+"  # Characters that a name may have besides letters and digits of any language.
 
 
 def _checked_name(name: str) -> str:

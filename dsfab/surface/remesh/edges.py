@@ -21,8 +21,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import EdgeTable, edge_table, faces_at, next_half_edge, on_boundary
 
-FREE, ON_CURVE, FIXED = 0, 1, 2
-"""Kinds of vertices: on the surface, on one of its curves, fixed."""
+FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: on the surface, on one of its curves, fixed.
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,8 +188,7 @@ def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions
     )
 
 
-SHORTEST = 4 / 5
-"""Ratio to the wanted length below which an edge is collapsed [Botsch and Kobbelt 2004]."""
+SHORTEST = 4 / 5  # Ratio to the wanted length below which an edge is collapsed [Botsch and Kobbelt 2004].
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,14 +11,9 @@ from dsfab.surface.edge_changes import CREASE, border_edges, sharp_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-TOLERANCE = 1 / 50
-"""Largest distance of new boundaries and creases from those of the input, as a share of the edge."""
-
-CORNER = 30.0
-"""Degrees of turn of a curve at a vertex from which the vertex is a corner."""
-
-DULL = 0.6 * CREASE
-"""Degrees between the mean normals on both sides of a crease, below which only a few faces form it."""
+TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from those of the input, as a share of the edge.
+CORNER = 30.0  # Degrees of turn of a curve at a vertex from which the vertex is a corner.
+DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease, below which only a few faces form it.
 
 FINE = 1 / 80
 """Share of the box's diagonal that limits the width of noise: a file with longer edges is designed, not scanned."""

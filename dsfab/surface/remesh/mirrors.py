@@ -15,14 +15,10 @@ from dsfab.surface.remesh.features import TOLERANCE, design_features
 from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
-LARGEST_GROUP = 240
-"""Largest accepted number of elements of a group: twice those of the icosahedron."""
-MATRIX_TOLERANCE = 1e-6
-"""Largest difference between equal entries of matrices."""
-INERTIA_TOLERANCE = 1e-2
-"""Largest difference between equal moments of inertia, as a share of the largest."""
-FAR_TOLERANCE = 1e-3
-"""Share of the surface's size within which points count as equally far."""
+LARGEST_GROUP = 240  # Largest accepted number of elements of a group: twice those of the icosahedron.
+MATRIX_TOLERANCE = 1e-6  # Largest difference between equal entries of matrices.
+INERTIA_TOLERANCE = 1e-2  # Largest difference between equal moments of inertia, as a share of the largest.
+FAR_TOLERANCE = 1e-3  # Share of the surface's size within which points count as equally far.
 
 
 def mirror(normal: Floats) -> Floats:
@@ -233,8 +229,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3
-"""Share of the edge within which vertices are on a plane, and images of vertices are one."""
+PLANE_TOLERANCE = 1e-3  # Share of the edge within which vertices are on a plane, and images of vertices are one.
 
 
 @dataclass(frozen=True, eq=False)

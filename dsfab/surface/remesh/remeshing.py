@@ -32,8 +32,7 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import duplicate_faces, named_edges
 
-SHARP_ANGLE = 20.0
-"""Smallest angle, degrees, below which the mirrored mesh must compete with one of the whole surface."""
+SHARP_ANGLE = 20.0  # Smallest angle, degrees, below which the mirrored mesh must compete with one of the whole surface.
 
 
 def remeshed_surface(

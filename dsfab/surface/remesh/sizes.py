@@ -13,8 +13,7 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import adjacency
 
-TURN_PER_EDGE = 15.0
-"""Turn of the surface along an edge, degrees, above which edges should be shorter."""
+TURN_PER_EDGE = 15.0  # Turn of the surface along an edge, degrees, above which edges should be shorter.
 
 CHANGE_PER_EDGE = 0.25
 """Change of a field along an edge, as a share of its root mean square, above which edges should be shorter."""
@@ -108,14 +107,9 @@ def _bends(surface: Surface, shared: Ints) -> Floats:
     return np.asarray(np.where(np.einsum("ei,ei->e", first_normals, across) < 0, angle, -angle))
 
 
-GRADE = 0.3
-"""Growth of the wanted length per metre: neighbours differ by less than a factor of 1.3."""
-
-LEAST = 1 / 20
-"""Least wanted length at bends of curves and narrow places, as a share of the edge."""
-
-CHORD_SHARES = 0.85 ** np.arange(19)
-"""Trial lengths of the chords of a curve, as shares of the edge."""
+GRADE = 0.3  # Growth of the wanted length per metre: neighbours differ by less than a factor of 1.3.
+LEAST = 1 / 20  # Least wanted length at bends of curves and narrow places, as a share of the edge.
+CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, as shares of the edge.
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:

@@ -14,8 +14,7 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import corner_fans
 
-CORNERS = ((0, 1), (1, 2), (2, 0))
-"""Half-edges of a face, by its corners."""
+CORNERS = ((0, 1), (1, 2), (2, 0))  # Half-edges of a face, by its corners.
 
 
 class SmoothPatches:

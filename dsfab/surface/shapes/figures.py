@@ -25,8 +25,7 @@ from dsfab.surface.shapes.implicit import (
 )
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
-NECK_CUT = 0.4
-"""Height of the cut through the camel's neck, in the coordinates of its model."""
+NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the coordinates of its model.
 MOUTH, HOLLOW = 0.017, 0.034
 """Largest triangles that show the camel's mouth and the hollow of its ear, about half of their widths."""
 
@@ -222,8 +221,7 @@ def _arms() -> list[Field]:
     return [right_arm, hand, guard, blade, left_arm, cup, hook]
 
 
-OPENINGS = (0.22, 0.5, 0.78)
-"""Heights of the tower's openings, as shares of its height."""
+OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of its height.
 
 
 @shape

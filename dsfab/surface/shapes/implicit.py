@@ -28,11 +28,8 @@ LONGEST, SHORTEST = 4 / 3, 4 / 5
 ROUNDS, POLISH = 5, 10
 """Rounds that change the number of vertices, then rounds that only flip towards Delaunay and relax."""
 
-LEAST_TURN_COSINE = 0.3
-"""Cosine of the largest turn of a face in one step, about 70 degrees."""
-
-FOLDED = -0.5
-"""Cosine between the normals of neighbours, about 120 degrees, below which they are a fold."""
+LEAST_TURN_COSINE = 0.3  # Cosine of the largest turn of a face in one step, about 70 degrees.
+FOLDED = -0.5  # Cosine between the normals of neighbours, about 120 degrees, below which they are a fold.
 
 
 class MeshChart(Protocol):
@@ -206,8 +203,7 @@ Field = Callable[[Floats], Floats]
 
 Point = Sequence[float] | Floats
 
-EDGE_CORRECTION = 0.9
-"""Correction of the edge length, because remeshing gives a longer mean edge."""
+EDGE_CORRECTION = 0.9  # Correction of the edge length, because remeshing gives a longer mean edge.
 
 
 def _norm(Q: Floats) -> Floats:

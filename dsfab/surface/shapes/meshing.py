@@ -15,11 +15,8 @@ from dsfab.surface.mesh import Surface
 
 P = ParamSpec("P")
 
-Length = Annotated[float, Gt(0), Le(POSSIBLE_SIZE[1])]
-"""Metres, within the limits of any surface."""
-
-ROW = np.sqrt(3) / 2
-"""Height of an equilateral triangle over its edge."""
+Length = Annotated[float, Gt(0), Le(POSSIBLE_SIZE[1])]  # Metres, within the limits of any surface.
+ROW = np.sqrt(3) / 2  # Height of an equilateral triangle over its edge.
 
 
 def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
