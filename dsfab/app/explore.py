@@ -159,26 +159,24 @@ def explore(
     from dsfab.render.opengl import require_rendering
     from dsfab.report.contact_sheet import check_film
 
-    loaded_preset, pixels, values = (
+    loaded, pixels, values = (
         preset_with_mode(source.read_preset(preset), tile.show),
         picture_size(tile.size_),
         parse_variations(vary),
     )
     for key, listed in values.items():
         for value in listed:  # each value alone, so that an error appears before the work begins
-            with_overrides(loaded_preset, {key: value})
+            with_overrides(loaded, {key: value})
     if film.animate:
         check_film(values, film.fps)
-    folder = tile.output or Path("outputs") / f"{loaded_preset.name}-explore"
+    folder = tile.output or Path("outputs") / f"{loaded.name}-explore"
     require_rendering()
     reporter = Reporter(quiet)
-    variants = Variants(
-        loaded_preset, values, ["dsfab", "build", *source.command_words(preset)], tile.view, tile.show, pixels
-    )
+    variants = Variants(loaded, values, ["dsfab", "build", *source.command_words(preset)], tile.view, tile.show, pixels)
     with reporter:
         tiles = _draw_variants(variants, folder, film, yes, reporter)
     if not quiet:
-        _summary(tiles, folder, folder / f"{loaded_preset.name}.{film.animate}" if film.animate else None)
+        _summary(tiles, folder, folder / f"{loaded.name}.{film.animate}" if film.animate else None)
     return 0
 
 

@@ -145,20 +145,18 @@ def preview(
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
     """Start a process that draws, if a core is free: for a sketch on a terminal, or for the finished structure."""
     single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
-    needs_sketch = single and reporter.is_watched
+    sketched = single and reporter.is_watched
     needs_structure = (
         picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
     )  # otherwise this process is as quick
-    if not (needs_sketch or needs_structure) or (os.cpu_count() or 1) == 1:
+    if not (sketched or needs_structure) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import probe_ahead
 
         probe_ahead()
         yield None
         return
     on_sketch = (
-        (lambda: reporter.print_line("preview     a first picture is there, its widths follow"))
-        if needs_sketch
-        else None
+        (lambda: reporter.print_line("preview     a first picture is there, its widths follow")) if sketched else None
     )
     with FirstPicture(on_sketch) as first_picture:
         yield first_picture
@@ -303,11 +301,9 @@ def _fabrication_picture(design: "Design", page: PreviewPage, reporter: Reporter
     from dsfab.study.fabrication import fabrication
 
     reporter("fabrication", "measuring members, gaps and walls")
-    measures = fabrication(design)
+    sizes = fabrication(design)
     reporter("preview", f"drawing {page.path.name}")
-    return workshop_picture(
-        design, measures, size=page.pixels, view=page.options["view"], ground=page.options["ground"]
-    )
+    return workshop_picture(design, sizes, size=page.pixels, view=page.options["view"], ground=page.options["ground"])
 
 
 def _members_picture(design: "Design", page: PreviewPage, reporter: Reporter) -> "NDArray[Any]":

@@ -173,9 +173,7 @@ def _summary(figures: "list[FigurePictures]", folder: Path, small: bool) -> None
             print_result(f"  {RENDITION_TITLES[method.rendition.name]}: {method.rendition.refused or facts_words}")
             if method.found:
                 print_result(f"    {method.found}")
-    written = sum(
-        path.stat().st_size for path in folder.iterdir() if path.suffix == ".webp" or path.name == "index.html"
-    )
-    print_result(f"  {folder / 'index.html'}  {byte_size(written)} with its pictures")
+    size = sum(path.stat().st_size for path in folder.iterdir() if path.suffix == ".webp" or path.name == "index.html")
+    print_result(f"  {folder / 'index.html'}  {byte_size(size)} with its pictures")
     if small:
         print_result(f"  {folder / SMALL_NAME}  {byte_size((folder / SMALL_NAME).stat().st_size)}, in one file")

@@ -66,15 +66,13 @@ def workshop(
     from dsfab.render import up_axis
     from dsfab.workshop import workshop_plan, write_workshop
 
-    loaded_preset, folder = preset_and_folder(preset, options_source(source, flags.model, flags.stock, flags.thickness))
+    loaded, folder = preset_and_folder(preset, options_source(source, flags.model, flags.stock, flags.thickness))
     if flags.ifc:
-        _check_ifc(loaded_preset)
-    target = output or folder / ("model" if loaded_preset.workshop.model else "workshop")
+        _check_ifc(loaded)
+    target = output or folder / ("model" if loaded.workshop.model else "workshop")
     require_writable(target)
     with Reporter(quiet) as reporter:
-        design = built_design(preset, loaded_preset) or Design.from_preset(loaded_preset, progress=reporter).until(
-            "slicing"
-        )
+        design = built_design(preset, loaded) or Design.from_preset(loaded, progress=reporter).until("slicing")
         reporter("export", "developing and nesting")
         load = design.load if design.has("statics") else None
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, load))
@@ -82,7 +80,7 @@ def workshop(
     if not quiet:
         for note in plan.notes:
             print_result(note)
-    written_folder = write_workshop(plan, target, loaded_preset.name, documents)
+    written_folder = write_workshop(plan, target, loaded.name, documents)
     if not quiet:
         _print_files(plan, written_folder, documents)
     return 0

@@ -62,10 +62,8 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
     for share in shares:
         progress("volumes", f"{share:.0%} of the sphere")
         competitors = compare_at(graded, share, ("isotropic", "thinner"), judge).record()["competitors"]
-        design_compliance = competitors[1]["compliance_J"]
-        rows += [
-            {"volume": share, **row} for row in (*competitors, *rival_rows(rivals, share, design_compliance, judge))
-        ]
+        compliance = competitors[1]["compliance_J"]
+        rows += [{"volume": share, **row} for row in (*competitors, *rival_rows(rivals, share, compliance, judge))]
     contents = {"preset": PRESET, "vertices": graded.surface.n, "competitors": rows}
     (folder / f"{NAME}.json").write_text(json.dumps(contents, indent=1) + "\n", encoding="utf-8")
     write_chart(rows, "Sphere held at one pole and pressed at the other", folder / NAME, RIVALS)

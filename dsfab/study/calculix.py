@@ -53,11 +53,8 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
     # the normals define top and bottom: turn faces of the other orientation
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
-    F, edge_numbers = (
-        np.where(turned[:, None], F[:, ::-1], F),
-        np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of),
-    )
-    parts = [columns[F, 0], columns[F, 1], middles[edge_numbers, 0], middles[edge_numbers, 1], columns[F, 2]]
+    F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
+    parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
     return Wedges(nodes, np.concatenate(parts, axis=1), columns, middles)
 
 
@@ -157,10 +154,8 @@ def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: 
     )
     edges = np.flatnonzero(load.clamped)
     stiff = np.unique(np.concatenate([solid.columns[surface.edges.ends[edges]].ravel(), solid.middles[edges].ravel()]))
-    clamped_directions = np.stack([np.repeat(stiff, 3), np.tile(np.arange(3), len(stiff))], axis=1)
-    return np.unique(np.concatenate([fixed, clamped_directions]), axis=0), pairs[
-        ~np.isin(pairs[:, :2], stiff).any(axis=1)
-    ]
+    clamped = np.stack([np.repeat(stiff, 3), np.tile(np.arange(3), len(stiff))], axis=1)
+    return np.unique(np.concatenate([fixed, clamped]), axis=0), pairs[~np.isin(pairs[:, :2], stiff).any(axis=1)]
 
 
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
@@ -192,9 +187,7 @@ class CcxFiles:
 
     def failures(self) -> list[tuple[float, float]]:
         """Return the time before each failed attempt, and the step of time that it tried."""
-        return [
-            (float(start_time), float(step)) for failed, start_time, step in ATTEMPT.findall(self.attempts) if failed
-        ]
+        return [(float(start), float(step)) for failed, start, step in ATTEMPT.findall(self.attempts) if failed]
 
 
 def require_ccx() -> str:

@@ -53,9 +53,7 @@ class Comparison:
     def alternatives(self) -> tuple[Alternative, ...]:
         """A thinner sheet and isotropic stripes, as judged rivals, or else from `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
-        return judged + tuple(
-            alternative for alternative in self.looked_at if alternative.name not in {two.name for two in judged}
-        )
+        return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
         """Return the comparison with a quick look at the alternatives that are not competitors."""
@@ -178,10 +176,8 @@ def _comparison(
             entered.append(Competitor(name, error=str(error), seconds=time.perf_counter() - start))
             continue
         late = time.perf_counter() - start
-        competitor = _competitor(task, name, variants, judges[1])
-        entered.append(
-            replace(competitor, seconds_made=competitor.seconds_made + late, seconds=competitor.seconds + late)
-        )
+        rival = _competitor(task, name, variants, judges[1])
+        entered.append(replace(rival, seconds_made=rival.seconds_made + late, seconds=rival.seconds + late))
     return Comparison(task.preset.name, task, full, design, tuple(entered))
 
 

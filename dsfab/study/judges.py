@@ -133,22 +133,16 @@ def quick(
 
     Raises StaticsError as `solved_loads` does.
     """
-    answered_loads = solved_loads(task, structure, every)
+    answers = solved_loads(task, structure, every)
     cases = {
-        name: _case_response(task, structure, answered, ask or ResultRequest())
-        for name, answered in answered_loads.items()
+        name: _case_response(task, structure, answered, ask or ResultRequest()) for name, answered in answers.items()
     }
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
-    typical, largest_error = estimates.QUICK_ERRORS
-    text = (
-        f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {largest_error:.0%}: no verdict"
-    )
+    typical, largest = estimates.QUICK_ERRORS
+    text = f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {largest:.0%}: no verdict"
     if structure.cells is structure.sheet and not task.is_plane:
-        largest_error, text = (
-            0.5,
-            "one solve on the mesh of a whole sheet: an error of a third was seen, none is ruled out",
-        )
-    return Judgement(total, cases, bound=largest_error, reason=text)
+        largest, text = (0.5, "one solve on the mesh of a whole sheet: an error of a third was seen, none is ruled out")
+    return Judgement(total, cases, bound=largest, reason=text)
 
 
 def _case_response(

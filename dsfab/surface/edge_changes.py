@@ -218,10 +218,8 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
     h = edges.pairs
     quad = quads(F, h)
     a, b, c, d = quad.T
-    is_candidate = (
-        (F.ravel()[h[:, 1]] == b) & ~np.isin(_keys(surface.n, a, b), stays) & (may[a] | may[b] | may[c] | may[d])
-    )
-    h, quad = h[is_candidate], quad[is_candidate]
+    may_flip = (F.ravel()[h[:, 1]] == b) & ~np.isin(_keys(surface.n, a, b), stays) & (may[a] | may[b] | may[c] | may[d])
+    h, quad = h[may_flip], quad[may_flip]
     a, b, c, d = quad.T
     gain = np.minimum(_smallest_angle(V, d, c, a), _smallest_angle(V, c, d, b))
     gain -= np.minimum(_smallest_angle(V, a, b, c), _smallest_angle(V, b, a, d))

@@ -272,16 +272,13 @@ class _Front:
         i, half, face = i[is_behind], half[is_behind], face[is_behind]
         self.reached[face[is_near[i]]] = True
         w, ahead, back = w.select(i), next_half_edge(half, 1), next_half_edge(half, 2)
-        same_direction = self.F.ravel()[half] == w.a
+        alike = self.F.ravel()[half] == w.a
         c, edge_of = self.F.ravel()[back], self.edges.of.ravel()
         along, high = self.third[half].T
         AB = w.at_b - w.at_a
         across = np.stack([-AB[:, 1], AB[:, 0]], axis=1)
-        C = w.at_a + np.where(same_direction, along, 1 - along)[:, None] * AB + high[:, None] * across
-        edges = (
-            np.where(same_direction, edge_of[back], edge_of[ahead]),
-            np.where(same_direction, edge_of[ahead], edge_of[back]),
-        )
+        C = w.at_a + np.where(alike, along, 1 - along)[:, None] * AB + high[:, None] * across
+        edges = (np.where(alike, edge_of[back], edge_of[ahead]), np.where(alike, edge_of[ahead], edge_of[back]))
         corners = np.stack([C, w.at_a, w.at_b])
         (start_side, a0, b0), (end_side, a1, b1) = w.left_offset(w.start, corners), w.left_offset(w.end, corners)
         start, end = zero_share(a0, start_side), np.where(end_side < 0, zero_share(a1, end_side), 1.0)

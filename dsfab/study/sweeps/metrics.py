@@ -146,8 +146,7 @@ def _stress(design: Design) -> float:
     surface = design.sheet.surface
     sheet = design.preset.statics.sheet().model_for(surface)
     stresses = [
-        sheet_stress(sheet, equilibrium.elements, equilibrium).largest
-        for equilibrium in cut_equilibria(design, "stress").values()
+        sheet_stress(sheet, answer.elements, answer).largest for answer in cut_equilibria(design, "stress").values()
     ]
     return max(quantile(value, surface.areas) for value in stresses)
 
@@ -155,13 +154,11 @@ def _stress(design: Design) -> float:
 def _ersatz(design: Design) -> float:
     """Return the compliance of the uncut surface, with each face's stiffness scaled by its share of material."""
     surface = design.surface
-    kept_share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
-    loads = [
-        load.on_share(surface, kept_share) for load in design.statics.loads(design.preset.followed_weights).values()
-    ]
+    share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
+    loads = [load.on_share(surface, share) for load in design.statics.loads(design.preset.followed_weights).values()]
     sheet = FaceStiffness.from_sheet(design.preset.statics.sheet().model_for(surface), loads)
     void = 1e-6  # stiffness of a face without material
-    u = sheet.factor(void + (1 - void) * np.clip(kept_share, 0, 1))(sheet.force)
+    u = sheet.factor(void + (1 - void) * np.clip(share, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(design.preset.followed_weights.values()))
 
 

@@ -136,13 +136,11 @@ class Shares(NamedTuple):
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
     """Return the mesh-independent shares of each load; they sum to its forces.
     loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices."""
-    areas, face_count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
+    areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
         spread = np.zeros((len(areas), 3)) if load.parts is None else load.parts.traction * areas
-        on_faces: Floats = np.stack([np.bincount(sheet.parent, x, face_count) for x in spread.T], axis=1).astype(
-            np.float64
-        )
+        on_faces: Floats = np.stack([np.bincount(sheet.parent, x, count) for x in spread.T], axis=1).astype(np.float64)
         shares_by_load[name] = Shares(np.asarray(sheet.weights.T @ load.point), on_faces)
     return shares_by_load
 
@@ -202,10 +200,7 @@ def rib_softening(
     """Return the softening of a solved sheet that bends, for each case, by another solve on the same mesh."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
-        barred = [
-            barred_answer.compliance
-            for barred_answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()
-        ]
+        barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
     except (StaticsError, NotPositiveDefinite):
         barred = [np.inf] * len(loads)
     recovery, means = (
@@ -214,13 +209,13 @@ def rib_softening(
     )
     stiff, softening = material.young / (2 * (1 + material.poisson)) * h, {}
     slender = float(np.sqrt(h / rib_width(surface)))
-    for name, barred_answer in zip(loads, barred, strict=True):
+    for name, answer in zip(loads, barred, strict=True):
         c, stress = answers[name].compliance, stresses[name]
         forces = section_forces(surface, h, stress, recovery)
         q = means @ np.einsum("ma,max->mx", forces.q, forces.frame)
         sheared = PARABOLIC_SHEAR / stiff * float(surface.areas @ (q**2).sum(axis=1))
         bent = 2 * float(surface.areas @ stress.bending_energy) * slender
-        shares = (max(float(barred_answer / c) - 1, 0.0), sheared / c, bent / c) if c > 0 else (0.0, 0.0, 0.0)
+        shares = (max(float(answer / c) - 1, 0.0), sheared / c, bent / c) if c > 0 else (0.0, 0.0, 0.0)
         softening[name] = RibSoftening(*shares)
     return softening
 
@@ -321,8 +316,7 @@ def level(
         name: recovery_errors(surface, material, stress[name], answer) for name, answer in answers_by_pair[main].items()
     }
     energies = {
-        pair: {name: answer.compliance for name, answer in case_answers.items()}
-        for pair, case_answers in answers_by_pair.items()
+        pair: {name: answer.compliance for name, answer in cases.items()} for pair, cases in answers_by_pair.items()
     }
     return Level(
         surface.m,
@@ -331,7 +325,7 @@ def level(
         energies.get(SPREAD_ELEMENTS, {}),
         {name: error[0] for name, error in errors.items()},
         {name: error[1] for name, error in errors.items()},
-        max(answer.residual for case_answers in answers_by_pair.values() for answer in case_answers.values()),
+        max(answer.residual for cases in answers_by_pair.values() for answer in cases.values()),
         time.perf_counter() - start,
         peak_memory(),
         {name: stress_extremes(surface, case_stress, loads[name].supported) for name, case_stress in stress.items()},

@@ -93,10 +93,8 @@ def mode_intervals(
             standing = mode_supports(mesh.surface, next(iter(cases.values())), _is_plane(mesh.surface, cases))
             assumed = standing.told
             levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request))
-            mode_estimates = _all_estimates(levels)
-            if len(levels) > 1 and all(
-                mode_estimate.bound <= estimates.WIDEST_MODE_BOUND for mode_estimate in mode_estimates
-            ):
+            modes = _all_estimates(levels)
+            if len(levels) > 1 and all(mode.bound <= estimates.WIDEST_MODE_BOUND for mode in modes):
                 break
     except DsfabError as error:
         refusals.append(f"no {'finer mesh for the bound of modes' if levels else 'modes'}: {error}")

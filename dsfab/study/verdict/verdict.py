@@ -282,26 +282,17 @@ class Refinement:
             return CaseVerdict(name, values[0], largest_error, "unknown", reason, 0.0, *errors)
         coarsest = self.levels[0]
         spread = coarsest.midedge[name] / coarsest.compliance[name] - 1 if coarsest.midedge else 0.0
-        compliance_estimate = estimates.estimate(values, spread, sum(errors[:2]))
-        is_known = len(values) > 1 and compliance_estimate.bound <= CONVERGED
+        estimate = estimates.estimate(values, spread, sum(errors[:2]))
+        is_known = len(values) > 1 and estimate.bound <= CONVERGED
         if len(values) == 1:
-            reason = (
-                f"{percent(compliance_estimate.bound)} by the recovery error of one mesh, which alone shows "
-                "no convergence"
-            )
+            reason = f"{percent(estimate.bound)} by the recovery error of one mesh, which alone shows no convergence"
         elif is_known:
-            reason = f"converged within {percent(compliance_estimate.bound)}"
+            reason = f"converged within {percent(estimate.bound)}"
         else:
-            reason = f"not converged: {percent(compliance_estimate.bound)} after {COUNT[len(values)]}"
+            reason = f"not converged: {percent(estimate.bound)} after {COUNT[len(values)]}"
         reason += theory_words(errors[2]) if len(values) > 1 else ""
         return CaseVerdict(
-            name,
-            compliance_estimate.value,
-            compliance_estimate.bound,
-            "pass" if is_known else "unknown",
-            reason,
-            spread,
-            *errors,
+            name, estimate.value, estimate.bound, "pass" if is_known else "unknown", reason, spread, *errors
         )
 
 

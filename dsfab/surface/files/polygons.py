@@ -35,16 +35,14 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     fits02, fits13 = fits[:, :2].all(axis=1), fits[:, 2:].all(axis=1)
     shorter = np.linalg.norm(d13, axis=1) < (1 - 1e-9) * np.linalg.norm(d02, axis=1)
     use_second = np.where(fits02 == fits13, shorter, fits13)
-    unit_normals = unit_vectors(normals)
-    parallel = np.where(
-        use_second, *(np.einsum("qi,qi->q", unit_normals[:, k], unit_normals[:, k + 1]) for k in (2, 0))
-    )
+    units = unit_vectors(normals)
+    parallel = np.where(use_second, *(np.einsum("qi,qi->q", units[:, k], units[:, k + 1]) for k in (2, 0)))
     rows = np.flatnonzero(fits02 & fits13 & (parallel < WARPED))
     if len(rows):
         bent = np.zeros(len(sizes), dtype=bool)
         bent[quads] = parallel < FLAT
         neighbour_normals = _neighbour_normals(V, corners, sizes, bent, start[quads[rows]])
-        bend = [_bend(unit_normals[rows][:, which], neighbour_normals) for which in _AT_SIDES]
+        bend = [_bend(units[rows][:, which], neighbour_normals) for which in _AT_SIDES]
         chosen, instead = np.where(use_second[rows], bend[::-1], bend)
         use_second[rows] ^= instead < np.minimum(ON, BETTER * chosen)
     cut = np.where(use_second[:, None], [[1, 2, 3, 1, 3, 0]], [[0, 1, 2, 0, 2, 3]])

@@ -111,11 +111,9 @@ def with_corners(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
         for _ in range(64):
             faces, t = pierced_faces(outlined.surface, a, b)
             places = a + t[:, None] * (b - a)
-            line_vertices = outlined.surface.V[outlined.on]
+            vertices = outlined.surface.V[outlined.on]
             missing = [
-                k
-                for k, p in enumerate(places)
-                if not (lengths(line_vertices - p) <= 1e-6 * outlined.surface.size).any()
+                k for k, p in enumerate(places) if not (lengths(vertices - p) <= 1e-6 * outlined.surface.size).any()
             ]
             if not missing:
                 break
@@ -199,10 +197,8 @@ def _keeps_boundary(s: Surface, vertex: int, faces: Ints, step: Floats, toleranc
     edges = np.unique(s.edges.of[faces])
     edges = edges[s.edges.boundary[edges] & (s.edges.ends[edges] == vertex).any(axis=1)]
     sides = s.V[s.edges.ends[edges]].sum(axis=1) - 2 * s.V[vertex]
-    distance = (
-        lengths(np.cross(sides, step)) / np.maximum(lengths(sides), np.finfo(float).tiny) if len(sides) else sides
-    )
-    return bool((distance <= tolerance).all())
+    away = lengths(np.cross(sides, step)) / np.maximum(lengths(sides), np.finfo(float).tiny) if len(sides) else sides
+    return bool((away <= tolerance).all())
 
 
 def _spoilt(s: Surface, V: Floats) -> Bools:

@@ -80,10 +80,7 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     near_faces = np.where(exists, near_faces, 0)
     side = np.einsum("cki,ci->ck", surface.centroids[near_faces] - middle[:, None], across)
     weight = np.where(exists, surface.areas[near_faces], 0)
-    u, v = (
-        np.einsum("ck,cki->ci", weight * is_on_side, surface.normals[near_faces])
-        for is_on_side in (side > 0, side <= 0)
-    )
+    u, v = (np.einsum("ck,cki->ci", weight * on_side, surface.normals[near_faces]) for on_side in (side > 0, side <= 0))
     bend = np.arctan2(lengths(np.cross(u, v)), np.einsum("ci,ci->c", u, v))
     slight = np.minimum(lengths(u), lengths(v)) < TOLERANCE * radius * surface.edge_lengths[crease]
     return np.where(slight, 0, bend)  # a single sliver at the boundary has no direction

@@ -109,11 +109,8 @@ def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smoot
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
-    curve_vertices, fixed = np.flatnonzero(net.kind > FREE), feature_curves(surface, edge).fixed
-    for vertices, simplices in (
-        (curve_vertices, lines),
-        (curve_vertices[net.kind[curve_vertices] == FIXED], fixed[:, None]),
-    ):
+    on_curve, fixed = np.flatnonzero(net.kind > FREE), feature_curves(surface, edge).fixed
+    for vertices, simplices in ((on_curve, lines), (on_curve[net.kind[on_curve] == FIXED], fixed[:, None])):
         if len(vertices) and len(simplices):
             hits = nearest_places(net.V[vertices], surface.V, simplices)
             is_near = hits.distance < TOLERANCE * edge

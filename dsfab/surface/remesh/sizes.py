@@ -99,12 +99,10 @@ def _transported_tensors(tensors: Floats, normal: Floats, onto: Floats) -> Float
 def _bends(surface: Surface, shared: Ints) -> Floats:
     """Return the angles (s,) between the normals at edges (s,) of two faces, radians, positive at convex edges."""
     h0, h1 = _half_edges(surface, shared)
-    first_normals, second_normals = surface.normals[h0 // 3], surface.normals[h1 // 3]
+    a, b = surface.normals[h0 // 3], surface.normals[h1 // 3]
     across = surface.V[surface.F[h1 // 3, (h1 + 2) % 3]] - surface.V[surface.F.ravel()[h0]]
-    angle = np.arctan2(
-        lengths(np.cross(first_normals, second_normals)), np.einsum("ei,ei->e", first_normals, second_normals)
-    )
-    return np.asarray(np.where(np.einsum("ei,ei->e", first_normals, across) < 0, angle, -angle))
+    angle = np.arctan2(lengths(np.cross(a, b)), np.einsum("ei,ei->e", a, b))
+    return np.asarray(np.where(np.einsum("ei,ei->e", a, across) < 0, angle, -angle))
 
 
 GRADE = 0.3  # Growth of the wanted length per metre: neighbours differ by less than a factor of 1.3.

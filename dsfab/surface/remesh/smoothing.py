@@ -124,21 +124,19 @@ def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
     """Return positions (k,) of nodes with even steps in wanted lengths near the curve; every second moves at once."""
-    positions = net.at.copy()
+    places = net.at.copy()
     for parity in (0, 1):
-        k = np.arange(1 + parity, max(len(positions) - 1, 1 + parity), 2)
+        k = np.arange(1 + parity, max(len(places) - 1, 1 + parity), 2)
         k = k[(net.curve[k - 1] == net.curve[k]) & (net.curve[k + 1] == net.curve[k])]
         size = net.size[net.node]
         before, after = size[k - 1] + size[k], size[k] + size[k + 1]
-        goal = (positions[k - 1] * after + positions[k + 1] * before) / (before + after)
-        goal = (goal + positions[k]) / 2
-        deviation = np.maximum(curves.deviation(positions[k - 1], goal)[0], curves.deviation(goal, positions[k + 1])[0])
-        was = np.maximum(
-            curves.deviation(positions[k - 1], positions[k])[0], curves.deviation(positions[k], positions[k + 1])[0]
-        )
+        goal = (places[k - 1] * after + places[k + 1] * before) / (before + after)
+        goal = (goal + places[k]) / 2
+        deviation = np.maximum(curves.deviation(places[k - 1], goal)[0], curves.deviation(goal, places[k + 1])[0])
+        was = np.maximum(curves.deviation(places[k - 1], places[k])[0], curves.deviation(places[k], places[k + 1])[0])
         fine = deviation <= np.maximum(TOLERANCE * edge, was)
-        positions[k[fine]] = goal[fine]
-    return positions
+        places[k[fine]] = goal[fine]
+    return places
 
 
 def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
