@@ -91,16 +91,11 @@ class Variants:
             rows = previewers.design.seconds if previewers.design else {}
         stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
         expected = expected_seconds(self.values, stages, picture)
-        files = byte_size(total * picture_bytes(self.pixels))
+        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # half a byte a pixel, measured on the presets
         raise DsfabError(
             f"{total:,} variants would take about {_duration_words(expected)} and {files} of pictures; "
             f"add --yes to draw them all, or vary less (up to {UNCONFIRMED_VARIANTS} are drawn without asking)"
         )
-
-
-def picture_bytes(pixels: tuple[int, int]) -> float:
-    """Return about the size of a picture's file: half a byte per pixel (measured on the presets)."""
-    return 0.5 * pixels[0] * pixels[1]
 
 
 def _duration_words(seconds: float) -> str:

@@ -137,7 +137,8 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
 
 
 def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, bytes]) -> None:
-    parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _part_counts(plan))
+    counts = ((len(plan.parts), "part"), (len(plan.sheets), "sheet"))
+    parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in counts)
     thick = sorted({plan.part_thickness(part) for part in plan.parts}, reverse=True)
     shown = " and ".join(length(thickness) for thickness in thick)
     print_result(f"{parts} of {shown}, {len(plan.equal_parts)} different; {sheets}, {plan.used_share:.0%} used")
@@ -146,10 +147,6 @@ def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, byt
     print_result(f"  {folder / 'nest.dxf'}  {folder / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
     listed = ("cutlist.xlsx", *(("bars.csv",) if plan.bars else ()), *documents)
     print_result("  ".join(["", *(str(folder / name) for name in listed)]))
-
-
-def _part_counts(plan: "WorkshopPlan") -> tuple[tuple[int, str], tuple[int, str]]:
-    return (len(plan.parts), "part"), (len(plan.sheets), "sheet")
 
 
 CARD_MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}

@@ -10,7 +10,6 @@ from dsfab.core.errors import DsfabError
 from dsfab.design import Design, sheet_loads
 from dsfab.design.mode_search import Trial
 from dsfab.preset.model import Preset
-from dsfab.results import Candidate
 from dsfab.statics import solve_for
 from dsfab.study.baselines import ComparisonTask, Structure, Variant
 from dsfab.study.baselines.structures import isotropic_stripes, isotropic_variants
@@ -74,9 +73,6 @@ class Competitor:
         """Compliance in joules; infinite if the loads are not carried."""
         return self.judgement.compliance if self.judgement else float("inf")
 
-    def _failure_columns(self) -> dict[str, Any]:
-        return {"verdict": "fail", "reason": self.error} if self.structure else {}
-
     def row(self, full: float, design: float) -> dict[str, Any]:
         """Return a table row of plain SI values, None for unknown ones. full, design: compliance of both (J)."""
         columns: dict[str, Any] = {
@@ -89,7 +85,8 @@ class Competitor:
             "ratio_to_full": _number(self.compliance / full),
             "ratio_to_design": _number(self.compliance / design) if np.isfinite(design) else None,
         }
-        judgement_columns = _judgement_columns(self.judgement) if self.judgement else self._failure_columns()
+        failure = {"verdict": "fail", "reason": self.error} if self.structure else {}
+        judgement_columns = _judgement_columns(self.judgement) if self.judgement else failure
         making_columns = {
             "pieces": self.pieces,
             "loose_share": self.loose,
@@ -278,7 +275,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     tried = [trial.candidate(pair, phases) for pair in blind.pairs]
     variants = zip(tried, isotropic_variants(task, blind), strict=True)
     stiffest = sorted(
-        (pair for pair in variants if not pair[0].refused), key=lambda pair: _compliance_times_share(pair[0])
+        (pair for pair in variants if not pair[0].refused), key=lambda pair: pair[0].compliance * pair[0].kept
     )
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
@@ -343,7 +340,3 @@ def _judged_compliance(judge: Judge, task: ComparisonTask, structure: Structure)
     except DsfabError as error:
         return _BoundedCompliance(np.inf, 0.0, error=str(error))
     return _BoundedCompliance(judgement.compliance, judgement.bound or 0.0)
-
-
-def _compliance_times_share(candidate: Candidate) -> float:
-    return candidate.compliance * candidate.kept

@@ -237,11 +237,6 @@ SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}
 """Seconds of a full check per triangle of the cut mesh, in the plane and bent, measured on two meshes."""
 
 
-def seconds_needed(triangles: int, plane: bool) -> float:
-    """Estimate the seconds of a full check on one core; a third mesh takes four times as long."""
-    return SECONDS_PER_TRIANGLE[plane] * triangles
-
-
 Level = Literal["quick", "full"]
 
 
@@ -299,7 +294,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
         whole_sheets = 1 + ("thinner" in names)
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
-        seconds = seconds_needed(triangles, plane)
+        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core; a third mesh takes four times as long
         if seconds > 60:
             reason = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)

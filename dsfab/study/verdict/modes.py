@@ -93,7 +93,8 @@ def mode_intervals(
             standing = mode_supports(mesh.surface, next(iter(cases.values())), _is_plane(mesh.surface, cases))
             assumed = standing.told
             levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request))
-            modes = _all_estimates(levels)
+            hertz = _hertz(levels)
+            modes = [*_factors(levels).values(), *([hertz] if hertz else [])]
             if len(levels) > 1 and all(mode.bound <= estimates.WIDEST_MODE_BOUND for mode in modes):
                 break
     except DsfabError as error:
@@ -132,11 +133,6 @@ def mode_level(
 
 def _is_plane(surface: Surface, cases: Mapping[str, LoadCase]) -> bool:
     return flat_axis(surface, *cases.values()) is not None
-
-
-def _all_estimates(levels: list[ModeLevel]) -> list[estimates.ModeEstimate]:
-    hertz = _hertz(levels)
-    return [*_factors(levels).values(), *([hertz] if hertz else [])]
 
 
 def _factors(levels: list[ModeLevel]) -> dict[str, estimates.ModeEstimate]:

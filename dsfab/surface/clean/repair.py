@@ -322,7 +322,7 @@ def _folded_faces(V: Floats, F: Ints) -> Bools:
 def _cosines(V: Floats, F: Ints) -> Floats:
     """Return the cosines (m,) between the normal of each face and the mean normal of those around it."""
     area = area_vectors(V, F)
-    around = _vertex_normal_sums(V, F)[F].sum(axis=1) - 3 * area
+    around = group_sums(F.ravel(), np.repeat(area, 3, axis=0), len(V))[F].sum(axis=1) - 3 * area
     return np.asarray(np.einsum("ij,ij->i", around, area) / np.maximum(lengths(around) * lengths(area), 1e-300))
 
 
@@ -330,11 +330,6 @@ def _crumpled_faces(V: Floats, F: Ints) -> Bools:
     side = np.stack([lengths(V[F[:, k]] - V[F[:, k - 1]]) for k in range(3)], axis=1)
     cosine, height = _cosines(V, F), lengths(area_vectors(V, F)) / side.max(axis=1)
     return np.asarray((cosine < 0) | ((cosine < TILTED) & (height < LOW * side.mean())))
-
-
-def _vertex_normal_sums(V: Floats, F: Ints) -> Floats:
-    """Return the sum (n, 3) of twice the area vectors of the faces at each vertex."""
-    return group_sums(F.ravel(), np.repeat(area_vectors(V, F), 3, axis=0), len(V))
 
 
 def _flatten_folds(mesh: MendedMesh) -> MendedMesh:

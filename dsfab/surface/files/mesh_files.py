@@ -213,17 +213,14 @@ def _suffix(path: Path) -> str:
             hint = "export the surface as a mesh from the program that made it, best as OBJ; "
         raise SurfaceError(f"{path} has the suffix {suffix!r}, which dsfab does not read; {hint}use one of {suffixes}")
     if not path.exists():
-        matches = difflib.get_close_matches(path.name, _siblings(path), n=1)
+        names = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        matches = difflib.get_close_matches(path.name, names, n=1)
         raise SurfaceError(
             f"{path} does not exist; " + (f"did you mean {matches[0]}?" if matches else "check the path")
         )
     if not path.stat().st_size:
         raise SurfaceError(f"{path} is empty; export it again")
     return suffix
-
-
-def _siblings(path: Path) -> list[str]:
-    return [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
 
 
 _POLYGONS: dict[str, Callable[[bytes, Budget], PolygonFile]] = {".obj": read_obj, ".ply": read_ply, ".off": read_off}

@@ -1,7 +1,7 @@
 """Pickers by an outline: polygon in plan, closed curves of a drawing, brush stroke; `Picker`, the union of all."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -201,7 +201,8 @@ class ClosedCurves:
             if plane_index is None:
                 planes.append(new_plane)
             else:
-                planes[plane_index] = planes[plane_index].with_loop(loop)
+                plane = planes[plane_index]
+                planes[plane_index] = replace(plane, loops=(*plane.loops, loop))
         return Extent.union([plane.extent(surface, self.depth) for plane in planes])
 
     def vertices(self, surface: Surface) -> Bools:
@@ -287,9 +288,6 @@ class _Plane:
     def holds(self, loop: Floats) -> bool:
         size = float(np.linalg.norm(np.ptp(np.concatenate([*self.loops, loop]), axis=0)))
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
-
-    def with_loop(self, loop: Floats) -> "_Plane":
-        return _Plane(self.origin, self.axes, (*self.loops, loop))
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
         """Return the prism through the curves, as deep to both sides as `depth`, or as the surface's nearest part."""

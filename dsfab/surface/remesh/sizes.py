@@ -30,7 +30,8 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
     """Return lengths (n,) of edges over which the surface turns by `TURN_PER_EDGE`, between `finest` and `edge`,
     metres. The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and
     Morvan 2003], over the faces around its neighbours. Creases do not count."""
-    shared = _inner_edges(surface)
+    two = surface.edges.count == 2
+    shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
     along = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     tensor = np.einsum("e,ei,ej->eij", _bends(surface, shared) / lengths(along) / 2, along, along).reshape(-1, 9)
@@ -67,12 +68,6 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
     ).reshape(-1, 9)
     total = np.stack([np.bincount(corner, x, minlength=surface.n) for x in carried.T], axis=1)
     return np.asarray(total / np.maximum(surface.vertex_areas, np.finfo(float).tiny)[:, None]).reshape(-1, 3, 3)
-
-
-def _inner_edges(surface: Surface) -> Ints:
-    """Return the edges (e,) of two faces that are no creases."""
-    two = surface.edges.count == 2
-    return np.asarray(np.flatnonzero(two)[~feature_edges(surface)[two]])
 
 
 def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:

@@ -231,7 +231,7 @@ def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.1
     crown = rise + 0.075
 
     def deck(P: Floats) -> Floats:
-        return rounded_box((0, 0, 0), (0.5, 0.095, 0.02), 0.016)(P - _upward_vectors(P, crown - 0.16 * P[:, 0] ** 2))
+        return rounded_box((0, 0, 0), (0.5, 0.095, 0.02), 0.016)(P - np.outer(crown - 0.16 * P[:, 0] ** 2, [0, 0, 1.0]))
 
     def arch(P: Floats) -> Floats:
         height = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2
@@ -255,10 +255,6 @@ def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.1
 def _rounded_maximum(a: Floats, b: Floats) -> Floats:
     """Return the larger value with a rounded corner: the solid inside both."""
     return -smooth_minimum(-a, -b, 0.01)
-
-
-def _upward_vectors(P: Floats, height: Floats) -> Floats:
-    return np.asarray(np.outer(height, [0, 0, 1.0]))
 
 
 def _slab(u: Floats, v: Floats, half: float, rounding: float) -> Floats:
