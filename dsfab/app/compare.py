@@ -118,8 +118,7 @@ def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     )
 
 
-ComparisonAtShare = tuple[float | None, "Comparison"]
-"""A share of the surface, None for the design as it is, and its comparison."""
+ComparisonAtShare = tuple[float | None, "Comparison"]  # A share (None: as it is), and its comparison.
 
 
 @Parameter(name="*")

@@ -35,8 +35,7 @@ class NamedMaterial:
         return {key: getattr(self, key) for key in KEYS}
 
 
-KEYS = ("young", "poisson", "density", "strength")
-"""Keys of [statics] that a material sets; a value beside the material's name overrides it."""
+KEYS = ("young", "poisson", "density", "strength")  # Keys of [statics] that a material sets.
 
 _ALL = (
     NamedMaterial(

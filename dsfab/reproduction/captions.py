@@ -154,8 +154,7 @@ def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
     return reached
 
 
-ANGLE, EVENNESS = 60.0, 3.0
-"""Least crossing angle (degrees) of a grid's members, and largest P95 over P5 of their spacing."""
+ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle (degrees) of a grid, and largest P95 over P5 of its spacing.
 
 
 def finding(claim: str, rendition: Rendition) -> str:

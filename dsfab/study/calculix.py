@@ -21,8 +21,7 @@ CCX = "ccx"  # Name of CalculiX's solver program.
 
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
 
-Projection = Callable[[Floats], tuple[Floats, Floats]]
-"""Points near the middle surface (k, 3) -> points on it, metres, and unit normals there."""
+Projection = Callable[[Floats], tuple[Floats, Floats]]  # Points (k, 3) -> points on the middle surface, unit normals.
 
 
 @dataclass(frozen=True, eq=False)

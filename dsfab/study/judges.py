@@ -93,8 +93,7 @@ class Judgement:
         return max(extremes, key=lambda extreme: extreme.settled)
 
 
-Judge = Callable[[ComparisonTask, Structure], Judgement]
-"""Function that judges a structure. It raises DsfabError if the structure does not carry its loads."""
+Judge = Callable[[ComparisonTask, Structure], Judgement]  # Raises DsfabError for loads that are not carried.
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,8 +39,7 @@ FAMILIES = (plates, beams, plane, shells, vessels, vibrations, stability, cut_sh
 
 TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # Every test by its name.
 
-PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
-"""Default pairs: those of reported values, and two for comparison."""
+PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)  # Default pairs: two for comparison.
 
 
 def choose(names: Sequence[str]) -> list[Test]:

@@ -90,8 +90,7 @@ EDGES_OF_STRIP = 0.63 * 2 / 20
 """Loss of a strip's torsional stiffness b t^3 / 3 by its edges, (1 - .63 t / b) by de Saint Venant, for width b and
 thickness t. It is shear across the thickness, which no theory of thin sheets has."""
 
-IN_TORSION = 0.9899
-"""Share of torsion in the work of the hook as a curved beam; the rest is bending and shear along its width."""
+IN_TORSION = 0.9899  # Share of torsion in the work of the hook as a curved beam; the rest is bending and shear.
 
 
 STRIP = (

@@ -14,9 +14,7 @@ THICKNESS = 0.05
 RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Metres, and the angle of the vault.
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-COARSE = 12
-"""Cells around the vault before the cut; finer meshes halve the edges of this mesh, so that the structure stays the
-same."""
+COARSE = 12  # Cells around the vault before the cut; finer meshes halve its edges, so that the cut stays.
 
 
 def vault(cells: int) -> Surface:

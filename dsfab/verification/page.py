@@ -31,8 +31,7 @@ COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
 
-INK, FAINT = "#010203", "#040506"
-"""Colours in matplotlib's output that the page replaces by `currentColor` and its `--faint`."""
+INK, FAINT = "#010203", "#040506"  # Colours that the page replaces by `currentColor` and its `--faint`.
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
@@ -159,8 +158,7 @@ def _svg(figure: "Figure", title: str) -> str:
     return svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1).strip()
 
 
-WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
-"""Verdicts; the first that occurs stands for all patterns."""
+WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")  # The first stands for all patterns.
 
 PAIR = str(elements_of("displacement"))  # The pair of targets and published values.
 

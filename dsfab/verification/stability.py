@@ -10,8 +10,7 @@ from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_dire
 
 WALL, THICKNESS = Material(young=1e7, poisson=0.3), 0.02  # Material and thickness of a tube of radius 1.
 
-CLASSICAL = 1 / np.sqrt(3 * (1 - WALL.poisson**2))
-"""Buckling value N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908, Timoshenko 1910, Southwell 1914]."""
+CLASSICAL = 1 / np.sqrt(3 * (1 - WALL.poisson**2))  # N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908].
 
 WAVE = np.pi * np.sqrt(THICKNESS) / (12 * (1 - WALL.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings for radius 1: the length of the tube.

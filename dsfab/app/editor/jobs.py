@@ -34,8 +34,7 @@ class JobProgress:
             raise Cancelled
 
 
-Work = Callable[[JobProgress], dict[str, Any]]
-"""The function of a job: it reports its progress and returns facts for the page."""
+Work = Callable[[JobProgress], dict[str, Any]]  # A job's function: progress -> facts.
 
 
 @dataclass(eq=False)

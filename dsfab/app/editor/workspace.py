@@ -256,8 +256,7 @@ def _mesh_file(preset: Preset) -> Path | None:
 MAX_VARIANTS = 48  # Variants of one session, at most.
 LARGEST = 2 * 2**20  # Characters of a picture, at most.
 
-FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")
-"""Measures that a variant keeps (see `drafts.sheet_figures`)."""
+FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")  # Measures of a variant.
 
 
 @dataclass(frozen=True)

@@ -177,8 +177,7 @@ def morton_positions(points: Floats) -> Ints:
     return number
 
 
-Index = npt.NDArray[np.integer[Any]]
-"""Indices of 4 bytes where these suffice, because each entry of the matrix has one."""
+Index = npt.NDArray[np.integer[Any]]  # Of 4 bytes where these suffice, because each entry has one.
 
 
 Numbers = npt.NDArray[Any]  # Real or complex array.

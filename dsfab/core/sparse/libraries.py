@@ -97,12 +97,10 @@ three times the processor time, and factorisations as long. One thread also give
 cores."""
 
 
-OUT_OF_MEMORY = (-2, -9)
-"""PARDISO's errors for lack of memory; any other error of the factorisation means a pivot that is not positive."""
+OUT_OF_MEMORY = (-2, -9)  # PARDISO's errors for lack of memory; any other means a pivot that is not positive.
 
 
-Matrix = csr_array | Callable[[], csr_array]
-"""A matrix, or a function that builds it for callers that need it only for a moment."""
+Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds it for a moment.
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:

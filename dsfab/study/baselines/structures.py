@@ -175,8 +175,7 @@ class Variant:
     make: Callable[[], Structure]
 
 
-Baseline = Callable[[ComparisonTask], list[Variant]]
-"""Function that returns the variants of a competitor for a task; the stiffest variant competes."""
+Baseline = Callable[[ComparisonTask], list[Variant]]  # Variants of a competitor; the stiffest competes.
 
 
 def thinner(task: ComparisonTask) -> list[Variant]:

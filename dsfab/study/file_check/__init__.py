@@ -48,8 +48,7 @@ Progress = Callable[[str, str], None]
 
 TOO_THIN, TOO_THICK = 1e-4, 10.0  # Metres. A file with thinner or thicker walls is in another unit.
 
-AGREES, DIFFERS = 0.05, 0.15
-"""Relative differences of compliance: solid and shell agree below the first, and contradict beyond the second."""
+AGREES, DIFFERS = 0.05, 0.15  # Relative differences of compliance within which solid and shell agree, and contradict.
 
 
 @dataclass(frozen=True)

@@ -138,12 +138,10 @@ def _proper_triangles(F: Ints) -> tuple[Ints, int]:
     return F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)
-"""Triangles lower than this share of the mesh's size have no reliable normal, because of single precision."""
+FLAT = 64 * float(np.finfo(np.float32).eps)  # Lower triangles, over the mesh's size, have no normal.
 
 
-PARALLEL = float(np.cos(np.radians(3)))
-"""Opposite neighbouring faces that are less parallel than this meet in a tip or a notch."""
+PARALLEL = float(np.cos(np.radians(3)))  # Less parallel neighbours meet in a tip or a notch.
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,9 +94,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25
-"""Allowed distance of a point from its tetrahedron, in barycentric coordinates, because skins are chords of curved
-sheets."""
+OUTSIDE = 0.25  # Allowed barycentric distance of a point from its tetrahedron: skins are chords.
 
 LARGEST = 1_200_000  # Limit on the number of unknowns.
 
@@ -223,8 +221,7 @@ EDGE = 1.0
 """Longest edge on the solid's surface, in thicknesses, but at least `COARSE` of the solid's size. On members two
 thicknesses wide, edges of two thicknesses gave 2.5 to 5 % less compliance."""
 
-COARSE = 1 / 100
-"""See `EDGE`: very thin sheets would take millions of tetrahedra, and quadratic elements bend well at 1 : 5."""
+COARSE = 1 / 100  # See `EDGE`; thin sheets would take millions of tetrahedra, which bend well at 1 : 5.
 
 RIGID = 1e3  # Stiffness of a rigid support's spring, over Young's modulus times the thickness.
 

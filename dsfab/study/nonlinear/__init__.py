@@ -11,8 +11,7 @@ from dsfab.design import Design, Progress, loads_on, silent
 from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
-CANDIDATE, JUMP = 10.0, 5.0
-"""A snap moves the structure this many times as far as the first step of equal load, and as the step before."""
+CANDIDATE, JUMP = 10.0, 5.0  # A snap's movement over the first step's of equal load, and the step's before.
 
 
 @dataclass(frozen=True, eq=False)

@@ -156,8 +156,7 @@ DESIGNS, LOGS = "designs", "logs"
 
 HARMLESS = {"constraints"}  # Keys that do not change the runs; they may differ if a sweep continues.
 
-RENEWING = {"metrics", "keep", "formats", "size", "view"}
-"""Keys that need more of every run: with --extend, all runs are repeated."""
+RENEWING = {"metrics", "keep", "formats", "size", "view"}  # Keys for which --extend repeats all runs.
 
 
 TRIED_AGAIN: tuple[State, ...] = ("killed",)  # States of runs that a new session repeats by default.

@@ -52,9 +52,7 @@ def verdict(design: Design) -> Verdict:
 
 Metric = Callable[[Design], float]  # Function of a design that returns a number.
 
-NARROWEST = 0.1
-"""`min_width` leaves out this share of the stripes' area. Around singular points modes have no unique slope, so the
-width of single faces does not converge."""
+NARROWEST = 0.1  # Share of area that `min_width` omits: modes have no slope at singular points.
 
 
 def _kept_share(design: Design) -> float:

@@ -63,8 +63,7 @@ class Outcome:
     killed: bool = False
 
 
-_run_lock = threading.Lock()
-"""One run at a time in a process, because neither the sparse solver nor the graphics are safe for threads."""
+_run_lock = threading.Lock()  # One run at a time: neither the solver nor the graphics are thread-safe.
 
 _thread_state = threading.local()  # State of each worker thread: the job, its base preset, and the last design.
 

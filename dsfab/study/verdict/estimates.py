@@ -10,13 +10,11 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0
-"""Two meshes extrapolate to c1 + (c1 - c0) / this: each refinement divides the error by 1 + this."""
+EXTRAPOLATION_DIVISOR = 2.0  # Two meshes extrapolate to c1 + (c1 - c0) / this.
 
 LEAST_BOUND = 0.003  # Smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only.
 
-QUICK_ERRORS = (0.02, 0.05)
-"""Relative error of the quick level (hybrid + hhj, unrefined mesh): its median and its 90 % quantile."""
+QUICK_ERRORS = (0.02, 0.05)  # Relative error of the quick level: its median and its 90 % quantile.
 
 LEAST_EDGES_PER_MEMBER = 4.0  # A warning appears if members are narrower than this many edges of the uncut mesh.
 
@@ -59,8 +57,7 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
     return values[-1] + step / (min(max(before / step, STEP_RATIOS[0]), STEP_RATIOS[1]) - 1)
 
 
-WIDEST_MODE_BOUND = 0.05
-"""A third mesh is solved if the relative bound of a mode is wider. Linear buckling itself is off by more."""
+WIDEST_MODE_BOUND = 0.05  # Relative bound of a mode above which a third mesh is solved.
 
 STEP_RATIOS = (1.5, 4.0)
 """Smallest and largest accepted ratio of successive steps. Reentrant corners let an eigenvalue's error fall to 1 / 2.1
@@ -110,8 +107,7 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     return ModeEstimate(finest + extension, max(abs(extension) / (finest + extension), LEAST_BOUND), ratio)
 
 
-REENTRANT_ANGLE = np.radians(30)
-"""A boundary vertex is a reentrant corner if the outline turns inwards by more; less is a rounded outline."""
+REENTRANT_ANGLE = np.radians(30)  # Inward turn of the outline that makes a reentrant corner.
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,7 @@ from dsfab.statics import (
 from dsfab.study.verdict.estimates import Extreme, rib_width, stress_extremes
 from dsfab.surface import LoadCase, Surface
 
-CREASE_COSINE = np.cos(np.radians(30))
-"""A face that leans more than 30 degrees from the mean normal at a vertex keeps its own normal there: a crease."""
+CREASE_COSINE = np.cos(np.radians(30))  # A face that leans more from a vertex's mean normal keeps its own.
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +169,7 @@ def on_mesh(
     return cases, spreads
 
 
-PARABOLIC_SHEAR = 6 / 5
-"""Energy factor of shear through the thickness, because that is a parabola and not even [Reissner 1945]."""
+PARABOLIC_SHEAR = 6 / 5  # Energy factor of shear through the thickness, a parabola [Reissner 1945].
 
 
 class RibSoftening(NamedTuple):

@@ -28,8 +28,7 @@ from dsfab.study.verdict.levels import SmoothSurface, memory_needed, meshes, on_
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")
-"""Elements for buckling and frequency, which share a stiffness and its factor."""
+MODE_ELEMENTS: Elements = elements_of("buckling")  # For buckling and frequency, which share a factor.
 
 
 @dataclass(frozen=True)

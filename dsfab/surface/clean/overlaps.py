@@ -54,12 +54,10 @@ def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
     return ends
 
 
-COPY_GAP = 1 / 500
-"""Gap between two sheets, as a share of the side of a square of their area, below which the second is a copy."""
+COPY_GAP = 1 / 500  # Share of the side of a square of their area: a nearer second sheet is a copy.
 PARALLEL_GAP = 0.08  # The same share for two parallel sheets that are reported, and for the two faces of a slab.
 LEAST_AREA_RATIO = 0.8  # Least ratio of the areas of the two faces of a slab, or of two parallel sheets.
-IGNORED_SHARE = 0.1
-"""Share of the area at either end of the distances that does not count, because sides are near both faces."""
+IGNORED_SHARE = 0.1  # Share of the area at either end of the distances: sides, which are near both faces.
 
 
 _REMARKS = {

@@ -54,8 +54,7 @@ class MendedMesh:
         return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
 
 
-Fault = tuple[Callable[[Floats, Ints], Ints], str]
-"""Function that selects the sound faces, and the words for the others."""
+Fault = tuple[Callable[[Floats, Ints], Ints], str]  # Filter of sound faces, and the words for the others.
 
 
 def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:

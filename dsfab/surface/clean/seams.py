@@ -10,9 +10,7 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, distinct, lengths, positions_on_segments
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
-ASTRAY_RATIO = 1000.0
-"""Ratio of a vertex's distance from the middle to that of 99 % of vertices, above which a number in the file is
-broken."""
+ASTRAY_RATIO = 1000.0  # Distance from the middle over that of 99 % of vertices; beyond it a number is broken.
 
 
 def in_reach(V: Floats) -> Bools:

@@ -58,8 +58,7 @@ class PlyElement:
         )
 
 
-Columns = dict[str, Any]
-"""For each property an array (count,); for a list the values of all records (c,), and the number of each."""
+Columns = dict[str, Any]  # By property an array (count,); for a list all values (c,), and the number of each.
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:

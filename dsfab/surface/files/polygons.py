@@ -49,10 +49,8 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)
 
 
-_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)
-"""Triangles of a quad cut from corner 0 to 2, and of a quad cut from 1 to 3."""
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)
-"""Triangle at each side, which runs from the corner of its number to the next, for both cuts."""
+_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of quads cut from 0 to 2, and from 1 to 3.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each side (from the corner of its number), for both cuts.
 
 
 def _inside(corners: Ints, n: int) -> Ints:

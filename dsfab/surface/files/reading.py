@@ -17,8 +17,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.core.units import UNIT_WORDS
 from dsfab.surface.files.polygons import Polygons
 
-DEFAULT_TRIANGLES = 4_000_000
-"""Default limit on the triangles of a file: twice the largest mesh that was tried with all stages."""
+DEFAULT_TRIANGLES = 4_000_000  # Most triangles of a file: twice the largest mesh tried with all stages.
 
 
 class MalformedFileError(ValueError):

@@ -21,8 +21,7 @@ from dsfab.surface.files.reading import Budget, Drawing, DrawingBudget, Malforme
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes, require_rhino
 
 GIB = 2**30
-MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}
-"""Bytes of address space beyond that of the process before it reads."""
+MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}  # Bytes of address space for reading.
 SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}  # Seconds of the processor for a small file, and again for each 10 MB.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}

@@ -29,8 +29,7 @@ def _checked_name(name: str) -> str:
     return name
 
 
-Name = Annotated[str, AfterValidator(_checked_name)]
-"""User's name of a support or a load; empty for none. It changes no result."""
+Name = Annotated[str, AfterValidator(_checked_name)]  # User's name of a support or a load, or empty; changes no result.
 
 
 class _Support(Protocol):

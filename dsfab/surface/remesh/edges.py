@@ -131,8 +131,7 @@ def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) 
     return leading_candidates(order, touched, n, edges)
 
 
-LONGEST = 4 / 3
-"""Ratio to the wanted length from which an edge is halved; its halves are nearer to it [Botsch and Kobbelt 2004]."""
+LONGEST = 4 / 3  # Ratio to the wanted length above which an edge is halved [Botsch and Kobbelt 2004].
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
@@ -303,8 +302,7 @@ def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     )
 
 
-LEAST_ANGLE = np.radians(25)
-"""Radians; an edge is not flipped if the least angle afterwards is below this and below the least before."""
+LEAST_ANGLE = np.radians(25)  # A flip must not leave a least angle below this and below the least before.
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:

@@ -15,8 +15,7 @@ TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from those 
 CORNER = 30.0  # Degrees of turn of a curve at a vertex from which the vertex is a corner.
 DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease, below which only a few faces form it.
 
-FINE = 1 / 80
-"""Share of the box's diagonal that limits the width of noise: a file with longer edges is designed, not scanned."""
+FINE = 1 / 80  # Share of the box's diagonal; a file with longer edges is designed, not scanned.
 
 
 class SmoothVertices(NamedTuple):

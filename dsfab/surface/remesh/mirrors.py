@@ -74,12 +74,9 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20
-"""Largest distance of a surface from its mirror image, as a share of the edge, because files are rounded."""
-ROUND_ANGLES = (0.7, 1.9)
-"""Radians; a surface with mirrors at these angles too is as round as a dome, and two of its mirrors suffice."""
-MOST_SIDES = 16
-"""Largest number of sides by mirrors through an axis, which meet at 22.5 degrees; of more, two mirrors are used."""
+IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, as a share of the edge: files are rounded.
+ROUND_ANGLES = (0.7, 1.9)  # Radians; a surface with mirrors there too is round, and two of them suffice.
+MOST_SIDES = 16  # Largest number of sides by mirrors through an axis, 22.5 degrees each; else two mirrors serve.
 
 
 @dataclass(frozen=True, eq=False)

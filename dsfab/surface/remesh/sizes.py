@@ -15,8 +15,7 @@ from dsfab.surface.topology import adjacency
 
 TURN_PER_EDGE = 15.0  # Turn of the surface along an edge, degrees, above which edges should be shorter.
 
-CHANGE_PER_EDGE = 0.25
-"""Change of a field along an edge, as a share of its root mean square, above which edges should be shorter."""
+CHANGE_PER_EDGE = 0.25  # A field's change along an edge over its root mean square, above which edges shorten.
 
 
 class SizeField(NamedTuple):

@@ -26,8 +26,7 @@ from dsfab.surface.shapes.implicit import (
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
 NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the coordinates of its model.
-MOUTH, HOLLOW = 0.017, 0.034
-"""Largest triangles that show the camel's mouth and the hollow of its ear, about half of their widths."""
+MOUTH, HOLLOW = 0.017, 0.034  # Largest triangles that show the camel's mouth and the hollow of its ear.
 
 
 def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
@@ -289,8 +288,7 @@ def _twist_solid(field: Field, turn: float) -> Field:
     return field_there
 
 
-LOWEST, HIGHEST = -0.4426307, 2.0
-"""Heights of the lowest points (computed numerically) and of the peak, in the formula's own units."""
+LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of lowest points and peak, in the formula's own units.
 
 
 @shape

@@ -22,11 +22,9 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
-LONGEST, SHORTEST = 4 / 3, 4 / 5
-"""Multiples of the wanted length above or below which edges are divided or collapsed, so that results are better."""
+LONGEST, SHORTEST = 4 / 3, 4 / 5  # Multiples of the wanted length beyond which edges are divided or collapsed.
 
-ROUNDS, POLISH = 5, 10
-"""Rounds that change the number of vertices, then rounds that only flip towards Delaunay and relax."""
+ROUNDS, POLISH = 5, 10  # Rounds that change the number of vertices, then rounds that flip and relax.
 
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest turn of a face in one step, about 70 degrees.
 FOLDED = -0.5  # Cosine between the normals of neighbours, about 120 degrees, below which they are a fold.
@@ -198,8 +196,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     return chart.move(X, 0.8 * step, border)
 
 
-Field = Callable[[Floats], Floats]
-"""Function of points (q, 3), metres: about the distance to a solid (q,), metres, negative inside."""
+Field = Callable[[Floats], Floats]  # Points (q, 3) -> about the distances (q,) to a solid, negative inside; m.
 
 Point = Sequence[float] | Floats
 
