@@ -98,8 +98,7 @@ def list_or_build_run(path: Path, best_count: int | None, by: str | None, number
     if changes is None:
         raise DsfabError(f"there is no run {number}; {path} has runs 1 to {len(sweep.rows())}")
     sets = tuple(f"{key}={spelled_value(value)}" for key, value in changes.items())
-    folder = path / "built" / f"{number:05}"
-    return build(str(path / PRESET), source=Source(sets), files=Files(folder), quiet=quiet)
+    return build(str(path / PRESET), source=Source(sets), files=Files(path / "built" / f"{number:05}"), quiet=quiet)
 
 
 def _best_runs_table(sweep: SweepFolder, count: int, by: str | None) -> str:

@@ -204,8 +204,7 @@ def _anisotropy_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def _von_mises_comparison(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    value = mode_like_field(design.surface, design.statics.answers.stress.largest)
-    modes = Modes(np.zeros(1), value[:, None])
+    modes = Modes(np.zeros(1), mode_like_field(design.surface, design.statics.answers.stress.largest)[:, None])
     changed = with_overrides(design.preset, {"pattern.major.mode": 1, "pattern.minor.mode": 1})
     along = DiffusionResult(design.diffusion.tensors, modes, modes)
     stages: dict[str, Any] = {"surface": design.surface, "statics": design.statics, "pattern": design.pattern}

@@ -161,8 +161,7 @@ def _piece_contacts(design: Design) -> tuple[PieceContacts, ...]:
 def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
     surface = design.surface
     is_touched = design.sheet.vertices_between(surface, picker.vertices(surface), edges_of(picker, surface))
-    faces = is_touched[design.sheet.surface.F].any(axis=1)
-    return [int(k) for k in np.unique(label[faces])]
+    return [int(k) for k in np.unique(label[is_touched[design.sheet.surface.F].any(axis=1)])]
 
 
 ATTEMPTS = 8  # Limit on the number of changes; each change measures the whole design.

@@ -334,8 +334,7 @@ class DividedSurface:
         vertices, edges = np.zeros(self.surface.n, dtype=bool), np.zeros(len(part_edges.ends), dtype=bool)
         vertices[:n] = origins.vertices
         uncut = np.flatnonzero(part_edges.ends[:, 1] < n)
-        positions = np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))
-        edges[uncut] = origins.edges[positions]
+        edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
         is_on_side = (corners == 0) & (

@@ -32,8 +32,7 @@ class Windows:
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
         """Return windows from five names (k,) each, ends A and B (k, 2), metres, and start, end and offset (k,)."""
-        numbers = np.stack([*A.T, *B.T, start, end, offset], axis=1)
-        return cls(np.stack(names, axis=1), numbers)
+        return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
     def edge(self) -> Ints:

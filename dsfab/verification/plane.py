@@ -29,8 +29,7 @@ def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> 
     """Return (m, 3 corners, 3, 3) membrane stress in plane stress, Pa, tangent to each face. It is linear on each face,
     as in `quadratic` and `hybrid` membranes; with constant strain all corners are equal."""
     strain = membrane_strains(surface, answer)
-    stress = membrane_stresses(surface, material, "plane_stress", answer.elements, strain)
-    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    xx, yy, xy = np.moveaxis(membrane_stresses(surface, material, "plane_stress", answer.elements, strain), -1, 0)
     planar = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
     t = tangents(surface)
     return np.asarray(np.einsum("mai,mcab,mbj->mcij", t, planar, t))

@@ -170,8 +170,7 @@ class Publication:
     seen: Seen
 
     def __str__(self) -> str:
-        note = {"page": "", "transcript": " (from a transcript)", "recalled": " (recalled)"}[self.seen]
-        return self.title + note
+        return self.title + {"page": "", "transcript": " (from a transcript)", "recalled": " (recalled)"}[self.seen]
 
 
 @dataclass(frozen=True)

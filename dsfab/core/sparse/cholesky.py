@@ -236,8 +236,7 @@ class Fronts:
     @property
     def entries(self) -> int:
         """Number of values in the factor, 8 bytes each."""
-        pivot_counts = np.diff(self.start)
-        return int(sum(k * (k + len(rows)) for k, rows in zip(pivot_counts.tolist(), self.rows, strict=True)))
+        return int(sum(k * (k + len(rows)) for k, rows in zip(np.diff(self.start).tolist(), self.rows, strict=True)))
 
     @property
     def peak(self) -> int:

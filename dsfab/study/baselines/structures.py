@@ -250,8 +250,7 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
         nonlocal factor
         # the preset's own tolerance is too wide to compare masses
-        update = {"solid_fraction": share, "solid_fraction_tolerance": JUMP}
-        width = preset.pattern.width.model_copy(update=update)
+        width = preset.pattern.width.model_copy(update={"solid_fraction": share, "solid_fraction_tolerance": JUMP})
         widened = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"width": width})})
         search = WidthSearch(lambda layers: area_share(task, layers), tolerance, factor)
         layers, factor = solved_layers(widened, task.surface, task.kept_layers, families, search)

@@ -84,8 +84,7 @@ def _min_width(design: Design) -> float:
         cells = design.sheet.family == index
         faces = design.sheet.parent[cells]
         z, d = frequency * modes.mode(number), pattern.half_widths[index]
-        slope = _slopes(design, z)[faces]
-        width.append(2 * d[design.surface.F].mean(axis=1)[faces] / np.maximum(slope, 1e-12))
+        width.append(2 * d[design.surface.F].mean(axis=1)[faces] / np.maximum(_slopes(design, z)[faces], 1e-12))
         area.append(design.sheet.surface.areas[cells])
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 

@@ -392,8 +392,7 @@ def map_in_processes(
         yield from map(job, items)
         return
     before = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=end_with_parent)
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent)
     try:
         with quiet_start():
             order = sorted(range(len(items)), key=lambda k: -work(items[k]) if work else 0.0)

@@ -169,8 +169,7 @@ def _json_tree(data: bytes) -> dict[str, Any]:
         raise MalformedFileError("its JSON is broken or cut off") from None
     if not isinstance(tree, dict) or not isinstance(tree.get("asset"), dict):
         raise MalformedFileError("its JSON is no glTF")
-    required = tree.get("extensionsRequired", [])
-    unknown = [str(name) for name in required if not str(name).startswith(_HARMLESS)]
+    unknown = [str(name) for name in tree.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if unknown:
         raise MalformedFileError(
             f"it needs {', '.join(unknown)}, which dsfab does not read: export it without compression"

@@ -153,8 +153,7 @@ def binary_element(body: bytes, position: int, element: PlyElement, order: str, 
     """
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
-    least = sum(np.dtype(p.length or p.type).itemsize for p in element.properties)
-    if element.count * least > len(body) - position:
+    if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
         raise element.cut_off()  # before memory is taken
     dtype, lists = _first_record(body, position, element, order)
     stop = position + dtype.itemsize * element.count

@@ -255,8 +255,7 @@ class SelfWeight:
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """Return the traction (m, 3) on each face of a sheet of `weight` newtons per square metre, Pa."""
-        along = weight * unit_vector(self.direction, "a load of kind 'self_weight'")
-        return np.broadcast_to(along, (surface.m, 3))
+        return np.broadcast_to(weight * unit_vector(self.direction, "a load of kind 'self_weight'"), (surface.m, 3))
 
 
 @dataclass(frozen=True)

@@ -138,8 +138,7 @@ def _with_vertex(outlined: OutlinedSurface, face: int, place: Floats, tolerance:
 
 def _shares(corners: Floats, place: Floats) -> Floats:
     sides = np.roll(corners, -1, axis=0), np.roll(corners, -2, axis=0)
-    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    parts = np.cross(sides[0] - place, sides[1] - place) @ normal
+    parts = np.cross(sides[0] - place, sides[1] - place) @ np.cross(corners[1] - corners[0], corners[2] - corners[0])
     return np.asarray(parts / parts.sum())
 
 

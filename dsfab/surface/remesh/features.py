@@ -111,8 +111,7 @@ class FeatureCurves:
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
-        starts = np.cumsum(count) - count
-        return which, np.arange(len(which)) - starts[which] + low[which]
+        return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
         """Return the distance (k,) of the curves from chords start to end (k,), metres, and its position (k,)."""

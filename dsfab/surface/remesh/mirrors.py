@@ -185,8 +185,7 @@ def _candidate_mirrors(look: _MirrorTest) -> Iterator[Floats]:
         return look.holds(normal)
 
     x = surface.centroids - look.centre
-    inertia = np.linalg.eigh(np.einsum("m,mi,mj->ij", surface.areas, x, x))[1].T
-    for axes in (np.eye(3), inertia):
+    for axes in (np.eye(3), np.linalg.eigh(np.einsum("m,mi,mj->ij", surface.areas, x, x))[1].T):
         axis = round_axis(surface, axes)
         if axis is None:
             yield from filter(is_new_mirror, axes)
@@ -243,8 +242,7 @@ class Chamber:
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
         """Return the side of a point that rotates with the surface and lies in none of the planes."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
-        side = np.where(mirrors.normals @ mix < 0, -1.0, 1.0)
-        return cls(surface, mirrors, side[:, None] * mirrors.normals, edge)
+        return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
     @cached_property
     def piece(self) -> Surface | None:

@@ -201,8 +201,7 @@ def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
     for share in CHORD_SHARES:
         half, curve = share * edge / 2, curves.curve[open_]
         a = np.maximum(curves.at[open_] - half, starts[curve])
-        b = np.minimum(curves.at[open_] + half, ends[curve])
-        fine = curves.deviation(a, b)[0] <= TOLERANCE * edge * 0.8
+        fine = curves.deviation(a, np.minimum(curves.at[open_] + half, ends[curve]))[0] <= TOLERANCE * edge * 0.8
         longest[open_[fine]] = share * edge
         open_ = open_[~fine]
     return longest

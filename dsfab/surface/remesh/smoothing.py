@@ -100,8 +100,7 @@ def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
     centre = V[F].mean(axis=1) * weight[:, None]
     normal = _corner_sums(F, doubled, n)
     normal /= np.maximum(lengths(normal), np.finfo(float).tiny)[:, None]
-    total_weight = np.bincount(F.ravel(), np.repeat(weight, 3), minlength=n)
-    step = _corner_sums(F, centre, n) / total_weight[:, None] - V
+    step = _corner_sums(F, centre, n) / np.bincount(F.ravel(), np.repeat(weight, 3), minlength=n)[:, None] - V
     step -= normal * np.einsum("ni,ni->n", normal, step)[:, None]
     goal = V + np.where((net.kind == FREE)[:, None], step, 0)
     positions = _even_steps(net, curves, edge)

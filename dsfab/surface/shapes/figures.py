@@ -235,8 +235,7 @@ def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.1
     def arch(P: Floats) -> Floats:
         height = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2
         slope = 2 * (rise + 0.03) * P[:, 0] / 0.45**2
-        across = np.abs(P[:, 1]) - 0.05
-        return np.asarray(_slab((P[:, 2] - height) / np.sqrt(1 + slope**2), across, 0.022, 0.014))
+        return np.asarray(_slab((P[:, 2] - height) / np.sqrt(1 + slope**2), np.abs(P[:, 1]) - 0.05, 0.022, 0.014))
 
     def wall(P: Floats) -> Floats:
         below = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2 - P[:, 2]

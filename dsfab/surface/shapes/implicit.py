@@ -95,8 +95,7 @@ def _split(chart: MeshChart, X: Floats, F: Ints, longest: float) -> tuple[Floats
         old_count = len(X)
         X, F, _ = halved_edges(X, F, edges, long)
         is_new = np.arange(len(X)) >= old_count
-        border = on_boundary(edge_table(F), len(X))
-        X[is_new] = chart.move(X[is_new], np.zeros((is_new.sum(), 3)), border[is_new])
+        X[is_new] = chart.move(X[is_new], np.zeros((is_new.sum(), 3)), on_boundary(edge_table(F), len(X))[is_new])
     return X, F
 
 
@@ -187,8 +186,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     V, edges, n = chart.place(X), edge_table(F), len(X)
     border = on_boundary(edges, n)
     i, j = smoothing_neighbours(edges, n)
-    count = np.bincount(i, minlength=n)
-    mean = group_sums(i, V[j], n) / count[:, None]
+    mean = group_sums(i, V[j], n) / np.bincount(i, minlength=n)[:, None]
     N = group_sums(F.ravel(), np.repeat(area_vectors(V, F), 3, axis=0), n)
     N = N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
     step = mean - V
