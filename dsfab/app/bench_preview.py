@@ -34,9 +34,7 @@ SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generi
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
     """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and the fields (n, 6) of a `StripeShader`.
-
-    The fields are the two angles, because the time does not depend on them.
-    """
+    The fields are the two angles, because the time does not depend on them."""
     rows = max(round((triangles / 6) ** 0.5), 3)
     columns = 3 * rows
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")

@@ -235,9 +235,7 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
 
 def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
     """Compare the design as it is, then at each share of the surface.
-
-    A design without equilibrium raises DsfabError; with shares it is reported and left out.
-    """
+    A design without equilibrium raises DsfabError; with shares it is reported and left out."""
     from dsfab.design import draft
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at

@@ -109,9 +109,7 @@ def export(
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
     """Write the requested file, of a built or a new design; return lines about it.
-
-    Raises DsfabError of the stage that refuses, and ExportError if the file cannot be written.
-    """
+    Raises DsfabError of the stage that refuses, and ExportError if the file cannot be written."""
     from dsfab.export.formats import FORMATS
 
     if request.suffix != CALCULIX_SUFFIX and FORMATS[request.suffix].takes == "utilisation":

@@ -71,9 +71,7 @@ class FirstPicture:
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
         """Start to draw the sketch, once, and never over a file that cannot be read.
-
-        sketch : see `Design.sketch`.    options : of `dsfab.render.previewer.Previewer`.
-        """
+        sketch : see `Design.sketch`.    options : of `dsfab.render.previewer.Previewer`."""
         from dsfab.app.carrier import pickled
 
         if self._sketched:

@@ -253,9 +253,7 @@ def _draw_structure(
     first_picture: FirstPicture | None,
 ) -> bool:
     """Draw evenly spaced stripes as they are built; return False if that is impossible.
-
-    The drawing before cutting would show loose ends, holes at singular points of the stress, and sharp corners.
-    """
+    The drawing before cutting would show loose ends, holes at singular points of the stress, and sharp corners."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png

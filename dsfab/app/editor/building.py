@@ -57,9 +57,7 @@ class BuildRequest:
 
 def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
     """Make the solid and write the files of `dsfab build`.
-
-    Raises DsfabError of the stage that refuses; `facts` reports a STEP file that is too large.
-    """
+    Raises DsfabError of the stage that refuses; `facts` reports a STEP file that is too large."""
     preset = request.preset
     design = _design_of_request(request, progress)
     if request.mesh:
@@ -82,9 +80,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
     """Write one file as `dsfab export` does, of the design in the folder `before` or of a new one.
-
-    Raises DsfabError of the stage that refuses or of the format.
-    """
+    Raises DsfabError of the stage that refuses or of the format."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
@@ -179,9 +175,7 @@ def _final_message(
     process: "subprocess.Popen[bytes]", request_bytes: bytes, progress: JobProgress, subject: str, advice: str
 ) -> dict[str, Any]:
     """Final message of the process; report its progress.
-
-    subject, advice : words for the error if the process ends early.
-    """
+    subject, advice : words for the error if the process ends early."""
     lines: queue.Queue[bytes] = queue.Queue()
     for act in (lambda: _send(process, request_bytes), lambda: _read(process, lines)):
         threading.Thread(target=act, daemon=True).start()

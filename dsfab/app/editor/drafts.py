@@ -238,10 +238,7 @@ def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
 
 
 def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[SlicingResult, list[str]]:
-    """Return the cut and tidied sheet of a draft, and notes.
-
-    Raises DsfabError when the pattern leaves no material.
-    """
+    """Return the cut and tidied sheet of a draft, and notes. Raises DsfabError when the pattern leaves no material."""
     log = Log(progress)
     cut = slicing_step(draft.preset, draft.surface, draft.statics, draft.pattern, log)
     return cut, [f"{note.stage}: {note.text}" for note in log.notes]
@@ -249,9 +246,7 @@ def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[S
 
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
     """Return square metres, kilograms (sheet area times thickness), pieces and widths in metres, for JSON.
-
-    under, bars_under : whether the narrowest member, and each bar of the histogram, is under the least width.
-    """
+    under, bars_under : whether the narrowest member, and each bar of the histogram, is under the least width."""
     preset, sheet = draft.preset, cut.sheet.surface
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
     least = preset.fabrication.min_member or least_widths(draft.resolved_preset, draft.surface).member

@@ -120,9 +120,7 @@ class Session:
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
         """Start a job that opens a mesh from the page, base64; the file here has a name of ours.
-
-        Another process reads it, so that the page goes on and the user may cancel.
-        """
+        Another process reads it, so that the page goes on and the user may cancel."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
             raise DsfabError(f"{Path(name).name} is no mesh that dsfab reads; use one of {', '.join(MESH_SUFFIXES)}")
@@ -179,9 +177,7 @@ class Session:
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
         """Start a job that makes the solid and its files; or return a question first, unless it may `replace` files.
-
-        only : one format, in a word of `dsfab export --to`. Raises ExportError for a format that is not available.
-        """
+        only : one format, in a word of `dsfab export --to`. Raises ExportError for a format that is not available."""
         opened = self.current_preset
         preset = opened.preset_with(changes)
         if only:
@@ -193,9 +189,7 @@ class Session:
 
     def ask_members(self, judged: bool) -> int:
         """Start a job that names and measures the members of the last draft; judged: with their utilisation.
-
-        Raises DsfabError before the first draft.
-        """
+        Raises DsfabError before the first draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
