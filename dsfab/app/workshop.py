@@ -107,8 +107,7 @@ def _check_ifc(preset: "Preset") -> None:
 
 
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
-    """Return an IFC file of each member as it is built, with references to the drawings of its parts.
-    Raises PatternError for a flat sheet, whose parts belong to no member."""
+    """Return an IFC file of the built members, with drawings of their parts. Raises PatternError for a flat sheet."""
     from dsfab.design.output import body_details
     from dsfab.export import temporary_folder, write
     from dsfab.thickening import SHIFT

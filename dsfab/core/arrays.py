@@ -121,9 +121,8 @@ def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
 
 
 def sorted_order(keys: Ints) -> Ints:
-    """Return the order that sorts integers (k,); equal integers keep their order (a stable argsort). If a key and its
-    index fit into one number, the function sorts these numbers. That is ten times faster than numpy's stable argsort,
-    and a hundred times faster than its hashing `unique` (numpy 2.4, two million keys)."""
+    """Return the order that sorts integers (k,), a stable argsort. Where a key and its index fit into one number, these
+    are sorted: ten times faster than numpy's, a hundred times faster than `unique` (numpy 2.4, two million keys)."""
     return _stable_sort(keys)[0]
 
 

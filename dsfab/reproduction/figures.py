@@ -99,9 +99,8 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
-    """Return a preset up to its pattern with edges `coarser` times as long, and the actual factor. The factor falls by
-    a fifth at a time, until the shape has its details and each load a vertex. Raises DsfabError if the preset's own
-    mesh fails as well."""
+    """Return a preset up to its pattern, with edges `coarser` times as long, and the factor, which falls by fifths
+    until shape and loads have their vertices. Raises DsfabError if the preset's own mesh fails as well."""
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:

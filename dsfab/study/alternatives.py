@@ -241,9 +241,8 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare with a thinner sheet, by one solve each with the elements that rank. If that leaves open which is
-    stiffer, better elements solve both. Outside a plane, the thinner sheet then gets a full check, because its mesh is
-    coarse beside that of a cut sheet."""
+    """Compare with a thinner sheet, by one solve each with elements that rank, or with better ones if that leaves it
+    open. Outside a plane the thinner sheet then gets a full check: its mesh is coarse beside that of a cut sheet."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     alternative = _alternative(
         "thinner", _ranked_compliance(task, structure), _judged_compliance(quick, task, thin), "one solve each"

@@ -54,9 +54,8 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return the held directions (n + e, 3) of all nodes by support, from those of the vertices (n, 3). Middles follow
-    dsfab's held edges (`held_middles` of all supports together). A middle between two supports belongs to the first
-    support that holds an end."""
+    """Return the held directions (n + e, 3) of all nodes by support, from those of vertices (n, 3). Middles follow
+    dsfab's `held_middles`; a middle between two supports belongs to the first support that holds an end."""
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}

@@ -144,9 +144,8 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare with `share` of the surface for every sheet; the design's widths are scaled to it. If the design does not
-    carry its loads then, the comparison holds the error. Raises DsfabError for unknown names and for a share that is
-    not between 0 and 1."""
+    """Compare with `share` of the surface for every sheet, the design's widths scaled to it; a design that does not
+    carry its loads then becomes an error. Raises DsfabError for unknown names and for a share not between 0 and 1."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")

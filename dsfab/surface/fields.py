@@ -182,9 +182,8 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links one - two (k,) between `count` nodes, at most two at each, to chains: their nodes and their links,
-    (c,). Open chains come first, each from its end with the lower number; closed chains repeat their first node at the
-    end."""
+    """Join links one - two (k,) between `count` nodes, at most two at each, to chains: their nodes and links, (c,).
+    Open ones come first, each from its end with the lower number; closed ones repeat their first node at the end."""
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)

@@ -90,9 +90,8 @@ def _counted_order(keys: Ints, count: int) -> Ints:
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
-    """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first.
-    Faces that meet in a vertex only belong to different pieces: such a contact carries no moment and cannot be
-    built."""
+    """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first. A
+    contact in a vertex connects no pieces: it carries no moment and cannot be built."""
     face = edges.order // 3
     is_shared = np.diff(edges.of.ravel()[edges.order]) == 0
     count, label = link_components(len(F), face[:-1][is_shared], face[1:][is_shared])
@@ -315,9 +314,8 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """Return the edges (e, ...) with both ends marked (n, ...). An inner edge between two boundary vertices does not
-    count, because its marks belong to the boundary. Exception: it is a side of a face whose corners are all marked,
-    unless that face has two free edges (an ear of the mesh)."""
+    """Return the edges (e, ...) with both ends marked (n, ...); not an inner edge between boundary vertices, unless it
+    is a side of a face whose corners are all marked and that has fewer than two free edges (is no ear)."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)

@@ -82,9 +82,8 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet under a unit tension along x. Its
-    outer edge carries the tractions of Kirsch's solution, so the cut-off causes no error. The value is the stress along
-    the edge of the hole, where it is three times the tension."""
+    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x, cut off by
+    Kirsch's own tractions. The value is the stress along the hole's edge where it is three times the tension."""
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)

@@ -188,8 +188,7 @@ class Session:
         return {"job": self.jobs.submit("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
-        """Start a job that names and measures the members of the last draft; judged: with their utilisation.
-        Raises DsfabError before the first draft."""
+        """Start a job that names and measures the last draft's members; judged: with utilisation. Raises DsfabError."""
         with self._lock:
             shown = self._shown
         if shown is None:

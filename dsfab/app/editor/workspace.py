@@ -60,8 +60,7 @@ class Outputs:
         return folder
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write a file beside the folders: NAME.toml, or NAME-2.toml if another NAME.toml exists. Returns its path.
-        Raises DsfabError if it cannot be written."""
+        """Write NAME.toml beside the folders, or NAME-2.toml if another exists; return its path. Raises DsfabError."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -202,8 +201,7 @@ class MeshRequest:
 
 
 def opened_mesh(request: MeshRequest) -> OpenedPreset:
-    """Open a mesh with the preset that `dsfab new` proposes for it.
-    Raises SurfaceError for an unreadable file, with the user's name for it."""
+    """Open a mesh with the preset `dsfab new` proposes; raises SurfaceError, with the user's name for the file."""
     try:
         proposal = propose(request.path, request.unit)
     except DsfabError as error:

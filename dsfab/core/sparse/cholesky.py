@@ -337,9 +337,8 @@ def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: 
 
 
 def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Eliminate the pivots of a front [pivots; pivots^H rest]; return L (k, k), P (m, k) and the update (m, m). The
-    upper triangle of the update counts. Transposed, pivot_rows (k, k + m) and rest are lower triangles of the
-    matrix."""
+    """Eliminate the pivots of a front [pivots; pivots^H rest]; return L (k, k), P (m, k) and the update (m, m), whose
+    upper triangle counts. Transposed, pivot_rows (k, k + m) and rest are lower triangles of the matrix."""
     k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:

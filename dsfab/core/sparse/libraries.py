@@ -63,9 +63,8 @@ class SuperLU:
 
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
-    """Return the unknowns (N,) of K (N, N) in the order of a nested dissection of their points. Equal parts follow a
-    space-filling curve. Leaves are small, because SuperLU forms its own dense blocks: the factor has a fifth fewer
-    entries."""
+    """Return the unknowns (N,) of K (N, N) by nested dissection of their points, equal parts along a space-filling
+    curve. Leaves are small, because SuperLU forms its own dense blocks: the factor has a fifth fewer entries."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)

@@ -18,9 +18,8 @@ from dsfab.surface import LoadCase, Surface
 
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
-    """Return (m, m) weights A_f (radius - distance) of faces f within `radius` metres of each face, rows summing to 1.
-    Distances are straight between centroids, so sheets that nearly touch influence each other. The area of each face
-    removes the effect of local refinement [Sigmund 2007]."""
+    """Return (m, m) weights A_f (radius - distance) of faces f within `radius` metres, straight between centroids, rows
+    summing to 1. The area removes the effect of local refinement [Sigmund 2007]."""
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)

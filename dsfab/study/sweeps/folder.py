@@ -29,9 +29,8 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Lock a sweep folder. Raises DsfabError while another process holds it. SQLite locks a file of its own, so the
-    lock works wherever the database does. The system releases it when the process ends in any way. A text file beside
-    it names the holder for the message."""
+    """Lock a sweep folder through a file of SQLite's own, which the system releases when the process ends; a text file
+    names the holder. Raises DsfabError while another process holds it."""
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:

@@ -235,9 +235,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return a random design solved on up to `count` meshes. A large design whose verdict takes two meshes skips the
-    fourth mesh: its third mesh serves as the truth. Raises DsfabError if the design cannot be built or does not carry
-    its loads."""
+    """Return a random design solved on up to `count` meshes; the third is the truth of a large design whose verdict
+    takes two. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())

@@ -336,9 +336,8 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the squared energy errors of membrane and of bending, relative to the compliance. The error is the
-    difference between the stress and its average around each vertex [Zienkiewicz and Zhu 1987]; 0 for stress that is
-    constant on each face."""
+    """Return the squared energy errors of membrane and bending, relative to the compliance: differences of the stress
+    to its average around vertices [Zienkiewicz and Zhu 1987]; 0 for stress constant on faces."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness

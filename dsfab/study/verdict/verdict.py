@@ -71,9 +71,8 @@ def whole_sheet(surface: Surface) -> Sheet:
 def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
-    """Return the material that reaches a support over edges, the dropped pieces (largest first), and the loads on the
-    former. Raises StaticsError if nothing is supported, or if the supports leave a rigid motion free. It also raises
-    StaticsError if a load stands on a dropped piece or on no material."""
+    """Return material that reaches a support over edges, dropped pieces (largest first), and the loads on the former.
+    Raises StaticsError for no supports, a free rigid motion, and a load on a dropped piece or on no material."""
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)

@@ -75,9 +75,8 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, with touching vertices welded and without unusable faces.
-    Unusable are faces without area, repeated faces, and faces with corners that are not finite or far from all
-    others."""
+    """Return the mesh V (n, 3), F (m, 3), in any unit, with touching vertices welded and without unusable faces:
+    without area, repeated, or with corners that are not finite or far from all others."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)

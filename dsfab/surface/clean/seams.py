@@ -206,9 +206,8 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
-    """Add a face to F (m, 3) of the mesh V (n, 3) in the narrowest gap where two parts touch in a point only. Two
-    openings with a common corner leave such a point. Returns the faces and the number of added ones; no edge gets more
-    than two faces."""
+    """Add a face to F (m, 3) of V (n, 3) in the narrowest gap where two parts touch in a point only, as two openings
+    with a common corner do. Returns the faces and the number of added ones; no edge gets more than two faces."""
     edges = edge_table(F)
     points = pinches(F, edges, len(V))
     if not len(points):

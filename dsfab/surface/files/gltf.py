@@ -153,9 +153,8 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
 
 
 def read_gltf(data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes]) -> TriangleFile:
-    """Return the triangles of the scene in a JSON file; `read_neighbour` returns the content of a file next to it.
-    Vertices at exactly the same place become one; y, up by the specification, becomes z. Raises MalformedFileError for
-    a broken file, SurfaceError beyond the budget."""
+    """Return the triangles of a JSON file, coincident vertices merged, y turned to z; `read_neighbour` returns a file
+    next to it. Raises MalformedFileError for a broken file, SurfaceError beyond the budget."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, read_neighbour)
     file = text_file(data)

@@ -163,7 +163,6 @@ def binary_element(body: bytes, position: int, element: PlyElement, order: str, 
             return {p.name: _column(p, table[p.name]) for p in element.properties}, stop
     begins, counts, position = _binary_walk(body, position, element, order, budget)
     raw = np.frombuffer(body, np.uint8)
-
     columns: Columns = {}
     for i, p in enumerate(element.properties):
         width = np.dtype(p.type).itemsize
@@ -253,9 +252,8 @@ _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
 def read_ply(data: bytes, budget: Budget) -> PolygonFile:
-    """Return vertices and faces of a PLY file; colours, normals and other elements are ignored. Raises
-    MalformedFileError for a foreign or incomplete file or a missing property, and SurfaceError beyond the budget,
-    before it takes memory for the announced records."""
+    """Return vertices and faces of a PLY file only. Raises MalformedFileError for a foreign or incomplete file or a
+    missing property, and SurfaceError beyond the budget, before it takes memory for the announced records."""
     if data[:3] != b"ply":  # with a byte order mark, or UTF-16
         file = text_file(data)
         if not file.text.startswith("ply"):

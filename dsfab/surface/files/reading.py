@@ -258,8 +258,7 @@ LARGEST_NUMBER = 1e12  # Larger numbers are no lengths or angles, and foreign li
 @dataclass(frozen=True, eq=False)
 class Drawing:
     """Content of a drawing, in its unit: layer and points (k, 3) of each curve; the layers; the unit, or None; layer
-    and
-    place (1, 3) of each point."""
+    and place (1, 3) of each point."""
 
     runs: tuple[tuple[str, Floats], ...]
     layers: tuple[str, ...]

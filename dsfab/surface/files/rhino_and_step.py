@@ -160,9 +160,8 @@ def _points(curve: Any) -> Floats:
 
 
 def read_occt(path: Path) -> TriangleFile:
-    """Return the triangles of all faces; those of neighbours have the same places and are not joined. OCCT converts
-    STEP files into millimetres; BREP files do not declare their unit. Raises MalformedFileError for files that OCCT
-    cannot read, and for a file without faces."""
+    """Return the triangles of all faces, not joined; STEP files are converted into millimetres, BREP files declare no
+    unit. Raises MalformedFileError for files that OCCT cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh

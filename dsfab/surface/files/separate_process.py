@@ -52,9 +52,8 @@ def read_3dm(path: Path, budget: Budget) -> TriangleFile:
 
 
 def read_cad(path: Path, budget: Budget) -> TriangleFile:
-    """Return the faces of a STEP or BREP file as triangles, joined along common edges. Raises as
-    `read_rhino_in_process`
-    does."""
+    """Return the faces of a STEP or BREP file as triangles, joined along common edges. Raises like
+    `read_rhino_in_process`."""
     mesh = _triangles("cad", path, budget)
     V, became = merged_vertices(mesh.V, 1e-7)  # as near are the points of two faces on their common edge
     F = became[mesh.F]

@@ -29,9 +29,8 @@ CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles, with corners at exactly the same place merged, because they have the same bits everywhere.
-    Many binary files begin with "solid" like text files, so the length decides. Raises MalformedFileError for a file
-    that is incomplete or neither, SurfaceError beyond the budget."""
+    """Return the triangles, coincident corners merged. Text files are recognised by length, because many binary files begin
+    with "solid". Raises MalformedFileError for an incomplete or other file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD

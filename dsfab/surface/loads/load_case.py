@@ -260,9 +260,8 @@ class SelfWeight:
 
 @dataclass(frozen=True)
 class Cladding:
-    """The weight of a cover (glass, a membrane, boards): a permanent load in pascals of the surface's own area. It acts
-    towards `direction` (any length) on the faces whose corners are all picked, on openings too, which it carries to the
-    ribs."""
+    """The weight of a cover (glass, membrane, boards): a permanent load, pascals of the surface's own area, along
+    `direction` (any length) on faces with all corners picked, also on openings, which it carries to the ribs."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real

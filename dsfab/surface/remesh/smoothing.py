@@ -18,9 +18,8 @@ CORNERS = ((0, 1), (1, 2), (2, 0))  # Half-edges of a face, by its corners.
 
 
 class SmoothPatches:
-    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001, PN triangles]. A vertex on a
-    crease has a normal for each side. Along boundaries and creases the patches follow the straight edges, so that
-    curves stay in place."""
+    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001]. A vertex on a crease has a normal
+    for each side; at boundaries and creases patches follow the straight edges, so that curves stay in place."""
 
     def __init__(self, surface: Surface) -> None:
         self._V, self._F = surface.V, surface.F
