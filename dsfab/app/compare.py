@@ -321,8 +321,7 @@ These are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `boun
 
 @dataclass(frozen=True)
 class Batch:
-    """Comparisons of several presets. output : folder of the summary and of a folder for each, None for
-    outputs/compare."""
+    """Comparisons of several presets; output : folder of the summary and of a folder each, or outputs/compare."""
 
     task: CompareTask
     output: Path | None

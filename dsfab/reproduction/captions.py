@@ -158,8 +158,7 @@ ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle (degrees) of a grid, and lar
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return the measured result for a claim (see `PaperFigure`) as a clause; '' without a claim or a design.
-    rendition : its stripes lie on modes."""
+    """Return the result for a claim (`PaperFigure`) as a clause; '' without a claim or a design of `rendition`."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

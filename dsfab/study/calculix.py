@@ -164,8 +164,7 @@ TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class CcxFiles:
-    """Output of CalculiX so far: its console text, its results (.dat) and its attempts (.sta).
-    ended : True if the program ended by itself."""
+    """Output of CalculiX so far: console text, .dat and .sta; ended : True if the program ended by itself."""
 
     said: str
     results: str

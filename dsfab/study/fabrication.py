@@ -40,8 +40,7 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A piece of the sheet: m2, the entries of surface.support and surface.load that act on it (counted from 1), their
-    names."""
+    """A piece of the sheet: m2, the acting entries of surface.support and surface.load (from 1), their names."""
 
     area: float
     supports: tuple[int, ...]

@@ -349,8 +349,7 @@ class DividedSurface:
 
 
 def _interpolation(ends: Ints, positions: Floats, n: int) -> csr_array:
-    """Return the matrix (k, n) from values at n vertices to values on edges with ends (k, 2).
-    positions : (k,) from 0 at the first end to 1 at the second."""
+    """Return the matrix (k, n) from values at n vertices to places on edges (k, 2); positions : (k,), 0 to 1."""
     rows = np.repeat(np.arange(len(ends)), 2)
     return csr_array((np.stack([1 - positions, positions], axis=1).ravel(), (rows, ends.ravel())), shape=(len(ends), n))
 

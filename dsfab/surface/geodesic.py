@@ -144,8 +144,7 @@ def dot2(a: Floats, b: Floats) -> Floats:
 
 
 class Origins(NamedTuple):
-    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,).
-    The edges of a marked face are marked too, and the ends of a marked edge."""
+    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,), with edges of faces and ends of edges."""
 
     vertices: Bools
     edges: Bools

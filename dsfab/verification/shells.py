@@ -20,8 +20,7 @@ from dsfab.verification.problems import (
 
 
 def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
-    """Return the whole roof: radius 25, length 50, 80 degrees, 0.25 thick, 90 per area, on diaphragms at both curved
-    ends."""
+    """Return the whole roof: radius 25, length 50, 80 degrees, 0.25 thick, 90 per area, on diaphragms at its ends."""
     uv, F = square(cells, cells, mesh)
     turn = np.radians(80) * (uv[:, 0] - 0.5)
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)

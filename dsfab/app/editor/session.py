@@ -37,8 +37,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft with its number; `version` changes with the data that stripes alone do not change, which the page
-    keeps."""
+    """A draft with its number; `version` changes with data that stripes alone do not change, which the page keeps."""
 
     draft: Design
     number: int
@@ -153,8 +152,7 @@ class Session:
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return the command of the build, and the preset file that was saved for it, or that the page has to save
-        first."""
+        """Return the command of the build, and the preset file that was saved for it, or that the page has to save."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
         if not (save and outputs.label):
@@ -164,8 +162,7 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """Start a job that solves these changes and then measures the design; return the running one if it does so
-        already."""
+        """Start a job that solves these changes and then measures the design; return the running one if equal."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -201,8 +198,7 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, or a sketch of the first one, for a page that opens; empty if neither is in
-        progress."""
+        """Return the last draft, or a sketch of the first one, for a page that opens; empty if neither is coming."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)

@@ -142,8 +142,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 (k,) for points above the median of their part along its longest axis, else 0.
-    part : (k,) numbers from 0."""
+    """Return 1 (k,) for points above the median of their part (k,), from 0, along its longest axis, else 0."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -157,8 +156,7 @@ def upper_half(points: Floats, part: Ints) -> Ints:
 
 
 def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
-    """Return the pairs of different points that K couples, each pair in both directions.
-    node : (N,) the point of each unknown, 0 to n - 1."""
+    """Return the pairs of points that K couples, in both directions; node : (N,) the point of each unknown."""
     pairs = csr_array((np.ones(K.nnz, dtype=bool), node[K.indices].astype(np.int32), K.indptr), (K.shape[0], n))
     gather = csr_array((np.ones(len(node), dtype=bool), (node, np.arange(len(node)))), (n, len(node)))
     graph = (gather @ pairs).tocoo()

@@ -235,8 +235,7 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return both families of stripes of a preset, in widths that meet the task's area. The stripes lie on the modes of
-    `diffusion`, or evenly spaced on `even`."""
+    """Return both families of a preset in widths that meet the task's area, on modes of `diffusion` or `even`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))

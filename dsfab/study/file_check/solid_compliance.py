@@ -101,8 +101,7 @@ LARGEST = 1_200_000  # Limit on the number of unknowns.
 
 @dataclass(frozen=True, eq=False)
 class SolidModel:
-    """Stiffness K (N, N), N/m, of a solid, and the places of its unknowns.
-    points : (N / 3, 3) nodes.     node : (N,) the node of each unknown."""
+    """Stiffness K (N, N), N/m, of a solid with nodes `points` (N 3, 3); node : (N,) that of each unknown."""
 
     mesh: Tetrahedra
     K: csr_array

@@ -232,8 +232,7 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """A mesh of polygons: V (n, 3) in the file's unit, and the corners of all faces in a row.
-    corners : (c,) vertex indices; face k has sizes[k] of them."""
+    """A mesh of polygons: V (n, 3) in the file's unit, and `corners` (c,) in a row; face k has sizes[k] of them."""
 
     V: Floats
     corners: Ints

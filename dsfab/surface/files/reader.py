@@ -80,8 +80,7 @@ def surface_in_file(
 
 
 def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
-    """Return a raw mesh with small faults mended, or repaired as a scan, with the repairs in its record.
-    unit : of its numbers; by default that of the file."""
+    """Return a raw mesh mended, or repaired as a scan, with its repairs; unit : by default that of the file."""
     metres = metres_per(unit) if unit else raw.metres
     better = (repaired_scan if scan else mended_mesh)(raw.V, raw.F, metres)
     if not better.repairs:

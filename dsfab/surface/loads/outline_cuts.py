@@ -19,8 +19,7 @@ TEST_POINTS = 7  # Number of points between the ends of an edge that are tested 
 
 @dataclass(frozen=True, eq=False)
 class OutlinedSurface:
-    """A surface with vertices on outlines.
-    on    : (n,) vertices on the current line.    fixed : (n,) vertices on earlier lines, which stay."""
+    """A surface with vertices (n,) `on` the current line, and `fixed` ones (n,) on earlier lines, which stay."""
 
     surface: Surface
     on: Bools
@@ -330,8 +329,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces whose corners are all on lines, along an inner edge if there is one. A field that is 0 on the lines
-    could not distinguish their sides otherwise."""
+    """Divide faces with all corners on lines along an inner edge, because a field that is 0 there has no sides."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

@@ -199,8 +199,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertex nearest to each point, metres.
-    relative : whether points are in shares of the surface's box, 0 to 1 along each axis."""
+    """The vertex nearest to each point, metres; relative : points are shares of the surface's box, 0 to 1."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -287,8 +286,7 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
-    """The rest of another picker after voids: vertices, and the edges between them by their `ends`, the smaller
-    first."""
+    """The rest of another picker after voids: vertices, and edges between them by `ends`, the smaller first."""
 
     ends: tuple[tuple[int, int], ...] = ()
 

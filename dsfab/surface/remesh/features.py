@@ -155,8 +155,7 @@ def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
 
 
 def _chains(ends: Ints, corners: Bools) -> list[Ints]:
-    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2). A closed curve without a corner
-    begins at its first vertex."""
+    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2); closed ones from their first."""
     around: dict[int, list[int]] = {}
     for a, b in ends.tolist():
         around.setdefault(a, []).append(b)

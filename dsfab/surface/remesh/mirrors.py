@@ -230,8 +230,7 @@ PLANE_TOLERANCE = 1e-3  # Share of the edge within which vertices are on a plane
 
 @dataclass(frozen=True, eq=False)
 class Chamber:
-    """The part of a surface on one side of each mirror plane.
-    toward : (k, 3) unit normals of the planes, pointing to that side."""
+    """The part of a surface on one side of each mirror plane, to which unit normals `toward` (k, 3) point."""
 
     whole: Surface
     mirrors: Mirrors

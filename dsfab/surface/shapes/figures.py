@@ -264,8 +264,7 @@ def _slab(u: Floats, v: Floats, half: float, rounding: float) -> Floats:
 def twisty_tower(
     height: Length = 30.0, twist: Annotated[float, Ge(-180), Le(180)] = 120.0, edge: Length = 0.6
 ) -> Surface:
-    """A slab that twists as it rises, with three openings through it, one above the other, genus 3, on z = 0.
-    twist : degrees between its top and its foot."""
+    """A slab that twists by `twist` degrees as it rises, with three openings, genus 3, on z = 0."""
     slab = rounded_box((0, 0, 0.5), (0.19, 0.12, 0.6), 0.07)
     openings = [limb([(0, -0.5, z), (0, 0.5, z), (0, 0.6, z)], [0.085] * 3) for z in OPENINGS]
     for opening in openings:

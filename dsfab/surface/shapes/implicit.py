@@ -212,8 +212,7 @@ def ball(centre: Point, radius: float) -> Field:
 
 
 def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
-    """Return an ellipsoid, with its distance to first order.
-    axes : (3, 3) unit vectors of the radii, in rows; by default x, y and z."""
+    """Return an ellipsoid, its distance to first order; axes : (3, 3) units of the radii, in rows, or x, y, z."""
     c, r, R = np.array(centre), np.array(radii), np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:

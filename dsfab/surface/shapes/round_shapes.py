@@ -139,8 +139,7 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 
 def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
-    """Divide every face into f^2 flat triangles; faces share the vertices on their edges. Integer weights on the
-    corners name a vertex, so that equal ones match exactly."""
+    """Divide every face into f^2 flat triangles; vertices of equal integer weights on the corners are one vertex."""
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
     index = np.full((f + 1, f + 1), -1)
