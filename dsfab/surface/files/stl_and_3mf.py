@@ -29,7 +29,7 @@ CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles, coincident corners merged. Length tells text from binary files, because many binary ones begin
+    """Return the triangles, coincident corners merged. Length tells text from binary files, because many of these begin
     with "solid". Raises MalformedFileError for an incomplete or other file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
