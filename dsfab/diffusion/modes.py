@@ -71,8 +71,8 @@ def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Fl
 
 
 def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
-    """Return the sign of an axis: by its third moment, else by its clearest coordinate, because both directions are
-    equal.
+    """Return the sign that turns an axis in a repeatable direction: by its third moment, or without a clear moment by
+    its first large coordinate.
     """
     if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
         return float(np.sign(third_moment))

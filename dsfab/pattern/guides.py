@@ -197,7 +197,7 @@ class GuideLine:
         return lines
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Return vertices (v,) of the faces that it passes, and the target phases (v,) there, in periods, -1/2 to 1/2.
+        """Return vertices (v,) of faces that the curve passes, and target phases (v,) there, in periods, -1/2 to 1/2.
 
         g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre.
         """

@@ -226,7 +226,7 @@ def _with_measures(task: ComparisonTask, entered: Competitor, structure: Structu
 
 
 def _smallest_member(structure: Structure) -> float | None:
-    if structure.cells is structure.sheet:  # not cut
+    if structure.cells is structure.sheet:  # an uncut sheet has no members
         return None
     member = features(structure.cells, kept_cells(structure.cells, structure.sheet), structure.names).member
     return None if member is None else member.size

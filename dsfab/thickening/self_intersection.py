@@ -148,8 +148,8 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """(k,) exact sign of the area of triangles projected along a coordinate axis each; the same sense for all on an
-    axis.
+    """(k,) exact sign of the area of triangles, each projected along a coordinate axis; all triangles on an axis have
+    the same sense of rotation.
 
     A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign.
     """

@@ -72,7 +72,7 @@ def _stands_on_ground(surface: Surface, up: Up) -> bool:
     touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it.
     """
     V = upright_vertices(surface.V, up)
-    level, through = V[:, 2], V[:, 1]  # the other axis of the two
+    level, through = V[:, 2], V[:, 1]  # the other candidate for the axis up
     tolerance = GROUND * surface.size
     if abs(level.min()) > tolerance or not (
         through.min() < -tolerance < tolerance < through.max() or np.ptp(through) < tolerance
@@ -95,7 +95,7 @@ def _ends_in_level_rings(surface: Surface) -> bool:
 
 
 def _standing(surface: Surface, up: Up) -> float:
-    """Score of a surface with that axis up; about 0 to 2 for an open one, -0.2 to 0.4 for a closed one."""
+    """Score of a surface with the axis `up`; about 0 to 2 for an open surface, -0.2 to 0.4 for a closed surface."""
     V = upright_vertices(surface.V, up)
     stability = _stability(V, surface)
     if is_nearly_closed(surface):

@@ -326,7 +326,7 @@ class FindingsPictures:
 
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
-    """Return the factor over a preview's letters that makes them `points` high on paper.
+    """Return the factor that enlarges the letters of a preview to a height of `points` on paper.
 
     size : pixels.    width : share of the text's width that the picture takes.
     """

@@ -121,8 +121,10 @@ def check_contents(
     solid: bool = True,
     progress: Progress | None = None,
 ) -> FileCheck:
-    """Check contents like `check_file`; with a design, read to the deflection `deflection_for` its preset.
-    unit_given : whether the user named the unit of the file's numbers."""
+    """Check contents like `check_file`. With a design, they must have the deflection `deflection_for(preset)`.
+
+    unit_given : whether the user named the unit of the file's numbers.
+    """
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
     sound = _file_soundness(contents, tell)
