@@ -23,15 +23,7 @@ from dsfab.preset.file import load_preset, with_overrides
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, serving, unpacked, wait
-from tests.test_app_editor_page import (
-    READY,
-    SEEN,
-    seen_by_both,
-    share_measured,
-    solved,
-    type_into,
-    until,
-)
+from tests.test_app_editor_page import READY, SEEN, seen_by_both, share_measured, solved, type_into, until
 
 pytestmark = pytest.mark.slow
 

@@ -14,14 +14,7 @@ from dsfab.export import write
 from dsfab.export.cad.step.soundness import step_fault
 from dsfab.preset.file import load_preset
 from dsfab.study import file_check
-from dsfab.study.file_check import (
-    Clearance,
-    Clearances,
-    FileContents,
-    check_file,
-    read_shipped,
-    soundness,
-)
+from dsfab.study.file_check import Clearance, Clearances, FileContents, check_file, read_shipped, soundness
 from dsfab.study.file_check.file_geometry import clearances, distance
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid

@@ -28,11 +28,8 @@ TIMING_COLUMNS = (
 `stripes` are evenly spaced: directions, densities and phases, which replace the modes.
 """
 
-SCALING = (10_000, 40_000, 100_000)
-"""Vertices of the surfaces of `--scaling`."""
-
-SCALING_STATICS = (*SCALING, 250_000, 500_000)
-"""Vertices of `--scaling` with `--stages statics`."""
+SCALING = (10_000, 40_000, 100_000)  # Vertices of the surfaces of `--scaling`.
+SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertices of `--scaling` with `--stages statics`.
 
 STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
 """Columns of `--stages statics`, seconds.
@@ -121,9 +118,7 @@ def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
 
 def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -> list[tuple[str, ...]]:
     """Overrides for shapes with about these numbers of vertices, which grow with 1 / edge^2.
-
-    The preset is read in any case, so that a mistake in a later preset is found before the first run.
-    """
+    The preset is read in any case, so that a mistake in a later preset is found before the first run."""
     surface = source.read_preset(name).surface
     if not vertex_counts:
         return [()]

@@ -21,16 +21,12 @@ if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
     from dsfab.render.view import View
 
-SIZES = (10_000, 60_000, 300_000, 1_000_000)
-"""Triangles of the surfaces."""
+SIZES = (10_000, 60_000, 300_000, 1_000_000)  # Triangles of the surfaces.
 
 PIXELS = (1024, 768)
 
-SECONDS = 4.0
-"""Seconds of each measurement, with five pictures of each kind at least."""
-
-KINDS = ("plain", "shader", "graded", "walls")
-"""Kinds of pictures, see `measure`."""
+SECONDS = 4.0  # Seconds of each measurement, with five pictures of each kind at least.
+KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
 """Names of renderers that run on the processor."""
@@ -38,9 +34,7 @@ SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generi
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
     """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and the fields (n, 6) of a `StripeShader`.
-
-    The fields are the two angles, because the time does not depend on them.
-    """
+    The fields are the two angles, because the time does not depend on them."""
     rows = max(round((triangles / 6) ** 0.5), 3)
     columns = 3 * rows
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")

@@ -103,18 +103,16 @@ def build(
     from dsfab.export import require_writable
     from dsfab.report.design.save import ready_to_draw, save
 
-    proposal, loaded_preset = _read_preset(
-        preset, source.with_overrides(*files.preset_overrides(), *step.overrides()), quiet
-    )
-    _require_formats(loaded_preset.export.formats)
+    proposal, loaded = _read_preset(preset, source.with_overrides(*files.preset_overrides(), *step.overrides()), quiet)
+    _require_formats(loaded.export.formats)
     reporter = Reporter(quiet)
     if step.estimate:
-        return estimate_step(loaded_preset, reporter)
-    drawable, folder = pictures.drawable(reporter), files.output or Path("outputs") / loaded_preset.name
+        return estimate_step(loaded, reporter)
+    drawable, folder = pictures.drawable(reporter), files.output or Path("outputs") / loaded.name
     require_writable(folder)
     with reporter:
         with ready_to_draw(drawable.picture):
-            design = run(loaded_preset, reporter)
+            design = run(loaded, reporter)
             if fix:
                 design = _fix_design(design, reporter)
             saved = save(design, folder, reporter, drawable.picture, drawable.marked)
@@ -196,12 +194,12 @@ def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
     measures = (*quality_lines(facts["pattern"]), *fabrication_lines(facts["fabrication"]))
-    search_lines = (
+    searches = (
         *attempt_lines(design.pattern.attempts),
         *choice_lines(design.pattern.choice),
         *alternative_lines(facts),
     )
-    for line in (*load_lines(facts), *search_lines, *case_lines(design), *answer_lines(design), *measures):
+    for line in (*load_lines(facts), *searches, *case_lines(design), *answer_lines(design), *measures):
         print_result(line)
     for note in design.notes:
         print_result(f"note ({note.stage}): {note.text}")

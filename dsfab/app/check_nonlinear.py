@@ -45,8 +45,7 @@ class Nonlinear:
     minutes: Annotated[float, Parameter(help="Limit of each of the two or three runs of CalculiX.")] = 60.0
 
 
-LINEAR_FILE_CHECK = Nonlinear()
-"""The check of a file, which is not nonlinear."""
+LINEAR_FILE_CHECK = Nonlinear()  # The check of a file, which is not nonlinear.
 
 
 def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool, quiet: bool) -> int:

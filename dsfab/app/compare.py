@@ -50,24 +50,20 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
     losing_words = losing_line(result.alternatives)
     lines = [sentence(losing_words)] if losing_words else []
     lines += [] if share is None else [f"{share:.0%} of the material"]
-    lines.append(
-        table(
-            HEAD, (_competitor_cells(competitor, result) for competitor in result.competitors if competitor.judgement)
-        )
-    )
-    for competitor in result.competitors:
-        if competitor.error:
-            lines.append(f"{competitor.name} does not carry the loads: {competitor.error}")
-        elif competitor.spread:
-            lines.append(_spread_line(competitor, result))
+    lines.append(table(HEAD, (_competitor_cells(entry, result) for entry in result.competitors if entry.judgement)))
+    for entry in result.competitors:
+        if entry.error:
+            lines.append(f"{entry.name} does not carry the loads: {entry.error}")
+        elif entry.spread:
+            lines.append(_spread_line(entry, result))
     lines += _theory_lines(result)
-    lines += [line for competitor in result.competitors for line in _mode_lines(competitor)]
-    for competitor in result.rivals:
-        gain = result.gain(competitor.name)
-        if competitor.judgement and result.design.judgement:
-            best_word = "best " if competitor.spread else ""
+    lines += [line for entry in result.competitors for line in _mode_lines(entry)]
+    for entry in result.rivals:
+        gain = result.gain(entry.name)
+        if entry.judgement and result.design.judgement:
+            best_word = "best " if entry.spread else ""
             lines.append(
-                f"the design is {gain:.3g} x as stiff as the {best_word}{competitor.name} structure of the same mass"
+                f"the design is {gain:.3g} x as stiff as the {best_word}{entry.name} structure of the same mass"
             )
     return "\n".join(lines)
 
@@ -85,10 +81,8 @@ def _mode_lines(competitor: "Competitor") -> list[str]:
     if buckling_cases:
         lowest = min(buckling_cases, key=lambda case: case.buckling or 0.0)
         words.append(f"buckles at {bounded(lowest.buckling or 0.0, lowest.buckling_bound)} x the load")
-    if vibrating_cases := [case for case in cases if case.frequency is not None]:
-        words.append(
-            f"swings at {bounded(vibrating_cases[0].frequency or 0.0, vibrating_cases[0].frequency_bound, 'Hz')}"
-        )
+    if vibrating := [case for case in cases if case.frequency is not None]:
+        words.append(f"swings at {bounded(vibrating[0].frequency or 0.0, vibrating[0].frequency_bound, 'Hz')}")
     assumed = next((f" ({case.assumed})" for case in cases if case.assumed), "")
     refused = list(dict.fromkeys(text for case in cases for text in case.refusals))
     return [f"{competitor.name} {' and '.join(words)}{assumed}"] * bool(words) + [
@@ -124,8 +118,7 @@ def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     )
 
 
-ComparisonAtShare = tuple[float | None, "Comparison"]
-"""A share of the surface, None for the design as it is, and its comparison."""
+ComparisonAtShare = tuple[float | None, "Comparison"]  # A share (None: as it is), and its comparison.
 
 
 @Parameter(name="*")
@@ -244,9 +237,7 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
 
 def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
     """Compare the design as it is, then at each share of the surface.
-
-    A design without equilibrium raises DsfabError; with shares it is reported and left out.
-    """
+    A design without equilibrium raises DsfabError; with shares it is reported and left out."""
     from dsfab.design import draft
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
@@ -332,9 +323,7 @@ These are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `boun
 
 @dataclass(frozen=True)
 class Batch:
-    """Comparisons of several presets. output : folder of the summary and of a folder for each, None for
-    outputs/compare.
-    """
+    """Comparisons of several presets; output : folder of the summary and of a folder each, or outputs/compare."""
 
     task: CompareTask
     output: Path | None
@@ -363,17 +352,13 @@ class Batch:
     def _row(self, preset: str, taken: Sequence[Path | None], resume: bool, reporter: Reporter) -> SummaryRow:
         name, command = Path(preset).stem, self.task.command(preset)
         try:
-            loaded_preset = self.task.source.read_preset(preset)
-            folder = (
-                self.output / loaded_preset.name if self.output else Path("outputs") / loaded_preset.name / "compliance"
-            )
+            loaded = self.task.source.read_preset(preset)
+            folder = self.output / loaded.name if self.output else Path("outputs") / loaded.name / "compliance"
             if folder in taken:
-                raise DsfabError(
-                    f"a preset before it is called {loaded_preset.name} too; change `name` in one of the files"
-                )
-            name = loaded_preset.name
-            if not (resume and _is_current(folder, loaded_preset, command, self.task.report)):
-                compare_one(loaded_preset, self.task, folder, command, quiet=True, as_json=False)
+                raise DsfabError(f"a preset before it is called {loaded.name} too; change `name` in one of the files")
+            name = loaded.name
+            if not (resume and _is_current(folder, loaded, command, self.task.report)):
+                compare_one(loaded, self.task, folder, command, quiet=True, as_json=False)
             else:
                 reporter.print_line("compared already")
             return {"name": name, "folder": folder, "error": "", **_row_of_folder(folder)}
@@ -418,8 +403,7 @@ def _write_summary(rows: Sequence[SummaryRow], against: Sequence[str], folder: P
     )
 
 
-DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()
-"""Default options and files."""
+DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()  # Default options and files.
 
 
 def compare(

@@ -34,8 +34,7 @@ from dsfab.study.variations import (
     spelled_value,
 )
 
-UNCONFIRMED_VARIANTS = 200
-"""Variants that are drawn without --yes."""
+UNCONFIRMED_VARIANTS = 200  # Variants that are drawn without --yes.
 
 
 class Variants:
@@ -84,8 +83,7 @@ class Variants:
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):
-                tile = self._tile(number, changes, previewers)
-                if tile.png is not None or number == UNCONFIRMED_VARIANTS:
+                if self._tile(number, changes, previewers).png is not None or number == UNCONFIRMED_VARIANTS:
                     break
             start = time.perf_counter()
             self._tile(number, changes, previewers)
@@ -93,16 +91,11 @@ class Variants:
             rows = previewers.design.seconds if previewers.design else {}
         stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
         expected = expected_seconds(self.values, stages, picture)
-        files = byte_size(total * picture_bytes(self.pixels))
+        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # half a byte a pixel, measured on the presets
         raise DsfabError(
             f"{total:,} variants would take about {_duration_words(expected)} and {files} of pictures; "
             f"add --yes to draw them all, or vary less (up to {UNCONFIRMED_VARIANTS} are drawn without asking)"
         )
-
-
-def picture_bytes(pixels: tuple[int, int]) -> float:
-    """Return about the size of a picture's file: half a byte per pixel (measured on the presets)."""
-    return 0.5 * pixels[0] * pixels[1]
 
 
 def _duration_words(seconds: float) -> str:
@@ -161,26 +154,24 @@ def explore(
     from dsfab.render.opengl import require_rendering
     from dsfab.report.contact_sheet import check_film
 
-    loaded_preset, pixels, values = (
+    loaded, pixels, values = (
         preset_with_mode(source.read_preset(preset), tile.show),
         picture_size(tile.size_),
         parse_variations(vary),
     )
     for key, listed in values.items():
         for value in listed:  # each value alone, so that an error appears before the work begins
-            with_overrides(loaded_preset, {key: value})
+            with_overrides(loaded, {key: value})
     if film.animate:
         check_film(values, film.fps)
-    folder = tile.output or Path("outputs") / f"{loaded_preset.name}-explore"
+    folder = tile.output or Path("outputs") / f"{loaded.name}-explore"
     require_rendering()
     reporter = Reporter(quiet)
-    variants = Variants(
-        loaded_preset, values, ["dsfab", "build", *source.command_words(preset)], tile.view, tile.show, pixels
-    )
+    variants = Variants(loaded, values, ["dsfab", "build", *source.command_words(preset)], tile.view, tile.show, pixels)
     with reporter:
         tiles = _draw_variants(variants, folder, film, yes, reporter)
     if not quiet:
-        _summary(tiles, folder, folder / f"{loaded_preset.name}.{film.animate}" if film.animate else None)
+        _summary(tiles, folder, folder / f"{loaded.name}.{film.animate}" if film.animate else None)
     return 0
 
 

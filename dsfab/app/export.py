@@ -22,10 +22,8 @@ if TYPE_CHECKING:
 
 CALCULIX = "calculix"
 CALCULIX_SUFFIX = ".inp"
-ALIASES = {".stp": ".step"}
-"""Suffixes with the format of another one."""
-SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}
-"""Suffixes of common names."""
+ALIASES = {".stp": ".step"}  # Suffixes with the format of another one.
+SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}  # Suffixes of common names.
 ELSEWHERE = {
     "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
     "html": "`dsfab compare` and `dsfab report` write reports as HTML",
@@ -212,13 +210,11 @@ def _write_model(preset: "Preset", request: ExportRequest, reporter: Progress) -
     from dsfab.export.analysis.calculix import write_calculix
     from dsfab.study.check_model import cut_model, uncut_model
 
-    check_model = (
-        cut_model(run(preset, reporter), reporter) if request.sheet == "cut" else uncut_model(preset, reporter)
-    )
+    model = cut_model(run(preset, reporter), reporter) if request.sheet == "cut" else uncut_model(preset, reporter)
     reporter("export", f"writing {request.path.name}")
     _make_folder(request.path)
-    write_calculix(check_model.model, request.path)
-    return _model_lines(check_model, request)
+    write_calculix(model.model, request.path)
+    return _model_lines(model, request)
 
 
 def _model_lines(check_model: "CheckModel", request: ExportRequest) -> list[str]:

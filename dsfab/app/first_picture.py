@@ -20,8 +20,7 @@ PROGRAM = (
 )
 """Program of the other process. Garbage collection would take a tenth of the time of importing."""
 
-SKETCH_SECONDS = 60.0
-"""Seconds after which a sketch is given up, from the moment when the true picture could be drawn."""
+SKETCH_SECONDS = 60.0  # Seconds after which a sketch is given up, from the moment when the true picture could be drawn.
 
 
 class FirstPicture:
@@ -72,9 +71,7 @@ class FirstPicture:
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
         """Start to draw the sketch, once, and never over a file that cannot be read.
-
-        sketch : see `Design.sketch`.    options : of `dsfab.render.previewer.Previewer`.
-        """
+        sketch : see `Design.sketch`.    options : of `dsfab.render.previewer.Previewer`."""
         from dsfab.app.carrier import pickled
 
         if self._sketched:

@@ -23,8 +23,7 @@ from dsfab.report.design.inspection import (
 if TYPE_CHECKING:
     from dsfab.surface import MeshFacts, RawMesh
 
-DONE, REFUSED = 0, 1
-"""Exit codes of `inspect`."""
+DONE, REFUSED = 0, 1  # Exit codes of `inspect`.
 
 
 def presets() -> int:
@@ -113,9 +112,7 @@ def _built_facts(folder: Path) -> dict[str, Any]:
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
     """Measures of a preset, which is run for it; draw them if `picture` is a path.
-
-    Supports and loads are printed first, so that they appear also for a refused design.
-    """
+    Supports and loads are printed first, so that they appear also for a refused design."""
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from dsfab.preset.proposal import Proposal
 
 
-SMALLEST, LARGEST = 64, 8000
-"""Limits on the sides of a picture, pixels."""
+SMALLEST, LARGEST = 64, 8000  # Limits on the sides of a picture, pixels.
 
 Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
@@ -149,8 +148,7 @@ class Source:
         return words + (["--up", self.up] if self.up is not None else [])
 
 
-UNCHANGED = Source()
-"""The preset without changes."""
+UNCHANGED = Source()  # The preset without changes.
 
 
 @Parameter(name="*")
@@ -182,8 +180,7 @@ class StepFlags:
         return tuple(f"export.{key}={json.dumps(value)}" for key, value in options.items() if value is not None)
 
 
-NO_FLAGS = StepFlags()
-"""STEP options of the preset."""
+NO_FLAGS = StepFlags()  # STEP options of the preset.
 
 
 def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:

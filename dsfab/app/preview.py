@@ -1,6 +1,5 @@
 """The command `dsfab preview`: a picture of a design before its files are written, again after each save of its
-preset.
-"""
+preset."""
 
 import os
 import sys
@@ -26,8 +25,7 @@ if TYPE_CHECKING:
     from dsfab.preset.model import Preset
     from dsfab.render.previewer import Previewers
 
-FINISHED_PICTURES = ("fabrication", "members")
-"""Pictures of the finished solid, and of the finished sheet."""
+FINISHED_PICTURES = ("fabrication", "members")  # Pictures of the finished solid, and of the finished sheet.
 
 
 SHOW_WORDS = {
@@ -95,8 +93,7 @@ class PictureOptions:
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
         """Return the page of a preset, in `folder` unless --output names a file; raise DsfabError for invalid
-        options.
-        """
+        options."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -148,20 +145,18 @@ def preview(
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
     """Start a process that draws, if a core is free: for a sketch on a terminal, or for the finished structure."""
     single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
-    needs_sketch = single and reporter.is_watched
+    sketched = single and reporter.is_watched
     needs_structure = (
         picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
     )  # otherwise this process is as quick
-    if not (needs_sketch or needs_structure) or (os.cpu_count() or 1) == 1:
+    if not (sketched or needs_structure) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import probe_ahead
 
         probe_ahead()
         yield None
         return
     on_sketch = (
-        (lambda: reporter.print_line("preview     a first picture is there, its widths follow"))
-        if needs_sketch
-        else None
+        (lambda: reporter.print_line("preview     a first picture is there, its widths follow")) if sketched else None
     )
     with FirstPicture(on_sketch) as first_picture:
         yield first_picture
@@ -258,9 +253,7 @@ def _draw_structure(
     first_picture: FirstPicture | None,
 ) -> bool:
     """Draw evenly spaced stripes as they are built; return False if that is impossible.
-
-    The drawing before cutting would show loose ends, holes at singular points of the stress, and sharp corners.
-    """
+    The drawing before cutting would show loose ends, holes at singular points of the stress, and sharp corners."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png
@@ -306,11 +299,9 @@ def _fabrication_picture(design: "Design", page: PreviewPage, reporter: Reporter
     from dsfab.study.fabrication import fabrication
 
     reporter("fabrication", "measuring members, gaps and walls")
-    measures = fabrication(design)
+    sizes = fabrication(design)
     reporter("preview", f"drawing {page.path.name}")
-    return workshop_picture(
-        design, measures, size=page.pixels, view=page.options["view"], ground=page.options["ground"]
-    )
+    return workshop_picture(design, sizes, size=page.pixels, view=page.options["view"], ground=page.options["ground"])
 
 
 def _members_picture(design: "Design", page: PreviewPage, reporter: Reporter) -> "NDArray[Any]":

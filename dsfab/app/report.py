@@ -39,14 +39,12 @@ def report(
     from dsfab.design import Design
     from dsfab.export import require_writable
 
-    loaded_preset, folder = preset_and_folder(preset, source)
-    loaded_preset.statics.require_strength()
+    loaded, folder = preset_and_folder(preset, source)
+    loaded.statics.require_strength()
     folder = output or folder / "members"
     require_writable(folder)
     with Reporter(quiet) as reporter:
-        design = built_design(preset, loaded_preset) or Design.from_preset(loaded_preset, progress=reporter).until(
-            "slicing"
-        )
+        design = built_design(preset, loaded) or Design.from_preset(loaded, progress=reporter).until("slicing")
         files, lines = write_members(
             design, shlex.join(["dsfab", "report", *source.command_words(preset)]), folder, reporter
         )

@@ -22,11 +22,8 @@ if TYPE_CHECKING:
     from dsfab.reproduction.figures import FigurePictures
     from dsfab.reproduction.published import PaperFigure
 
-FOLDER = Path("outputs/paper")
-"""Default folder of the page."""
-
-COARSEST = 8.0
-"""Limit of --coarser, because coarser meshes have too few vertices for modes."""
+FOLDER = Path("outputs/paper")  # Default folder of the page.
+COARSEST = 8.0  # Limit of --coarser, because coarser meshes have too few vertices for modes.
 
 
 def reproduce(
@@ -81,8 +78,7 @@ def reproduce(
 
 def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
     """Return the figures of these names, in the paper's order; all without names. Raises DsfabError for an unknown
-    name.
-    """
+    name."""
     from dsfab.reproduction.published import FIGURES
 
     presets = [figure.preset for figure in FIGURES]
@@ -177,9 +173,7 @@ def _summary(figures: "list[FigurePictures]", folder: Path, small: bool) -> None
             print_result(f"  {RENDITION_TITLES[method.rendition.name]}: {method.rendition.refused or facts_words}")
             if method.found:
                 print_result(f"    {method.found}")
-    written = sum(
-        path.stat().st_size for path in folder.iterdir() if path.suffix == ".webp" or path.name == "index.html"
-    )
-    print_result(f"  {folder / 'index.html'}  {byte_size(written)} with its pictures")
+    size = sum(path.stat().st_size for path in folder.iterdir() if path.suffix == ".webp" or path.name == "index.html")
+    print_result(f"  {folder / 'index.html'}  {byte_size(size)} with its pictures")
     if small:
         print_result(f"  {folder / SMALL_NAME}  {byte_size((folder / SMALL_NAME).stat().st_size)}, in one file")

@@ -74,8 +74,7 @@ def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
     """Return the tables of a sweep file with the command line's options over them. `plan_table`: keys as in the file,
-    or None.
-    """
+    or None."""
     result = dict(values)
     vary_table, linked = vary_tables(vary)
     if vary_table:

@@ -98,8 +98,7 @@ def list_or_build_run(path: Path, best_count: int | None, by: str | None, number
     if changes is None:
         raise DsfabError(f"there is no run {number}; {path} has runs 1 to {len(sweep.rows())}")
     sets = tuple(f"{key}={spelled_value(value)}" for key, value in changes.items())
-    folder = path / "built" / f"{number:05}"
-    return build(str(path / PRESET), source=Source(sets), files=Files(folder), quiet=quiet)
+    return build(str(path / PRESET), source=Source(sets), files=Files(path / "built" / f"{number:05}"), quiet=quiet)
 
 
 def _best_runs_table(sweep: SweepFolder, count: int, by: str | None) -> str:
@@ -109,8 +108,7 @@ def _best_runs_table(sweep: SweepFolder, count: int, by: str | None) -> str:
         raise DsfabError(f"{metric!r} was not measured in {sweep.path}; use one of {', '.join(plan.measured_metrics)}")
     if count < 1:
         raise DsfabError(f"--best {count} lists nothing; give 1 or more")
-    rows = sweep.rows()
-    best_rows = best_of(rows, metric, plan.limits)[:count]
+    best_rows = best_of(sweep.rows(), metric, plan.limits)[:count]
     if not best_rows:
         limits = f" and meets {', '.join(plan.constraints)}" if plan.constraints else ""
         raise DsfabError(f"no run of {sweep.path} is done{limits} with a {metric}")

@@ -110,8 +110,7 @@ TEST_HEAD = (
 )
 """`of limit`: the value over the limit of thin sheets, if the usual reference is another one."""
 
-PAGE = Path("outputs/verification")
-"""Default folder of the page."""
+PAGE = Path("outputs/verification")  # Default folder of the page.
 
 
 def verify(
@@ -176,8 +175,7 @@ def _cells(row: "VerificationRow") -> tuple[str, ...]:
 
 def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list[str]:
     """Lines below the table: known shortfalls, targets, spread between patterns, and comparison with published
-    values.
-    """
+    values."""
     from dsfab.statics import elements_of
     from dsfab.study.verdict.calibration import shipped_table
     from dsfab.verification import failures, pattern_spread, shortfalls, standings

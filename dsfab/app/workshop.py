@@ -37,8 +37,7 @@ class WorkshopFlags:
     ] = False
 
 
-PRESET_FLAGS = WorkshopFlags()
-"""Options of the preset."""
+PRESET_FLAGS = WorkshopFlags()  # Options of the preset.
 
 
 def workshop(
@@ -67,15 +66,13 @@ def workshop(
     from dsfab.render import up_axis
     from dsfab.workshop import workshop_plan, write_workshop
 
-    loaded_preset, folder = preset_and_folder(preset, options_source(source, flags.model, flags.stock, flags.thickness))
+    loaded, folder = preset_and_folder(preset, options_source(source, flags.model, flags.stock, flags.thickness))
     if flags.ifc:
-        _check_ifc(loaded_preset)
-    target = output or folder / ("model" if loaded_preset.workshop.model else "workshop")
+        _check_ifc(loaded)
+    target = output or folder / ("model" if loaded.workshop.model else "workshop")
     require_writable(target)
     with Reporter(quiet) as reporter:
-        design = built_design(preset, loaded_preset) or Design.from_preset(loaded_preset, progress=reporter).until(
-            "slicing"
-        )
+        design = built_design(preset, loaded) or Design.from_preset(loaded, progress=reporter).until("slicing")
         reporter("export", "developing and nesting")
         load = design.load if design.has("statics") else None
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, load))
@@ -83,7 +80,7 @@ def workshop(
     if not quiet:
         for note in plan.notes:
             print_result(note)
-    written_folder = write_workshop(plan, target, loaded_preset.name, documents)
+    written_folder = write_workshop(plan, target, loaded.name, documents)
     if not quiet:
         _print_files(plan, written_folder, documents)
     return 0
@@ -98,8 +95,7 @@ def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, b
     return documents | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
 
 
-MEMBERS = "members.ifc"
-"""File of the members for building models."""
+MEMBERS = "members.ifc"  # File of the members for building models.
 
 
 def _check_ifc(preset: "Preset") -> None:
@@ -111,10 +107,7 @@ def _check_ifc(preset: "Preset") -> None:
 
 
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
-    """Return an IFC file of each member as it is built, with references to the drawings of its parts.
-
-    Raises PatternError for a flat sheet, whose parts belong to no member.
-    """
+    """Return an IFC file of the built members, with drawings of their parts. Raises PatternError for a flat sheet."""
     from dsfab.design.output import body_details
     from dsfab.export import temporary_folder, write
     from dsfab.thickening import SHIFT
@@ -139,7 +132,8 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
 
 
 def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, bytes]) -> None:
-    parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _part_counts(plan))
+    counts = ((len(plan.parts), "part"), (len(plan.sheets), "sheet"))
+    parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in counts)
     thick = sorted({plan.part_thickness(part) for part in plan.parts}, reverse=True)
     shown = " and ".join(length(thickness) for thickness in thick)
     print_result(f"{parts} of {shown}, {len(plan.equal_parts)} different; {sheets}, {plan.used_share:.0%} used")
@@ -148,10 +142,6 @@ def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, byt
     print_result(f"  {folder / 'nest.dxf'}  {folder / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
     listed = ("cutlist.xlsx", *(("bars.csv",) if plan.bars else ()), *documents)
     print_result("  ".join(["", *(str(folder / name) for name in listed)]))
-
-
-def _part_counts(plan: "WorkshopPlan") -> tuple[tuple[int, str], tuple[int, str]]:
-    return (len(plan.parts), "part"), (len(plan.sheets), "sheet")
 
 
 CARD_MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
@@ -168,8 +158,7 @@ PAPER_SIZES = {
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
     """Return the changes of --model, --stock and --thickness. Raises PresetError for an invalid scale, size or
-    length.
-    """
+    length."""
     texts = []
     if model is not None:
         set_values = source.set_values()

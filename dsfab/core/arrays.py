@@ -81,8 +81,7 @@ def polygon_perimeter(P: Floats) -> float:
 
 
 def area_vectors(V: Floats, F: Ints) -> Floats:
-    """Return twice the areas of faces F (m, 3) on vertices V (n, 3), as vectors (m, 3) along the normals, square
-    metres."""
+    """Return twice the areas of faces F (m, 3) on V (n, 3), as vectors (m, 3) along the normals, square metres."""
     a, b, c = V[F[:, 0]], V[F[:, 1]], V[F[:, 2]]
     return cross(b - a, c - a)
 
@@ -106,8 +105,7 @@ def distances_from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Return the positions (...), 0 at a and 1 at b (..., 3), of the nearest places on the segments to points (...,
-    3)."""
+    """Return positions (...), 0 at a and 1 at b (..., 3), of the places on segments nearest to points (..., 3)."""
     along, to = b - a, points - a
     squared = np.maximum(np.einsum("...i,...i->...", along, along), np.finfo(float).tiny)
     return np.asarray(np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1))
@@ -123,15 +121,13 @@ def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
 
 
 def sorted_order(keys: Ints) -> Ints:
-    """Return the order that sorts integers (k,); equal integers keep their order (a stable argsort). If a key and its
-    index fit into one number, the function sorts these numbers. That is ten times faster than numpy's stable argsort,
-    and a hundred times faster than its hashing `unique` (numpy 2.4, two million keys)."""
+    """Return the order that sorts integers (k,), a stable argsort. Where a key and its index fit into one number, these
+    are sorted: ten times faster than numpy's, a hundred times faster than `unique` (numpy 2.4, two million keys)."""
     return _stable_sort(keys)[0]
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Group equal integers (k,): return `sorted_order`, the start of each group in it, and the group of each
-    integer."""
+    """Group equal integers (k,): return `sorted_order`, the start of each group in it, and each one's group."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)
@@ -140,8 +136,7 @@ def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
-    """Return the distinct integers (k,) of an array of any shape, ascending. `np.unique` hashes, which takes ten times
-    as long (numpy 2.4, from ten thousand keys on)."""
+    """Return the distinct integers (k,), ascending, of an array (...), ten times as fast as `np.unique` (numpy 2.4)."""
     ascending = np.sort(keys, axis=None)
     return np.asarray(ascending[np.diff(ascending, prepend=ascending[:1] - 1) != 0])
 

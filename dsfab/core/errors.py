@@ -5,9 +5,8 @@ from collections.abc import Iterable
 
 
 class DsfabError(Exception):
-    """Unusable input, explained in one sentence: the fault, its place, and the remedy. The library raises it and never
-    prints; ``dsfab.app.cli`` alone turns it into a line and exit code 1. Any other exception that escapes the library
-    is a bug of dsfab."""
+    """Unusable input, explained in one sentence: the fault, its place, and the remedy. ``dsfab.app.cli`` alone turns it
+    into a line and exit code 1. Any other exception that escapes the library is a bug of dsfab."""
 
 
 class SurfaceError(DsfabError):

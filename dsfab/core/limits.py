@@ -6,11 +6,9 @@ A stage that refuses input beyond a limit and a report that checks the same limi
 from collections.abc import Iterable
 from typing import Literal
 
-Status = Literal["pass", "fail", "unknown"]
-"""Result of a check against a limit; "unknown" means that the available results cannot decide."""
+Status = Literal["pass", "fail", "unknown"]  # Result of a check; "unknown" if the results cannot decide.
 
-Mark = Status | Literal["note"]
-"""Status of an entry in a list of checks; a note does not count."""
+Mark = Status | Literal["note"]  # Status of an entry in a list of checks; a note does not count.
 
 SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
 
@@ -24,8 +22,7 @@ It is far below the error of the elements. Rounding alone reaches 1e-6 on a long
 because the entries of their stiffness are rounded.
 """
 
-REPORTED_RESIDUAL = 1e-8
-"""Relative residual of the linear system, in its energy norm, above which dsfab reports it."""
+REPORTED_RESIDUAL = 1e-8  # Relative residual of the linear system, in its energy norm, above which dsfab reports it.
 
 RESIDUAL = 1e-6
 """Largest accepted relative residual, and largest relative error of a compliance that it may cause.
@@ -36,68 +33,43 @@ with needles of 7 micrometres the residual stops at 1e-8. That rounding depends 
 decide whether dsfab accepts a result.
 """
 
-LARGEST_MOVE = 0.1
-"""Largest accepted displacement, as a share of the longest side of the surface's box. Linear statics are not valid
-beyond it, and the usual cause is a wrong unit."""
+LARGEST_MOVE = 0.1  # Largest displacement over the surface's longest side; beyond it linear statics are invalid.
 
-AT_ONE_VERTEX = 0.95
-"""Largest accepted share of the reactions at one vertex."""
+AT_ONE_VERTEX = 0.95  # Largest accepted share of the reactions at one vertex.
+FEW_VERTICES = 3  # A support with fewer vertices is reported if it carries more than `SOME_REACTION`.
+SOME_REACTION = 0.05  # A support with a smaller share of the reactions only prevents drift.
 
-FEW_VERTICES = 3
-"""A support with fewer vertices is reported if it carries more than `SOME_REACTION`."""
+FAR_FROM_SURFACE = 0.25  # Largest distance from a point to its vertex, as a share of the surface's size.
 
-SOME_REACTION = 0.05
-"""A support with a smaller share of the reactions only prevents drift."""
+LEAST_LOAD_SHARE = 1e-3  # Snow or wind has no effect if a smaller mean share reaches its faces.
 
-FAR_FROM_SURFACE = 0.25
-"""Largest accepted distance from a point to the vertex that represents it, as a share of the surface's size."""
+POSSIBLE_SIZE = (1e-9, 1e9)  # Metres; other surfaces are refused, because products of their numbers overflow.
 
-LEAST_LOAD_SHARE = 1e-3
-"""Snow or wind counts as without effect if a smaller mean share reaches its faces (a twentieth of a degree)."""
-
-POSSIBLE_SIZE = (1e-9, 1e9)
-"""Metres; a smaller or larger surface is refused, because its numbers are no lengths and their products overflow."""
-
-USUAL_SIZE = (0.01, 1e3)
-"""Metres; a smaller or larger surface causes a remark, because its unit may be wrong."""
-
-CONVERGED = 0.02
-"""A compliance counts as computed if its relative error bound is below this value."""
+USUAL_SIZE = (0.01, 1e3)  # Metres; a smaller or larger surface causes a remark, because its unit may be wrong.
+CONVERGED = 0.02  # A compliance counts as computed if its relative error bound is below this value.
 
 FACETS = 0.2
 """Limit of L^2 / (R h) of a mesh (edge length, radius of curvature, thickness), above which dsfab warns. At this value
 flat facets of a curved sheet change its compliance by 1 %, and its largest stress under pressure or weight by up to
 this share."""
 
-SLIT = 0.25
-"""Half-width, in periods, at which the opening between two members is as wide as they are; a narrower opening is a
-slit."""
+SLIT = 0.25  # Half-width, in periods, at which an opening is as wide as its members; a narrower one is a slit.
 
-CROWDING = 1.25
-"""Factor on the usual share of the spacing that members may take where no wider openings are possible."""
-
-FILM = 0.05
-"""A sheet thinner than this share of its thickness counts as a film at that place."""
-
-OUTLINE = 1 / 40
-"""Default tolerance of lines and planar outlines, as a share of the thickness."""
+CROWDING = 1.25  # Factor on the usual share of the spacing that members may take where no wider openings are possible.
+FILM = 0.05  # A sheet thinner than this share of its thickness counts as a film at that place.
+OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, as a share of the thickness.
 
 OFF_SURFACE = 1 / 20
 """Default for the largest distance of a file's solid from the design's, as a share of the thickness. Smooth and
 simplified solids keep it; so does the check of a file that may have curves."""
 
-SIMPLIFIED_OFF_SURFACE = 2
-"""Factor on `OFF_SURFACE` for simplifying a solid of planar faces that otherwise exceeds the budget."""
+SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids that otherwise exceed the budget.
 
-DEFLECTION = 1 / 4
-"""Largest distance of a reader's triangles from curved faces, as a share of the allowed distance from the design. A
-build and the check of its file measure with the same value."""
+DEFLECTION = 1 / 4  # Distance of a reader's triangles from curved faces, of that allowed from the design.
 
-CHANGED_VOLUME = 5e-3
-"""Largest accepted relative change of a volume when curves or fewer triangles replace triangles."""
+CHANGED_VOLUME = 5e-3  # Largest accepted relative change of a volume when curves or fewer triangles replace triangles.
 
-READ_BACK = 1e-3
-"""Largest accepted relative change by writing and reading a file: volume, area, length, box (relative to its size)."""
+READ_BACK = 1e-3  # Largest relative change by writing and reading a file: volume, area, length, box.
 
 
 def worst_status(statuses: Iterable[Status]) -> Status:

@@ -35,8 +35,7 @@ class NamedMaterial:
         return {key: getattr(self, key) for key in KEYS}
 
 
-KEYS = ("young", "poisson", "density", "strength")
-"""Keys of [statics] that a material sets; a value beside the material's name overrides it."""
+KEYS = ("young", "poisson", "density", "strength")  # Keys of [statics] that a material sets.
 
 _ALL = (
     NamedMaterial(
@@ -120,8 +119,7 @@ _ALL = (
         source="Farah, Anderson and Langer 2016; makers' sheets",
     ),
 )
-MATERIALS = {material.name: material for material in _ALL}
-"""Materials by name."""
+MATERIALS = {material.name: material for material in _ALL}  # Materials by name.
 
 NO_STRENGTH = (
     "what members can bear is not known: the preset names no material and gives no strength; set statics.material = "

@@ -82,9 +82,7 @@ def force(newtons: float) -> str:
 
 def value_with_bound(value: float, bound: float | None, unit: str = "") -> str:
     """Return a value with its relative error bound: '2.34 ± 1.8 %', with as many digits as the bound justifies.
-
-    Without a bound: '2.27 (one mesh, bound unknown)'.
-    """
+    Without a bound: '2.27 (one mesh, bound unknown)'."""
     unit = f" {unit}" if unit else ""
     if bound is None:
         return f"{value:.3g}{unit} (one mesh, bound unknown)"

@@ -30,9 +30,8 @@ class TomlError(ValueError):
 
 
 def toml_table(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; a byte order mark, which Windows writes, is ignored. Raises TomlError, also
-    where Python's reader gives up (thousands of nested brackets, endless numbers) and for tables that are nested more
-    than 50 deep, several times the depth of any preset or sweep."""
+    """Return the tables of a TOML text; a byte order mark is ignored. Raises TomlError, also where Python's reader
+    gives up (thousands of brackets, endless numbers), and for tables over 50 deep, several times any preset's depth."""
     try:
         values = tomllib.loads(text.removeprefix("\ufeff"))
         if _depth_is_over(values, 50):

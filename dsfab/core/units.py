@@ -2,15 +2,7 @@
 
 from dsfab.core.errors import SurfaceError
 
-METRES_PER: dict[str, float] = {
-    "mm": 1e-3,
-    "cm": 1e-2,
-    "dm": 1e-1,
-    "m": 1.0,
-    "km": 1e3,
-    "in": 0.0254,
-    "ft": 0.3048,
-}
+METRES_PER: dict[str, float] = {"mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048}
 """Metres in each unit that a preset or a file may declare."""
 
 _PREFIXES = ("milli", "m"), ("centi", "c"), ("deci", "d"), ("kilo", "k"), ("", "")
@@ -24,11 +16,8 @@ UNIT_WORDS: dict[str, str] = {
 }
 """Units by the words that files use for them, in small letters."""
 
-MM_PER_M = 1e3
-"""Exported files are in millimetres."""
-
-GRAVITY = 9.80665
-"""Standard acceleration of gravity, m/s^2 (CGPM 1901)."""
+MM_PER_M = 1e3  # Exported files are in millimetres.
+GRAVITY = 9.80665  # Standard acceleration of gravity, m/s^2 (CGPM 1901).
 
 
 def metres_per(unit: str) -> float:

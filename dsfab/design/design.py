@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -237,7 +237,7 @@ class Design:
     def _slicing(self) -> SlicingResult:
         require_buildable(self.preset, self.statics)
         result = slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
-        vars(self)["pattern"] = replace(self.pattern, trial=None)  # large, and not needed again
+        self._results.replace("pattern", replace(self.pattern, trial=None))  # it is large, and no later stage reads it
         return result
 
     @property
@@ -279,9 +279,7 @@ class Design:
         Raises StaticsError if neither the material nor a strength is set.
         """
         return self.cached_result(
-            "slicing",
-            "member utilisation",
-            lambda: member_utilisation(self.preset, self.members, self.member_forces),
+            "slicing", "member utilisation", lambda: member_utilisation(self.preset, self.members, self.member_forces)
         )
 
     def frame_agreement(self) -> "list[FrameAgreement]":

@@ -197,11 +197,7 @@ def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
 
 
 def _asymmetric_share(
-    surface: Surface,
-    faces: Surface,
-    symmetry: Symmetry,
-    material: Callable[[Floats], Bools],
-    samples: int = 120_000,
+    surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools], samples: int = 120_000
 ) -> float:
     """Return the share of the area where material differs from its image, the largest over the group.
 

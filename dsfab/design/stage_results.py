@@ -38,6 +38,10 @@ class StageResults:
         result: T = self.results[name]
         return result
 
+    def replace(self, name: str, value: Any) -> None:
+        """Put a smaller value in place of a result, for example without what later stages do not need."""
+        self.results[name] = value
+
     def derived_value(self, stage: str, name: str, compute: Callable[[], T]) -> T:
         """Return a value that follows from the results up to `stage`, computed on first access."""
         return _computed_once(self.derived, stage, name, compute)

@@ -11,16 +11,13 @@ from dsfab.design import Design
 from dsfab.reproduction.renditions import Rendition
 from dsfab.surface import Surface, edge_table
 
-RINGS, SPOKES = 2, 4
-"""Least number of rings of a web, and of spokes that cross each."""
+RINGS, SPOKES = 2, 4  # Least number of rings of a web, and of spokes that cross each.
 
 
 @dataclass(frozen=True)
 class Web:
     """Rings of a family around a load, the innermost first, each with the number of crossing lines of the other family.
-
-    family : of the rings; '' without rings.
-    """
+    family : of the rings; '' without rings."""
 
     family: str = ""
     crossed: tuple[int, ...] = ()
@@ -101,8 +98,7 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return (n,) the loaded part of the surface inside the line z = level, if it is a disc without supports; else
-    None."""
+    """Return (n,) the loaded part of the surface inside the line z = level, if a disc without supports; else None."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -122,8 +118,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many middle lines of the other family cross the line ring = 0 that bounds a region. Each face counts
-    the whole numbers of z between the two ends of the line."""
+    """Return how many middle lines of the other family cross the line ring = 0: whole numbers of z between its ends."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -141,8 +136,7 @@ def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
 
 def _lines(surface: Surface, z: Floats) -> tuple[Ints, Ints]:
     """Return the faces that the line z = 0 crosses, with the number of each face's connected part."""
-    above = z >= 0
-    side = above[surface.F]
+    side = (z >= 0)[surface.F]
     faces = np.flatnonzero(side.any(axis=1) & ~side.all(axis=1))
     face_edges = surface.edges.of[faces]
     cut = side[faces] != np.roll(side[faces], -1, axis=1)
@@ -160,15 +154,11 @@ def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
     return reached
 
 
-ANGLE, EVENNESS = 60.0, 3.0
-"""Least crossing angle (degrees) of a grid's members, and largest P95 over P5 of their spacing."""
+ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle (degrees) of a grid, and largest P95 over P5 of its spacing.
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return the measured result for a claim (see `PaperFigure`) as a clause; '' without a claim or a design.
-
-    rendition : its stripes lie on modes.
-    """
+    """Return the result for a claim (`PaperFigure`) as a clause; '' without a claim or a design of `rendition`."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

@@ -108,13 +108,11 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
 }
 """Changes of the pattern on the same modes."""
 
-PAPER = 37
-"""Frames a second of the paper's editor, on a laptop of 2015."""
+PAPER = 37  # Frames a second of the paper's editor, on a laptop of 2015.
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:
-    """Draw one pattern with other numbers, and measure frames a second during the changes, as the paper does for
-    Bob."""
+    """Draw one pattern with other numbers; measure frames a second during changes, as the paper does for Bob."""
     title = "Frequency and thickness, edited"
     try:
         with previewer_of(design) as previewer:
@@ -143,8 +141,7 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return how often a change is drawn per second: by the median of all times but the first two, which prepare
-    buffers."""
+    """Return changes drawn per second, by the median of all times but the first two, which prepare buffers."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()
@@ -153,8 +150,7 @@ def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
     return 1 / median(taken[2:])
 
 
-RATIOS = (1.0, 10.0, 100.0)
-"""Compared values of the anisotropy."""
+RATIOS = (1.0, 10.0, 100.0)  # Compared values of the anisotropy.
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
@@ -208,8 +204,7 @@ def _anisotropy_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def _von_mises_comparison(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    value = mode_like_field(design.surface, design.statics.answers.stress.largest)
-    modes = Modes(np.zeros(1), value[:, None])
+    modes = Modes(np.zeros(1), mode_like_field(design.surface, design.statics.answers.stress.largest)[:, None])
     changed = with_overrides(design.preset, {"pattern.major.mode": 1, "pattern.minor.mode": 1})
     along = DiffusionResult(design.diffusion.tensors, modes, modes)
     stages: dict[str, Any] = {"surface": design.surface, "statics": design.statics, "pattern": design.pattern}

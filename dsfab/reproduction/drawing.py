@@ -10,11 +10,9 @@ from dsfab.render.light import LightQuality
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
-SMALL, LARGE = (560, 420), (1120, 840)
-"""Sizes (pixels) of the pictures of the steps and of the structure: twice their size on the page, for sharp screens."""
+SMALL, LARGE = (560, 420), (1120, 840)  # Sizes (pixels) of the pictures of steps and structure.
 
-LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))
-"""Light quality between that of a single picture and that of a sweep's pictures."""
+LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Between one picture's and a sweep's.
 
 VIEWS = {
     "pavilion": "25,35",
@@ -28,10 +26,8 @@ VIEWS = {
 }
 """Views of figures whose default view (see `dsfab.render.view`) hides their subject."""
 
-MARKS = ("loads", "supports", "person", "gradients")
-"""Marks beside a surface; only modes have gradients."""
-SCALE = {"pavilion": "tree"}
-"""Marks in place of a person, as in the paper."""
+MARKS = ("loads", "supports", "person", "gradients")  # Marks beside a surface; only modes have gradients.
+SCALE = {"pavilion": "tree"}  # Marks in place of a person, as in the paper.
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,8 +98,7 @@ def typical_slope(surface: Surface, value: Floats) -> float:
     return quantile(slope, surface.areas, 0.5)
 
 
-NEAR = 0.5
-"""A line ends at this distance from another line, over the distance of lines."""
+NEAR = 0.5  # A line ends at this distance from another line, over the distance of lines.
 
 End = Literal["boundary", "inside", "round"]
 
@@ -108,8 +107,7 @@ End = Literal["boundary", "inside", "round"]
 class StressLine:
     """points : (k, 3) metres, in order; a closed line repeats the first at its end.
     faces  : (k - 1,) the face of each segment.
-    loose  : number of ends inside the surface.
-    """
+    loose  : number of ends inside the surface."""
 
     points: Floats
     faces: tuple[int, ...]
@@ -134,8 +132,7 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
-    """Return lines along directions (m, 3), units up to sign, in clear faces (m,), about `apart` metres apart. Lines
-    shorter than `apart` are left out, but their place counts as taken."""
+    """Return lines along unit directions (m, 3), signless, in clear faces (m,), about `apart` m apart and longer."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
     distance = np.where(clear, np.inf, 0.0)
@@ -202,8 +199,7 @@ class _Walk:
         return index if distances[index] < NEAR * self.apart else None
 
     def _exit(self, face: int, p: Floats, t: Floats, entered: int) -> tuple[int, Floats]:
-        """Return the half-edge through which a ray leaves a face, and the point; -1 if it would leave through its
-        entry."""
+        """Return the half-edge through which a ray leaves a face, and the point; -1 if that is its entry."""
         corners = self.surface.V[self.surface.F[face]]
         outward = np.cross(np.roll(corners, -1, axis=0) - corners, self.surface.normals[face])
         speed = outward @ t

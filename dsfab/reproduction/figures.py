@@ -21,23 +21,16 @@ STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode",
 """Pictures of every figure beside its structure, in the order of the method."""
 
 
-RUNS = 3
-"""Number of runs whose median gives the seconds."""
+RUNS = 3  # Number of runs whose median gives the seconds.
 
-RENDITION_TITLES = {
-    "letter": "The paper to the letter",
-    "preset": "The preset",
-    "stripes": "dsfab's stripes",
-}
+RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset", "stripes": "dsfab's stripes"}
 """Titles of the renditions."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
     """A rendition of a figure, its picture, and the result for the paper's claim, or ''.
-
-    edge : metres, of its mesh; 0 without a design.
-    """
+    edge : metres, of its mesh; 0 without a design."""
 
     rendition: Rendition
     picture: PaperPicture
@@ -73,9 +66,7 @@ class FigurePictures:
 
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
     """Make a figure and write its pictures into `folder`; failed parts contain their errors.
-
-    coarser : factor on the preset's edges, which falls until the mesh has all details: quicker, and rougher.
-    """
+    coarser : factor on the preset's edges, which falls until the mesh has all details: quicker, and rougher."""
     try:
         design, coarser = coarsened_draft(load_preset(figure.preset), coarser)
         results = renditions(design)
@@ -108,11 +99,8 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
-    """Return a preset up to its pattern with edges `coarser` times as long, and the actual factor.
-
-    The factor falls by a fifth at a time, until the shape has its details and each load a vertex. Raises DsfabError if
-    the preset's own mesh fails as well.
-    """
+    """Return a preset up to its pattern, with edges `coarser` times as long, and the factor, which falls by fifths
+    until shape and loads have their vertices. Raises DsfabError if the preset's own mesh fails as well."""
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:

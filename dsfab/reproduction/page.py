@@ -20,8 +20,7 @@ from dsfab.reproduction.published import Parameters, Timings
 from dsfab.reproduction.renditions import Rendition
 from dsfab.reproduction.volumes import RIVALS
 
-Row = Mapping[str, Any]
-"""A row of sphere_volumes.json."""
+Row = Mapping[str, Any]  # A row of sphere_volumes.json.
 
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
@@ -54,8 +53,7 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """Return the ratio of stiffness of two rows, and its lower and upper bound; None if either does not carry its
-    loads."""
+    """Return the ratio of stiffness of two rows, and its bounds; None if either does not carry its loads."""
     if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own_row["compliance_J"]
@@ -199,8 +197,7 @@ def _bar(bar: ColourBar) -> str:
 
 PAGE_NAME = "index.html"
 
-TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")
-"""The columns of Table 2 in seconds."""
+TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")  # The columns of Table 2 in seconds.
 
 PARAMETERS = (
     ("&gamma;", "force magnitude"),
@@ -287,9 +284,7 @@ def _section(pictures: FigurePictures, coarser: float) -> str:
     )
     if pictures.error:
         return f"{head}{reason_paragraph(f'Not made: {pictures.error}')}</section>"
-    shown = [
-        picture_cell(picture, figure.preset, "large" if i == 0 else "") for i, picture in enumerate(pictures.shown)
-    ]
+    shown = [picture_cell(image, figure.preset, "large" if i == 0 else "") for i, image in enumerate(pictures.shown)]
     # after the structure and three pictures, so that families begin a row
     cells = "".join([*shown[:4], _facts(pictures, coarser), *shown[4:]])
     return f'{head}{rendition_section(pictures, coarser)}<div class="steps">{cells}</div>{_tables(pictures)}</section>'
@@ -383,9 +378,7 @@ PICTURE = re.compile(r'src="([\w.-]+\.(?:webp|svg))"')
 
 def small_page(text: str, folders: Sequence[Path]) -> str:
     """Return a page that contains its pictures, at half their width and height, without links to larger ones.
-
-    text : the page whose pictures lie in one of the `folders`.
-    """
+    text : the page whose pictures lie in one of the `folders`."""
     data_by_name: dict[str, str] = {}
 
     def inside(match: re.Match[str]) -> str:

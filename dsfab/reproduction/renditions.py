@@ -151,9 +151,7 @@ def measured_rendition(
 
 def _carried_share(design: Design) -> float:
     """Return the share of the loads on pieces with a support; nan without loads.
-
-    design : with its loose pieces. A load without material of its own stands on the nearest material.
-    """
+    design : with its loose pieces. A load without material of its own stands on the nearest material."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:

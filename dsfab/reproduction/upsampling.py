@@ -85,8 +85,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
     for stripes, x in families:
         levels, corners = stripes.levels(x), x[surface.F]
         below = np.searchsorted(levels, corners.max(axis=1))
-        up_to = np.searchsorted(levels, corners.min(axis=1), side="right")
-        count += np.maximum(below - up_to, 0)
+        count += np.maximum(below - np.searchsorted(levels, corners.min(axis=1), side="right"), 0)
     return count
 
 
@@ -101,8 +100,7 @@ def _divide(surface: Surface, families: Sequence[StripedField], crowded: Bools) 
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of the surface where the interpolated stripe value (n,) contradicts that of the interpolated
-    mode. Each triangle is sampled at `side` points along its side."""
+    """Return the share of area, by `side` samples a side, where stripes (n,) contradict the interpolated mode."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side

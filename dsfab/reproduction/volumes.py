@@ -11,14 +11,11 @@ from dsfab.report.compliance.figures import write_chart
 if TYPE_CHECKING:
     from dsfab.study.judges import Judge
 
-NAME = "sphere_volumes"
-"""Name of the files: .json, .svg and .png."""
+NAME = "sphere_volumes"  # Name of the files: .json, .svg and .png.
 
 PRESET = "sphere_graded"
-EDGE = 0.08
-"""Edge of its mesh in metres; the third verdict mesh of a finer mesh would exceed the memory."""
-MEMORY = 9e9
-"""Bytes that a verdict may take."""
+EDGE = 0.08  # Edge of its mesh in metres; the third verdict mesh of a finer mesh would exceed the memory.
+MEMORY = 9e9  # Bytes that a verdict may take.
 ON_MODES = {
     "pattern.method": "modes",
     "pattern.width": {"rule": "graded", "q": 1.0, "solid_fraction": 0.5},
@@ -34,10 +31,8 @@ ROW = {
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
 """Table 1's row of the sphere: no kept regions, plain widths, phase 0; but labelled by sign."""
-LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}
-"""The same row to the letter of the paper."""
-SHARES = (0.3, 0.5, 0.7)
-"""Kept shares of the surface; each takes a few minutes."""
+LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # The same row to the letter of the paper.
+SHARES = (0.3, 0.5, 0.7)  # Kept shares of the surface; each takes a few minutes.
 
 RIVALS = {
     "letter": "Table 1's row to the letter, labelled by magnitude",
@@ -67,10 +62,8 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
     for share in shares:
         progress("volumes", f"{share:.0%} of the sphere")
         competitors = compare_at(graded, share, ("isotropic", "thinner"), judge).record()["competitors"]
-        design_compliance = competitors[1]["compliance_J"]
-        rows += [
-            {"volume": share, **row} for row in (*competitors, *rival_rows(rivals, share, design_compliance, judge))
-        ]
+        compliance = competitors[1]["compliance_J"]
+        rows += [{"volume": share, **row} for row in (*competitors, *rival_rows(rivals, share, compliance, judge))]
     contents = {"preset": PRESET, "vertices": graded.surface.n, "competitors": rows}
     (folder / f"{NAME}.json").write_text(json.dumps(contents, indent=1) + "\n", encoding="utf-8")
     write_chart(rows, "Sphere held at one pole and pressed at the other", folder / NAME, RIVALS)
@@ -96,9 +89,7 @@ def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
     """Return the row of `compare_at` for each rival with this share of the surface.
-
-    design : compliance (J) of the reference design; None if it does not carry its loads.
-    """
+    design : compliance (J) of the reference design; None if it does not carry its loads."""
     from dsfab.study import compare_at
 
     rows = []

@@ -10,7 +10,6 @@ from dsfab.core.errors import DsfabError
 from dsfab.design import Design, sheet_loads
 from dsfab.design.mode_search import Trial
 from dsfab.preset.model import Preset
-from dsfab.results import Candidate
 from dsfab.statics import solve_for
 from dsfab.study.baselines import ComparisonTask, Structure, Variant
 from dsfab.study.baselines.structures import isotropic_stripes, isotropic_variants
@@ -74,12 +73,8 @@ class Competitor:
         """Compliance in joules; infinite if the loads are not carried."""
         return self.judgement.compliance if self.judgement else float("inf")
 
-    def _failure_columns(self) -> dict[str, Any]:
-        return {"verdict": "fail", "reason": self.error} if self.structure else {}
-
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return a table row of plain values in SI units, None for unknown values. full, design: compliance of both
-        (J)."""
+        """Return a table row of plain SI values, None for unknown ones. full, design: compliance of both (J)."""
         columns: dict[str, Any] = {
             "name": self.name,
             "variant": self.variant,
@@ -90,7 +85,8 @@ class Competitor:
             "ratio_to_full": _number(self.compliance / full),
             "ratio_to_design": _number(self.compliance / design) if np.isfinite(design) else None,
         }
-        judgement_columns = _judgement_columns(self.judgement) if self.judgement else self._failure_columns()
+        failure = {"verdict": "fail", "reason": self.error} if self.structure else {}
+        judgement_columns = _judgement_columns(self.judgement) if self.judgement else failure
         making_columns = {
             "pieces": self.pieces,
             "loose_share": self.loose,
@@ -208,8 +204,7 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return the alternatives of a design by the quickest sufficient solve; computed once per design. Raises DsfabError
-    if the design cannot be cut."""
+    """Return a design's alternatives, by the quickest sufficient solve, once. Raises DsfabError if it cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -246,11 +241,8 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare with a thinner sheet, by one solve each with the elements that rank.
-
-    If that leaves open which is stiffer, better elements solve both. Outside a plane, the thinner sheet then gets a
-    full check, because its mesh is coarse beside that of a cut sheet.
-    """
+    """Compare with a thinner sheet, by one solve each with elements that rank, or with better ones if that leaves it
+    open. Outside a plane the thinner sheet then gets a full check: its mesh is coarse beside that of a cut sheet."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     alternative = _alternative(
         "thinner", _ranked_compliance(task, structure), _judged_compliance(quick, task, thin), "one solve each"
@@ -282,7 +274,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     tried = [trial.candidate(pair, phases) for pair in blind.pairs]
     variants = zip(tried, isotropic_variants(task, blind), strict=True)
     stiffest = sorted(
-        (pair for pair in variants if not pair[0].refused), key=lambda pair: _compliance_times_share(pair[0])
+        (pair for pair in variants if not pair[0].refused), key=lambda pair: pair[0].compliance * pair[0].kept
     )
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
@@ -347,7 +339,3 @@ def _judged_compliance(judge: Judge, task: ComparisonTask, structure: Structure)
     except DsfabError as error:
         return _BoundedCompliance(np.inf, 0.0, error=str(error))
     return _BoundedCompliance(judgement.compliance, judgement.bound or 0.0)
-
-
-def _compliance_times_share(candidate: Candidate) -> float:
-    return candidate.compliance * candidate.kept

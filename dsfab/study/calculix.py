@@ -17,13 +17,11 @@ from dsfab.statics import Material
 from dsfab.study.check_model import held_nodes
 from dsfab.surface import LoadCase, Surface
 
-CCX = "ccx"
-"""Name of CalculiX's solver program."""
+CCX = "ccx"  # Name of CalculiX's solver program.
 
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
 
-Projection = Callable[[Floats], tuple[Floats, Floats]]
-"""Points near the middle surface (k, 3) -> points on it, metres, and unit normals there."""
+Projection = Callable[[Floats], tuple[Floats, Floats]]  # Points (k, 3) -> points on the middle surface, unit normals.
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +52,8 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
     # the normals define top and bottom: turn faces of the other orientation
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
-    F, edge_numbers = (
-        np.where(turned[:, None], F[:, ::-1], F),
-        np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of),
-    )
-    parts = [columns[F, 0], columns[F, 1], middles[edge_numbers, 0], middles[edge_numbers, 1], columns[F, 2]]
+    F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
+    parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
     return Wedges(nodes, np.concatenate(parts, axis=1), columns, middles)
 
 
@@ -110,16 +105,14 @@ def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
 
 
-THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)
-"""Shares of a force on a vertex for its nodes below, above and between."""
+THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # Shares of a force on a vertex for its nodes below, above and between.
 
 
 @dataclass(frozen=True, eq=False)
 class WedgeModel:
     """solid : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
     opposite : (r, 3) two nodes and a direction in which they move oppositely: the sheet may turn there.
-    force    : (p, 3) newtons.
-    """
+    force    : (p, 3) newtons."""
 
     solid: Wedges
     material: Material
@@ -139,8 +132,7 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
     across = normal[surface.edges.ends].sum(axis=1)
     normals = iter((normal, across / np.linalg.norm(across, axis=1, keepdims=True)))
     solid = wedges(surface, thickness, lambda points: (points, next(normals)))
-    held_directions = held_nodes(surface, {"HELD": load.fixed})["HELD"]
-    fixed, opposite = _supports(solid, surface, load, held_directions)
+    fixed, opposite = _supports(solid, surface, load, held_nodes(surface, {"HELD": load.fixed})["HELD"])
     force = np.zeros_like(solid.nodes)
     for column, share in zip(solid.columns.T, THICKNESS_SHARES, strict=True):
         np.add.at(force, column, share * load.force)
@@ -161,10 +153,8 @@ def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: 
     )
     edges = np.flatnonzero(load.clamped)
     stiff = np.unique(np.concatenate([solid.columns[surface.edges.ends[edges]].ravel(), solid.middles[edges].ravel()]))
-    clamped_directions = np.stack([np.repeat(stiff, 3), np.tile(np.arange(3), len(stiff))], axis=1)
-    return np.unique(np.concatenate([fixed, clamped_directions]), axis=0), pairs[
-        ~np.isin(pairs[:, :2], stiff).any(axis=1)
-    ]
+    clamped = np.stack([np.repeat(stiff, 3), np.tile(np.arange(3), len(stiff))], axis=1)
+    return np.unique(np.concatenate([fixed, clamped]), axis=0), pairs[~np.isin(pairs[:, :2], stiff).any(axis=1)]
 
 
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
@@ -174,10 +164,7 @@ TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class CcxFiles:
-    """Output of CalculiX so far: its console text, its results (.dat) and its attempts (.sta).
-
-    ended : True if the program ended by itself.
-    """
+    """Output of CalculiX so far: console text, .dat and .sta; ended : True if the program ended by itself."""
 
     said: str
     results: str
@@ -198,9 +185,7 @@ class CcxFiles:
 
     def failures(self) -> list[tuple[float, float]]:
         """Return the time before each failed attempt, and the step of time that it tried."""
-        return [
-            (float(start_time), float(step)) for failed, start_time, step in ATTEMPT.findall(self.attempts) if failed
-        ]
+        return [(float(start), float(step)) for failed, start, step in ATTEMPT.findall(self.attempts) if failed]
 
 
 def require_ccx() -> str:
@@ -222,11 +207,7 @@ def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] 
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
         with (folder / "said").open("wb") as output:
             process = subprocess.Popen(
-                [require_ccx(), "solid"],
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
+                [require_ccx(), "solid"], cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
             )
             try:
                 _wait(process, folder, seconds, enough)
@@ -263,8 +244,7 @@ FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
 class LoadPath:
     """load : (k,) factors on the loads, from 0 on.    u : (k, w, 3) metres, of the watched nodes.
     whole   : True if the last requested factor was reached.    late : True if the time ran out before.
-    failed  : (f, 2) of each attempt without equilibrium: its start point, and its increment of the factor.
-    """
+    failed  : (f, 2) of each attempt without equilibrium: its start point, and its increment of the factor."""
 
     load: Floats
     u: Floats
@@ -283,8 +263,7 @@ def _no_stop(path: LoadPath) -> int | None:
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
-    """Return the lowest linear buckling factor on the loads, and its shape (p, 3) in any size. Raises StaticsError if
-    CalculiX finds no buckling."""
+    """Return the lowest linear buckling factor and its shape (p, 3), any size. Raises StaticsError for none."""
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:

@@ -54,11 +54,8 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return the held directions (n + e, 3) of all nodes by support, from those of the vertices (n, 3).
-
-    Middles follow dsfab's held edges (`held_middles` of all supports together). A middle between two supports belongs
-    to the first support that holds an end.
-    """
+    """Return the held directions (n + e, 3) of all nodes by support, from those of vertices (n, 3). Middles follow
+    dsfab's `held_middles`; a middle between two supports belongs to the first support that holds an end."""
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}
@@ -206,18 +203,16 @@ def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
 def _mode_lines(preset: Preset, setting: LoadedSurface, material: Sheet, progress: Progress | None) -> list[str]:
     if not (request := preset.statics.analyses).modes:
         return []
-    intervals = mode_intervals(setting, material, request, BUDGET, progress)
+    modes = mode_intervals(setting, material, request, BUDGET, progress)
     lines = [
         f"Lowest factor of linear buckling, {name}: {_ascii_estimate(estimate)}"
-        for name, estimate in intervals.buckling.items()
+        for name, estimate in modes.buckling.items()
     ]
-    lines += [f"Lowest natural frequency: {_ascii_estimate(intervals.hertz, 'Hz')}"] if intervals.hertz else []
+    lines += [f"Lowest natural frequency: {_ascii_estimate(modes.hertz, 'Hz')}"] if modes.hertz else []
     if lines:
-        assumed = f"; {intervals.assumed}" if intervals.assumed else ""
-        lines.append(
-            f"Both are of {len(intervals.levels)} meshes, extrapolated{assumed}: no step of this file finds them"
-        )
-    return [*lines, *intervals.refusals]
+        assumed = f"; {modes.assumed}" if modes.assumed else ""
+        lines.append(f"Both are of {len(modes.levels)} meshes, extrapolated{assumed}: no step of this file finds them")
+    return [*lines, *modes.refusals]
 
 
 def _ascii_estimate(estimate: ModeEstimate, unit: str = "") -> str:

@@ -29,8 +29,7 @@ from dsfab.study.baselines.structures import striped_structure
 from dsfab.study.judges import Judge, Judgement, full, quick
 from dsfab.study.verdict import BUDGET
 
-NameReport = Callable[[str], None]
-"""Function that receives the name of the next competitor."""
+NameReport = Callable[[str], None]  # Function that receives the name of the next competitor.
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,9 +53,7 @@ class Comparison:
     def alternatives(self) -> tuple[Alternative, ...]:
         """A thinner sheet and isotropic stripes, as judged rivals, or else from `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
-        return judged + tuple(
-            alternative for alternative in self.looked_at if alternative.name not in {two.name for two in judged}
-        )
+        return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
         """Return the comparison with a quick look at the alternatives that are not competitors."""
@@ -74,8 +71,7 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return the compliance of a competitor over the design's: above 1 the design is stiffer; nan if neither
-        carries."""
+        """Return a competitor's compliance over the design's: above 1 the design is stiffer; nan if neither carries."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         return (
             rival / design_compliance if np.isfinite(design_compliance) else 0.0 if np.isfinite(rival) else float("nan")
@@ -148,11 +144,8 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare with `share` of the surface for every sheet; the design's widths are scaled to it.
-
-    If the design does not carry its loads then, the comparison holds the error. Raises DsfabError for unknown names and
-    for a share that is not between 0 and 1.
-    """
+    """Compare with `share` of the surface for every sheet, the design's widths scaled to it; a design that does not
+    carry its loads then becomes an error. Raises DsfabError for unknown names and for a share not between 0 and 1."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
@@ -182,10 +175,8 @@ def _comparison(
             entered.append(Competitor(name, error=str(error), seconds=time.perf_counter() - start))
             continue
         late = time.perf_counter() - start
-        competitor = _competitor(task, name, variants, judges[1])
-        entered.append(
-            replace(competitor, seconds_made=competitor.seconds_made + late, seconds=competitor.seconds + late)
-        )
+        rival = _competitor(task, name, variants, judges[1])
+        entered.append(replace(rival, seconds_made=rival.seconds_made + late, seconds=rival.seconds + late))
     return Comparison(task.preset.name, task, full, design, tuple(entered))
 
 
@@ -237,18 +228,11 @@ def _with_measures(task: ComparisonTask, entered: Competitor, structure: Structu
 def _smallest_member(structure: Structure) -> float | None:
     if structure.cells is structure.sheet:  # an uncut sheet has no members
         return None
-    kept_material = kept_cells(structure.cells, structure.sheet)
-    member = features(structure.cells, kept_material, structure.names).member
+    member = features(structure.cells, kept_cells(structure.cells, structure.sheet), structure.names).member
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}
-"""Seconds of a full check per triangle of the cut mesh, in the plane and bent, measured on two meshes."""
-
-
-def seconds_needed(triangles: int, plane: bool) -> float:
-    """Estimate the seconds of a full check on one core; a third mesh takes four times as long."""
-    return SECONDS_PER_TRIANGLE[plane] * triangles
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # Of a full check, in the plane and bent, as measured.
 
 
 Level = Literal["quick", "full"]
@@ -269,9 +253,7 @@ class Checks:
 
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the judge of a depth: quick, full, or whole (full for whole sheets, quick for cut sheets).
-
-        One solve is far off on the coarse meshes of whole sheets.    every : whether to judge all cases.
-        """
+        One solve is far off on the coarse meshes of whole sheets.    every : whether to judge all cases."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
         if depth == "full":
@@ -310,7 +292,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
         whole_sheets = 1 + ("thinner" in names)
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
-        seconds = seconds_needed(triangles, plane)
+        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core; a third mesh takes four times as long
         if seconds > 60:
             reason = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
@@ -320,9 +302,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
     """Return `full` for comparisons at many shares of one surface; whole sheets of equal thickness are judged once.
-
-    memory : bytes that the solver may take.
-    """
+    memory : bytes that the solver may take."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
 

@@ -40,9 +40,7 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A piece of the sheet: m2, the entries of surface.support and surface.load that act on it (counted from 1), their
-    names.
-    """
+    """A piece of the sheet: m2, the acting entries of surface.support and surface.load (from 1), their names."""
 
     area: float
     supports: tuple[int, ...]
@@ -118,9 +116,7 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
     """Raise PatternError for `refusals`, unless the preset accepts them (`fabrication.accept`).
-
-    measure : whether to measure a workshop design if `measured` is None.
-    """
+    measure : whether to measure a workshop design if `measured` is None."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
@@ -164,18 +160,12 @@ def _piece_contacts(design: Design) -> tuple[PieceContacts, ...]:
 def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
     surface = design.surface
     is_touched = design.sheet.vertices_between(surface, picker.vertices(surface), edges_of(picker, surface))
-    faces = is_touched[design.sheet.surface.F].any(axis=1)
-    return [int(k) for k in np.unique(label[faces])]
+    return [int(k) for k in np.unique(label[is_touched[design.sheet.surface.F].any(axis=1)])]
 
 
-ATTEMPTS = 8
-"""Limit on the number of changes; each change measures the whole design."""
-
-MARGIN = 1.02
-"""Factor on a limit for the requested width, because slicing moves lines slightly."""
-
-COARSER, COARSEST = 0.85, 0.6
-"""Largest and smallest factor on frequencies if no width helps."""
+ATTEMPTS = 8  # Limit on the number of changes; each change measures the whole design.
+MARGIN = 1.02  # Factor on a limit for the requested width, because slicing moves lines slightly.
+COARSER, COARSEST = 0.85, 0.6  # Largest and smallest factor on frequencies if no width helps.
 
 
 @dataclass(frozen=True, eq=False)

@@ -93,8 +93,7 @@ class Judgement:
         return max(extremes, key=lambda extreme: extreme.settled)
 
 
-Judge = Callable[[ComparisonTask, Structure], Judgement]
-"""Function that judges a structure. It raises DsfabError if the structure does not carry its loads."""
+Judge = Callable[[ComparisonTask, Structure], Judgement]  # Raises DsfabError for loads that are not carried.
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +109,7 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
     """Solve each load that the pattern follows (`every`: each case and combination) on a structure's sheet. Raises
     StaticsError if the structure does not carry its loads; a concentrated load on a loose piece is not carried."""
     statics, surface = task.preset.statics, structure.sheet.surface
-    uncut_loads = task.loads_on(structure, every)
-    loads = sheet_loads(task.surface, structure.material, structure.sheet, uncut_loads)
+    loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure, every))
     sheet = statics.sheet(structure.thickness).model_for(surface)
     answers = solve_for(sheet, loads, "displacement")
     return {
@@ -134,22 +132,16 @@ def quick(
 
     Raises StaticsError as `solved_loads` does.
     """
-    answered_loads = solved_loads(task, structure, every)
+    answers = solved_loads(task, structure, every)
     cases = {
-        name: _case_response(task, structure, answered, ask or ResultRequest())
-        for name, answered in answered_loads.items()
+        name: _case_response(task, structure, answered, ask or ResultRequest()) for name, answered in answers.items()
     }
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
-    typical, largest_error = estimates.QUICK_ERRORS
-    text = (
-        f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {largest_error:.0%}: no verdict"
-    )
+    typical, largest = estimates.QUICK_ERRORS
+    text = f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {largest:.0%}: no verdict"
     if structure.cells is structure.sheet and not task.is_plane:
-        largest_error, text = (
-            0.5,
-            "one solve on the mesh of a whole sheet: an error of a third was seen, none is ruled out",
-        )
-    return Judgement(total, cases, bound=largest_error, reason=text)
+        largest, text = (0.5, "one solve on the mesh of a whole sheet: an error of a third was seen, none is ruled out")
+    return Judgement(total, cases, bound=largest, reason=text)
 
 
 def _case_response(
@@ -203,8 +195,7 @@ def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
 def _modes(
     task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, request: ResultRequest
 ) -> tuple[float | None, float | None, tuple[str, ...], str]:
-    statics = task.preset.statics
-    sheet = statics.sheet(structure.thickness).model_for(structure.sheet.surface)
+    sheet = task.preset.statics.sheet(structure.thickness).model_for(structure.sheet.surface)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
     if not request.modes:
         return None, None, (), ""
@@ -252,9 +243,7 @@ def full(
         text = f"it carries what its pattern follows, but not every load case: {error}"
         return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=text)
     statics = task.preset.statics
-    sheet_material = statics.sheet(structure.thickness)
-    loads = task.loads_on(structure, every)
-    setting = LoadedSurface(task.surface, sheet_material, loads)
+    setting = LoadedSurface(task.surface, statics.sheet(structure.thickness), task.loads_on(structure, every))
     checked = check(setting, structure.material, "full", budget, progress, structure.cells)
     if checked.status == "fail":
         raise StaticsError(checked.reason)

@@ -10,8 +10,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.preset.file import parse_override
 from dsfab.preset.model import STAGES
 
-Values = dict[str, list[Any]]
-"""Dotted keys and their values."""
+Values = dict[str, list[Any]]  # Dotted keys and their values.
 
 
 def parse_variations(texts: Sequence[str]) -> Values:

@@ -9,8 +9,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, adjacency, edge_table, manifold_faults, misoriented_edges, next_half_edge
 
-CREASE = 30.0
-"""Degrees between the normals of two faces from which their edge is a crease."""
+CREASE = 30.0  # Degrees between the normals of two faces from which their edge is a crease.
 
 
 def feature_edges(surface: Surface) -> Bools:
@@ -33,8 +32,7 @@ def sharp_edges(surface: Surface) -> Bools:
     return marks
 
 
-LARGEST = 4_000_000
-"""Largest number of triangles; more are refused before dsfab creates them."""
+LARGEST = 4_000_000  # Largest number of triangles; more are refused before dsfab creates them.
 
 
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
@@ -160,8 +158,7 @@ def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
     """
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
-    common = np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel()
-    return np.asarray(common == edges.count[chosen])
+    return np.asarray(np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel() == edges.count[chosen])
 
 
 def contracted_faces(F: Ints, onto: Ints) -> Ints:
@@ -194,8 +191,7 @@ def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = 
     return np.asarray((least_rank[touched] >= rank[:, None]).all(axis=1))
 
 
-LEAST_ANGLE_GAIN = 1.0
-"""Smallest gain, degrees, of the smallest angle of two faces."""
+LEAST_ANGLE_GAIN = 1.0  # Smallest gain, degrees, of the smallest angle of two faces.
 
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
@@ -222,10 +218,8 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
     h = edges.pairs
     quad = quads(F, h)
     a, b, c, d = quad.T
-    is_candidate = (
-        (F.ravel()[h[:, 1]] == b) & ~np.isin(_keys(surface.n, a, b), stays) & (may[a] | may[b] | may[c] | may[d])
-    )
-    h, quad = h[is_candidate], quad[is_candidate]
+    may_flip = (F.ravel()[h[:, 1]] == b) & ~np.isin(_keys(surface.n, a, b), stays) & (may[a] | may[b] | may[c] | may[d])
+    h, quad = h[may_flip], quad[may_flip]
     a, b, c, d = quad.T
     gain = np.minimum(_smallest_angle(V, d, c, a), _smallest_angle(V, c, d, b))
     gain -= np.minimum(_smallest_angle(V, a, b, c), _smallest_angle(V, b, a, d))
@@ -249,8 +243,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Return the quads (k, 4) with faces (k, 2) that may have the edge c-d instead of a-b. It must be a new edge within
-    `tolerance` of the faces, and neither face may turn over."""
+    """Return quads (k, 4) whose faces (k, 2) may have edge c-d for a-b: new, within `tolerance`, no face turns over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

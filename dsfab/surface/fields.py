@@ -27,8 +27,7 @@ def hat_gradients(surface: Surface) -> Floats:
 
 
 def tangents(surface: Surface) -> Floats:
-    """Return an orthonormal frame (m, 2, 3) of each face's plane: the first edge's direction, and normal x that
-    direction."""
+    """Return an orthonormal frame (m, 2, 3) of each face's plane: the first edge's direction, and normal x it."""
     edge = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
     t1 = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
@@ -45,9 +44,7 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
     """Return the sparse sum (n, n) of the face blocks (m, 3, 3); row and column i of a block belong to corner i.
-
-    diagonal : (n,) added to it. All matrices with a diagonal have the same pattern, because zeros stay entries.
-    """
+    diagonal : (n,) added to it. All matrices with a diagonal have the same pattern, because zeros stay entries."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()
@@ -141,8 +138,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 class _Nodes(NamedTuple):
     """Crossings of levels and edges: those of edge e are offset[e] + 0, 1, ... for the levels begin[e], begin[e] +
-    1, ...
-    """
+    1, ..."""
 
     offset: Ints
     begin: Ints
@@ -186,9 +182,8 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links one - two (k,) between `count` nodes, at most two at each, to chains: their nodes and their links,
-    (c,). Open chains come first, each from its end with the lower number; closed chains repeat their first node at the
-    end."""
+    """Join links one - two (k,) between `count` nodes, at most two at each, to chains: their nodes and links, (c,).
+    Open ones come first, each from its end with the lower number; closed ones repeat their first node at the end."""
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -309,7 +304,6 @@ class DividedSurface:
 
     def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
         """Divide marked edges (e',), and the longest edge of each affected face, which keeps angles from shrinking.
-
         positions : (e',) of the new vertices, 0 at the first end of each edge, 1 at its second; by default the middle.
         """
         surface = self.surface
@@ -339,8 +333,7 @@ class DividedSurface:
         vertices, edges = np.zeros(self.surface.n, dtype=bool), np.zeros(len(part_edges.ends), dtype=bool)
         vertices[:n] = origins.vertices
         uncut = np.flatnonzero(part_edges.ends[:, 1] < n)
-        positions = np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))
-        edges[uncut] = origins.edges[positions]
+        edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
         is_on_side = (corners == 0) & (
@@ -356,10 +349,7 @@ class DividedSurface:
 
 
 def _interpolation(ends: Ints, positions: Floats, n: int) -> csr_array:
-    """Return the matrix (k, n) from values at n vertices to values on edges with ends (k, 2).
-
-    positions : (k,) from 0 at the first end to 1 at the second.
-    """
+    """Return the matrix (k, n) from values at n vertices to places on edges (k, 2); positions : (k,), 0 to 1."""
     rows = np.repeat(np.arange(len(ends)), 2)
     return csr_array((np.stack([1 - positions, positions], axis=1).ravel(), (rows, ends.ravel())), shape=(len(ends), n))
 

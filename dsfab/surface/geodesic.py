@@ -16,16 +16,13 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import next_half_edge
 
-SLACK = 1e-10
-"""Rounding, as a share of the compared lengths, areas and angles."""
+SLACK = 1e-10  # Rounding, as a share of the compared lengths, areas and angles.
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
     """Parts of edges that sources see, in the plane of each source, as arrays that are processed together.
-
-    names  : (k, 5) columns `edge` to `parallel`.    values : (k, 7) columns `at_a` to `offset`.
-    """
+    names  : (k, 5) columns `edge` to `parallel`.    values : (k, 7) columns `at_a` to `offset`."""
 
     names: Ints
     values: Floats
@@ -35,8 +32,7 @@ class Windows:
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
         """Return windows from five names (k,) each, ends A and B (k, 2), metres, and start, end and offset (k,)."""
-        numbers = np.stack([*A.T, *B.T, start, end, offset], axis=1)
-        return cls(np.stack(names, axis=1), numbers)
+        return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
     def edge(self) -> Ints:
@@ -148,10 +144,7 @@ def dot2(a: Floats, b: Floats) -> Floats:
 
 
 class Origins(NamedTuple):
-    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,).
-
-    The edges of a marked face are marked too, and the ends of a marked edge.
-    """
+    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,), with edges of faces and ends of edges."""
 
     vertices: Bools
     edges: Bools
@@ -196,8 +189,7 @@ class _Bends(NamedTuple):
 
     @classmethod
     def from_origins(cls, origins: Origins) -> "_Bends":
-        """Return the origins as sources; `_Front.vertex_windows` leaves out rays that are nearest to an edge among the
-        origins."""
+        """Return the origins as sources; `_Front.vertex_windows` leaves out rays nearest to an edge of them."""
         vertex = np.flatnonzero(origins.vertices)
         none = np.full((len(vertex), 2), -1)
         return cls(vertex, np.zeros(len(vertex)), none, np.full(none.shape, np.inf), np.pi / 2)
@@ -278,16 +270,13 @@ class _Front:
         i, half, face = i[is_behind], half[is_behind], face[is_behind]
         self.reached[face[is_near[i]]] = True
         w, ahead, back = w.select(i), next_half_edge(half, 1), next_half_edge(half, 2)
-        same_direction = self.F.ravel()[half] == w.a
+        alike = self.F.ravel()[half] == w.a
         c, edge_of = self.F.ravel()[back], self.edges.of.ravel()
         along, high = self.third[half].T
         AB = w.at_b - w.at_a
         across = np.stack([-AB[:, 1], AB[:, 0]], axis=1)
-        C = w.at_a + np.where(same_direction, along, 1 - along)[:, None] * AB + high[:, None] * across
-        edges = (
-            np.where(same_direction, edge_of[back], edge_of[ahead]),
-            np.where(same_direction, edge_of[ahead], edge_of[back]),
-        )
+        C = w.at_a + np.where(alike, along, 1 - along)[:, None] * AB + high[:, None] * across
+        edges = (np.where(alike, edge_of[back], edge_of[ahead]), np.where(alike, edge_of[ahead], edge_of[back]))
         corners = np.stack([C, w.at_a, w.at_b])
         (start_side, a0, b0), (end_side, a1, b1) = w.left_offset(w.start, corners), w.left_offset(w.end, corners)
         start, end = zero_share(a0, start_side), np.where(end_side < 0, zero_share(a1, end_side), 1.0)
@@ -305,8 +294,7 @@ class _Front:
         return [start_windows, end_windows]
 
     def _note_middles(self, w: Windows) -> None:
-        shown = (w.start <= 0.5 + SLACK) & (w.end >= 0.5 - SLACK)
-        w = w.select(shown)
+        w = w.select((w.start <= 0.5 + SLACK) & (w.end >= 0.5 - SLACK))
         np.minimum.at(self.middle, w.edge, w.distance((w.at_a + w.at_b) / 2))
 
     def _arrive(self, w: Windows, C: Floats, c: Ints, edges: Ints) -> None:

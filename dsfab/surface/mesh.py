@@ -37,8 +37,7 @@ def signed_volume(V: Floats, F: Ints) -> float:
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """Return the signed volume (count,) of each closed shell; `shell` (m,) is the shell of each face; negative for
-    voids."""
+    """Return the signed volume (count,) of each closed shell, negative for voids; `shell` (m,) is that of each face."""
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 
@@ -56,8 +55,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
     """Yield blocks of faces: their slice, first corners from the middle of the box (3, k), twice their area vectors
-    (3, k).
-    """
+    (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -99,8 +97,7 @@ def weights_at(places: Floats, V: Floats, corners: Ints) -> Floats:
     return np.asarray(igl.barycentric_coordinates(places, *(np.ascontiguousarray(V[corners[:, i]]) for i in range(3))))
 
 
-ZERO_AREA = 1e-20
-"""Share of the squared size below which a face counts as collapsed."""
+ZERO_AREA = 1e-20  # Share of the squared size below which a face counts as collapsed.
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +160,7 @@ class Surface:
 
     @classmethod
     def of(cls, mesh: Any, unit: str | None = None) -> "Surface":
-        """Return a surface from a mesh of trimesh, pyvista, compas and others; see
-        `dsfab.surface.files.other_libraries`."""
+        """Return a surface from a mesh of trimesh, pyvista, compas and others; see `surface.files.other_libraries`."""
         from dsfab.surface.files.other_libraries import surface_of
 
         return surface_of(mesh, unit)
@@ -262,8 +258,7 @@ class Surface:
     @cached_property
     def loops(self) -> list[Ints]:
         """Boundary loops as vertex indices (k,), longest first (in metres)."""
-        loops = boundary_loops(self.F, self.edges)
-        return sorted(loops, key=lambda loop: -polygon_perimeter(self.V[loop]))
+        return sorted(boundary_loops(self.F, self.edges), key=lambda loop: -polygon_perimeter(self.V[loop]))
 
     @cached_property
     def vertex_areas(self) -> Floats:

@@ -11,8 +11,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, half_edges, misoriented_edges, next_half_edge
 
-Up = Literal["x", "y", "z", "-x", "-y", "-z"]
-"""Axis of a file that points to the sky."""
+Up = Literal["x", "y", "z", "-x", "-y", "-z"]  # Axis of a file that points to the sky.
 
 _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "z": ((0, 1, 2), (1, 1, 1)),

@@ -8,8 +8,7 @@ from scipy.sparse import coo_array, csr_array
 
 from dsfab.core.arrays import Bools, Ints, complement, first_few
 
-LONGEST_WALK = 100
-"""Largest number of steps around a vertex; each step visits all vertices whose walk has not ended."""
+LONGEST_WALK = 100  # Largest number of steps around a vertex; each step visits all vertices whose walk has not ended.
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +90,8 @@ def _counted_order(keys: Ints, count: int) -> Ints:
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
-    """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first.
-    Faces that meet in a vertex only belong to different pieces: such a contact carries no moment and cannot be
-    built."""
+    """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first. A
+    contact in a vertex connects no pieces: it carries no moment and cannot be built."""
     face = edges.order // 3
     is_shared = np.diff(edges.of.ravel()[edges.order]) == 0
     count, label = link_components(len(F), face[:-1][is_shared], face[1:][is_shared])
@@ -167,8 +165,7 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
-    """Return the vertices (k,) where the sheet F (m, 3) touches itself in a point: their faces form more than one
-    fan."""
+    """Return the vertices (k,) where the sheet F (m, 3) touches itself in a point: more than one fan of faces."""
     if _walks_meet_all_corners(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
@@ -240,8 +237,7 @@ def euler_characteristic(F: Ints, edges: EdgeTable) -> int:
 
 def duplicate_faces(F: Ints) -> Ints:
     """Return the faces (k,) of F (m, 3) that join the same three vertices as an earlier face, in either orientation."""
-    seen = np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1]
-    return complement(seen, len(F))
+    return complement(np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1], len(F))
 
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
@@ -267,8 +263,7 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
-    """Return the reasons, a sentence each, why faces F (m, 3) on n vertices are no oriented manifold; empty for a
-    manifold."""
+    """Return the reasons, a sentence each, why faces F (m, 3) on n vertices are no oriented manifold."""
     crowded = np.flatnonzero(edges.count > 2)
     opposed = misoriented_edges(F, edges)
     twice = duplicate_faces(F)
@@ -277,10 +272,7 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
     faults = (
         (crowded, f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)})"),
         (twice, f"{len(twice)} faces repeat an earlier face (first: {first_few(twice)})"),
-        (
-            opposed,
-            f"{len(opposed)} edges have faces of opposite sides (first: {named_edges(opposed, edges)}){note}",
-        ),
+        (opposed, f"{len(opposed)} edges have faces of opposite sides (first: {named_edges(opposed, edges)}){note}"),
         (
             touching,
             f"{len(touching)} vertices are pinches, where parts touch in a point (first: {first_few(touching)})",
@@ -322,12 +314,10 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """Return the edges (e, ...) with both ends marked (n, ...). An inner edge between two boundary vertices does not
-    count, because its marks belong to the boundary. Exception: it is a side of a face whose corners are all marked,
-    unless that face has two free edges (an ear of the mesh)."""
+    """Return the edges (e, ...) with both ends marked (n, ...); not an inner edge between boundary vertices, unless it
+    is a side of a face whose corners are all marked and that has fewer than two free edges (is no ear)."""
     is_spanned = marks[edges.ends].all(axis=1)
-    rim = on_boundary(edges, len(marks))
-    chord = rim[edges.ends].all(axis=1) & ~edges.boundary
+    chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)
     ears = edges.boundary[edges.of].sum(axis=1) > 1
     for k in range(3):
@@ -336,8 +326,7 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 
 def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """Return vertices (p,) and the neighbours (p,) whose mean they may move to; boundary vertices only move along
-    it."""
+    """Return vertices (p,) and neighbours (p,) whose mean they may move to; boundary vertices move along it."""
     i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

@@ -37,11 +37,9 @@ __all__ = [
 
 FAMILIES = (plates, beams, plane, shells, vessels, vibrations, stability, cut_sheets)
 
-TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}
-"""Every test by its name."""
+TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # Every test by its name.
 
-PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
-"""Default pairs: those of reported values, and two for comparison."""
+PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)  # Default pairs: two for comparison.
 
 
 def choose(names: Sequence[str]) -> list[Test]:
@@ -58,9 +56,7 @@ def choose(names: Sequence[str]) -> list[Test]:
 
 
 def verify(
-    tests: Sequence[Test],
-    pairs: Sequence[Elements] = PAIRS,
-    progress: Callable[[str, str], None] | None = None,
+    tests: Sequence[Test], pairs: Sequence[Elements] = PAIRS, progress: Callable[[str, str], None] | None = None
 ) -> Iterator[VerificationRow]:
     """Yield the rows of all tests, patterns and pairs, and of other programs, series by series."""
     for test in tests:

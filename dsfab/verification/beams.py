@@ -29,9 +29,7 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 def lean(station: Floats, shape: Shape) -> Floats:
     """Return the offset of a cross line's top at stations (k,) from 0 to 6; the end lines are upright.
-
-    Trapezoids: inner lines lean to and fro.  Parallelograms: all lean the same way.
-    """
+    Trapezoids: inner lines lean to and fro.  Parallelograms: all lean the same way."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -74,8 +72,7 @@ def bent_strip_tip(slenderness: float) -> float:
 
 
 def raasch_hook(cells: int, mesh: Mesh) -> Problem:
-    """Return a strip 20 wide and 2 thick, bent by 60 degrees at radius 14, then back by 150 degrees at radius 46. Its
-    end is pushed sideways, along its own width."""
+    """Return a strip 20 x 2, bent by 60 degrees at radius 14, back by 150 at 46, its end pushed along its width."""
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
     first_arc = np.minimum(turn, np.pi / 3)
@@ -93,8 +90,7 @@ EDGES_OF_STRIP = 0.63 * 2 / 20
 """Loss of a strip's torsional stiffness b t^3 / 3 by its edges, (1 - .63 t / b) by de Saint Venant, for width b and
 thickness t. It is shear across the thickness, which no theory of thin sheets has."""
 
-IN_TORSION = 0.9899
-"""Share of torsion in the work of the hook as a curved beam; the rest is bending and shear along its width."""
+IN_TORSION = 0.9899  # Share of torsion in the work of the hook as a curved beam; the rest is bending and shear.
 
 
 STRIP = (
@@ -113,9 +109,7 @@ def _curved_strip() -> float:
 
 def _curved_plane() -> float:
     """Movement of a quarter ring's free end along a unit shear force, in plane stress, in closed form:
-
-    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]
-    """
+    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]"""
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
     squares = a**2 + b**2
     return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))

@@ -11,13 +11,10 @@ from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_dire
 
 CONCRETE = Material(33e9, 0.2, 2500.0)
 THICKNESS = 0.05
-RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2
-"""Metres, and the angle of the vault."""
+RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Metres, and the angle of the vault.
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-COARSE = 12
-"""Cells around the vault before the cut; finer meshes halve the edges of this mesh, so that the structure stays the
-same."""
+COARSE = 12  # Cells around the vault before the cut; finer meshes halve its edges, so that the cut stays.
 
 
 def vault(cells: int) -> Surface:
@@ -51,13 +48,11 @@ def halved_on_cylinder(surface: Surface) -> Surface:
 
 def feet(surface: Surface) -> Bools:
     """Return (n,) vertices on the two springing lines."""
-    turn = np.arctan2(surface.V[:, 0], surface.V[:, 2])
-    return is_at(np.abs(turn), OPENING / 2)
+    return is_at(np.abs(np.arctan2(surface.V[:, 0], surface.V[:, 2])), OPENING / 2)
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
-    """Return the vault as a thin sheet, built in at both springing lines, under its own weight; the value is in
-    joules."""
+    """Return the vault as a thin sheet, built in at both springings, under its own weight; the value is in joules."""
     surface = vault(cells)
     where = feet(surface)
     return Problem(

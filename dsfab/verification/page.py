@@ -31,13 +31,11 @@ COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
 
-INK, FAINT = "#010203", "#040506"
-"""Colours in matplotlib's output that the page replaces by `currentColor` and its `--faint`."""
+INK, FAINT = "#010203", "#040506"  # Colours that the page replaces by `currentColor` and its `--faint`.
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Plot the error in percent over the number of unknowns: a line for each pair and pattern, marks for published
-    values."""
+    """Plot the error in percent over unknowns: a line for each pair and pattern, marks for published values."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):
@@ -160,11 +158,9 @@ def _svg(figure: "Figure", title: str) -> str:
     return svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1).strip()
 
 
-WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
-"""Verdicts; the first that occurs stands for all patterns."""
+WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")  # The first stands for all patterns.
 
-PAIR = str(elements_of("displacement"))
-"""The pair of targets and published values."""
+PAIR = str(elements_of("displacement"))  # The pair of targets and published values.
 
 STYLE = """
 :root { --faint: rgb(138, 134, 128); }

@@ -29,8 +29,7 @@ def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> 
     """Return (m, 3 corners, 3, 3) membrane stress in plane stress, Pa, tangent to each face. It is linear on each face,
     as in `quadratic` and `hybrid` membranes; with constant strain all corners are equal."""
     strain = membrane_strains(surface, answer)
-    stress = membrane_stresses(surface, material, "plane_stress", answer.elements, strain)
-    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    xx, yy, xy = np.moveaxis(membrane_stresses(surface, material, "plane_stress", answer.elements, strain), -1, 0)
     planar = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
     t = tangents(surface)
     return np.asarray(np.einsum("mai,mcab,mbj->mcij", t, planar, t))
@@ -45,8 +44,7 @@ STEEL = Material(210e9, 0.3)
 
 
 def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
-    """Return a square metre, 10 mm thick, under 1 kN/m of tension or shear on its sides; the value is a side's
-    movement."""
+    """Return a square metre, 10 mm thick, under 1 kN/m of tension or shear; the value is a side's movement."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     left, right, bottom, top = (is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0))
@@ -84,11 +82,8 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet under a unit tension along x.
-
-    Its outer edge carries the tractions of Kirsch's solution, so the cut-off causes no error. The value is the stress
-    along the edge of the hole, where it is three times the tension.
-    """
+    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x, cut off by
+    Kirsch's own tractions. The value is the stress along the hole's edge where it is three times the tension."""
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
@@ -107,9 +102,7 @@ def kirsch_stress(x: Floats, y: Floats) -> Floats:
 
 def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:
     """NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled outwards by 10 MPa on its outer edge.
-
-    The value is the stress along the inner edge at the end of its long axis, Pa.
-    """
+    The value is the stress along the inner edge at the end of its long axis, Pa."""
     uv, F = square(cells, cells, mesh)
     turn, out = np.pi / 2 * uv[:, 0], uv[:, 1]
     V = np.stack([(2 + 1.25 * out) * np.cos(turn), (1 + 1.75 * out) * np.sin(turn), 0 * out], axis=1)
@@ -152,8 +145,7 @@ def quarter(
 
 
 def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Return (e, 3) mean of stress . n on marked edges, n pointing away from the origin, by four Gauss points; else
-    0."""
+    """Return (e, 3) mean of stress . n on marked edges, n away from the origin, by four Gauss points; else 0."""
     ends = surface.V[surface.edges.ends[marked], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

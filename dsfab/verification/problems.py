@@ -25,8 +25,7 @@ Mesh = Literal["diagonal", "union_jack", "jittered"]
 MESHES: tuple[Mesh, ...] = ("diagonal", "union_jack", "jittered")
 """Squares halved by parallel diagonals, by alternating diagonals, and the latter with randomly moved inner vertices."""
 
-NEAR = 1e-9
-"""Parameters of the unit square closer than this are equal."""
+NEAR = 1e-9  # Parameters of the unit square closer than this are equal.
 
 
 def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
@@ -246,15 +245,9 @@ def lines_on(surface: Surface, where: Bools, newtons_per_metre: tuple[float, flo
 
 
 def tip_loaded(
-    uv: Floats,
-    F: Ints,
-    V: Floats,
-    material: Material,
-    thickness: float,
-    force: tuple[float, float, float],
+    uv: Floats, F: Ints, V: Floats, material: Material, thickness: float, force: tuple[float, float, float]
 ) -> Problem:
-    """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force spread along its end u = 1. The value is
-    the movement of that end."""
+    """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force along its end u = 1, which is measured."""
     surface = Surface(V, F)
     root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)

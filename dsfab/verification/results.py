@@ -85,8 +85,7 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
     return rows
 
 
-OUTSIDE = "solid wedges (CalculiX)"
-"""Name of another program in place of a pair of elements."""
+OUTSIDE = "solid wedges (CalculiX)"  # Name of another program in place of a pair of elements.
 
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
@@ -122,8 +121,7 @@ def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
 
 
 def observed_rate(values: Sequence[float | None]) -> float | None:
-    """Return log2 of the ratio of the last two steps of three values on meshes of 1, 1/2, 1/4 the size; None at
-    round-off."""
+    """Return log2 of the ratio of two steps of values on meshes of 1, 1/2, 1/4 the size; None at round-off."""
     if any(value is None for value in values):
         return None
     a, b, c = (value for value in values if value is not None)
@@ -152,8 +150,7 @@ def _verdict(test: Test, ratios: Sequence[float | None]) -> str:
     is_within = [ratio is not None and abs(ratio - 1) <= test.tolerance for ratio in ratios]
     finest, limit = ratios[-1], test.limit
     if test.beyond and limit and finest is not None and not is_within[-1]:
-        within = abs(finest * test.reference / limit - 1) <= test.tolerance
-        return "theory" if within else "off"
+        return "theory" if abs(finest * test.reference / limit - 1) <= test.tolerance else "off"
     return "ok" if is_within[0] else "coarse" if is_within[-1] else "off"
 
 
@@ -173,8 +170,7 @@ class Publication:
     seen: Seen
 
     def __str__(self) -> str:
-        note = {"page": "", "transcript": " (from a transcript)", "recalled": " (recalled)"}[self.seen]
-        return self.title + note
+        return self.title + {"page": "", "transcript": " (from a transcript)", "recalled": " (recalled)"}[self.seen]
 
 
 @dataclass(frozen=True)
@@ -220,8 +216,7 @@ SIMO = Publication(
 DVORKIN = Publication("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
 FELIPPA = Publication("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
 
-TWELVE_BY_TWO = 12 * 3 * 5
-"""Free unknowns of the usual mesh of the twisted beam."""
+TWELVE_BY_TWO = 12 * 3 * 5  # Free unknowns of the usual mesh of the twisted beam.
 
 Ratios = dict[str, tuple[float, ...]]
 
@@ -314,8 +309,7 @@ def _published_value(
     return Published(test, element, cells, ratio, source, unknowns, element in CONSTANT, element in MIDDLES, note)
 
 
-PUBLISHED = tuple(_published_values())
-"""All published values."""
+PUBLISHED = tuple(_published_values())  # All published values.
 
 
 Outcome = Literal["better", "alike", "worse", "unknown"]
@@ -363,8 +357,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return by test a line about errors of the paper's elements, with published values of triangles of constant
-    strain."""
+    """Return by test a line about errors of the paper's elements beside published constant-strain triangles."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]

@@ -20,9 +20,7 @@ from dsfab.verification.problems import (
 
 
 def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
-    """Return the whole roof: radius 25, length 50, 80 degrees, 0.25 thick, 90 per area, on diaphragms at both curved
-    ends.
-    """
+    """Return the whole roof: radius 25, length 50, 80 degrees, 0.25 thick, 90 per area, on diaphragms at its ends."""
     uv, F = square(cells, cells, mesh)
     turn = np.radians(80) * (uv[:, 0] - 0.5)
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)
@@ -61,8 +59,7 @@ def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
 
 
 def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return an eighth of a cylinder between diaphragms: radius 300, length 600, 3 thick, two opposite unit forces. The
-    eighth carries a quarter of one force."""
+    """Return an eighth of a cylinder between diaphragms, R 300, L 600, 3 thick, under a quarter of a unit force."""
     uv, F = square(cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([300 * np.cos(turn), 300 * uv[:, 1], 300 * np.sin(turn)], axis=1), F)
@@ -81,9 +78,7 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     """NAFEMS LE3: an octant of a sphere, radius 10 m, 40 mm thick, 2 kN outwards and 2 kN inwards at two corners.
-
-    It represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles.
-    """
+    It represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles."""
     V, F = octant(cells)
     surface = Surface(10 * V, F)
     x0, y0, z0 = (np.abs(V[:, axis]) < 1e-9 for axis in range(3))

@@ -8,11 +8,9 @@ from dsfab.statics import Elements, Material, SheetModel, SpreadLoad, buckling, 
 from dsfab.surface import LoadCase, Surface
 from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_directions, is_at, lines_on, square
 
-WALL, THICKNESS = Material(young=1e7, poisson=0.3), 0.02
-"""Material and thickness of a tube of radius 1."""
+WALL, THICKNESS = Material(young=1e7, poisson=0.3), 0.02  # Material and thickness of a tube of radius 1.
 
-CLASSICAL = 1 / np.sqrt(3 * (1 - WALL.poisson**2))
-"""Buckling value N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908, Timoshenko 1910, Southwell 1914]."""
+CLASSICAL = 1 / np.sqrt(3 * (1 - WALL.poisson**2))  # N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908].
 
 WAVE = np.pi * np.sqrt(THICKNESS) / (12 * (1 - WALL.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings for radius 1: the length of the tube.
@@ -27,8 +25,7 @@ for six waves: a tube of three half waves converges to .952 of it here, and its 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a tube pressed along its axis, ends on simple supports; the value is N R / (E t^2). Before
     buckling its ends are free to widen, so that the stress is uniform; then they are held round."""
-    along = 2 * max(1, round(cells * WAVE / np.pi))
-    uv, F = square(cells, along, mesh)
+    uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)
     start, end, low, high = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0), is_at(uv[:, 1], 0.0), is_at(uv[:, 1], 1.0)

@@ -9,8 +9,7 @@ from dsfab.statics import Equilibrium, Material, SpreadLoad
 from dsfab.surface import Surface
 from dsfab.verification.problems import Mesh, Problem, Test, held_directions, is_at, octasphere, square
 
-VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5
-"""Vessels of radius 1 m, 10 mm thick, under 1 bar."""
+VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5  # Vessels of radius 1 m, 10 mm thick, under 1 bar.
 
 
 def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:

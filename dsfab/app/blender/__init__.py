@@ -9,8 +9,7 @@ from cyclopts import Parameter
 from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
 
-UNSET = 'PYTHON = ""\n'
-"""The line of the add-on that names the Python of dsfab."""
+UNSET = 'PYTHON = ""\n'  # The line of the add-on that names the Python of dsfab.
 
 
 def addon(python: str) -> str:

@@ -25,12 +25,9 @@ bl_info = {
     "category": "Mesh",
 }
 
-PYTHON = ""
-"""The Python in which dsfab is installed; empty: that of Blender."""
-MADE_OF = "dsfab_source"
-"""Property that marks our objects and collections, with the name of the source object."""
-WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
-"""Types of objects that Blender can turn into a mesh."""
+PYTHON = ""  # The Python in which dsfab is installed; empty: that of Blender.
+MADE_OF = "dsfab_source"  # Property that marks our objects and collections, with the name of the source object.
+WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}  # Types of objects that Blender can turn into a mesh.
 
 
 class BuildError(Exception):
@@ -161,10 +158,7 @@ def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection
 
 
 def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
-    """Show the solid and the members of a folder, hide the source; return the number of members.
-
-    The members are hidden, because they lie within the solid.
-    """
+    """Show a folder's solid and hidden members, which lie within it; hide the source; return the number of members."""
     collection = new_collection(source.name, bpy.context.scene.collection)
     solid_file = next(path for path in folder.glob("*.glb") if not path.stem.endswith(".members"))
     for solid in import_meshes(solid_file, source.name, collection, metres):

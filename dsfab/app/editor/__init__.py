@@ -11,8 +11,7 @@ from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import print_result, signals_as_interrupts
 from dsfab.core.errors import DsfabError
 
-OUTPUTS = "outputs"
-"""Folder of builds, in the current folder, as for `dsfab build`."""
+OUTPUTS = "outputs"  # Folder of builds, in the current folder, as for `dsfab build`.
 
 
 def edit(

@@ -56,10 +56,7 @@ class BuildRequest:
 
 
 def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Make the solid and write the files of `dsfab build`.
-
-    Raises DsfabError of the stage that refuses; `facts` reports a STEP file that is too large.
-    """
+    """Make the solid and write the files of `dsfab build`; `facts` reports a too large STEP file. Raises DsfabError."""
     preset = request.preset
     design = _design_of_request(request, progress)
     if request.mesh:
@@ -177,10 +174,7 @@ def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedP
 def _final_message(
     process: "subprocess.Popen[bytes]", request_bytes: bytes, progress: JobProgress, subject: str, advice: str
 ) -> dict[str, Any]:
-    """Final message of the process; report its progress.
-
-    subject, advice : words for the error if the process ends early.
-    """
+    """Final message of the process, whose progress is reported; subject, advice: words if it ends early."""
     lines: queue.Queue[bytes] = queue.Queue()
     for act in (lambda: _send(process, request_bytes), lambda: _read(process, lines)):
         threading.Thread(target=act, daemon=True).start()
@@ -281,7 +275,6 @@ class Builds:
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
         """Build, move the files to their folder, and return facts for the page. Raises DsfabError, and Cancelled."""
-
         name = request.preset.name
         request = replace(request, before=self.outputs.folder(name))
         folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._aside))

@@ -193,9 +193,7 @@ _TURN = "Degrees that both families are turned by from the stress; 90 lets them 
 def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) -> list[Control]:
     key, group, modes_method = f"pattern.{name}.", f"{name} stripes", "modes"
     mode_count = preset.diffusion.modes
-    spacing_control = Control(
-        group, key + "spacing", "spacing", "length", "m", high=2 * reach, step=reach / 100, hint=_SPACING
-    )
+    spacing = Control(group, key + "spacing", "spacing", "length", "m", high=2 * reach, step=reach / 100, hint=_SPACING)
     return [
         Control(
             group,
@@ -212,7 +210,7 @@ def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) 
         Control(
             group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method=modes_method
         ),
-        replace(spacing_control, instead=Family().distance(surface.area, surface.mean_edge)),
+        replace(spacing, instead=Family().distance(surface.area, surface.mean_edge)),
         Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method=modes_method),
         Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1 all is material, 1 nothing is."),
     ]

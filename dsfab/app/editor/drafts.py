@@ -119,10 +119,10 @@ def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any
 
 def colour_scales() -> dict[str, list[list[int]]]:
     """Return the colour scales, 64 steps each."""
-    signed_values, values = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
+    signed, values = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
     scales = {
-        "diverging": diverging_colours(signed_values),
-        "signed": signed_colours(signed_values),
+        "diverging": diverging_colours(signed),
+        "signed": signed_colours(signed),
         "rising": rising_colours(values),
     }
     return {name: scale.tolist() for name, scale in scales.items()}
@@ -187,14 +187,10 @@ def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Flo
     V = surface.V - middle
     loads = [_gathered_forces(V, load.force, acts & load.loaded, POINT_LOAD_SPACING, surface.size)]
     loads.append(_gathered_forces(V, load.force, acts & ~load.loaded, SPREAD_LOAD_SPACING, surface.size))
-    support_places = V[load.supported]
-    shown_supports = (
-        support_places[thin_points(support_places, surface.size, SUPPORT_SPACING)]
-        if len(support_places)
-        else support_places
-    )
+    places = V[load.supported]
+    shown = places[thin_points(places, surface.size, SUPPORT_SPACING)] if len(places) else places
     reactions = _gathered_forces(V, reaction, np.linalg.norm(reaction, axis=1) > 0, SUPPORT_SPACING, surface.size)
-    return {"points": loads[0], "spread": loads[1], "supports": shown_supports, "reactions": reactions}
+    return {"points": loads[0], "spread": loads[1], "supports": shown, "reactions": reactions}
 
 
 def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, size: float) -> Floats:
@@ -209,8 +205,7 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     return np.concatenate([V[chosen], total], axis=1)
 
 
-TINTS = ("major", "minor")
-"""Families with a colour of their own; other material has the next one."""
+TINTS = ("major", "minor")  # Families with a colour of their own; other material has the next one.
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
@@ -243,10 +238,7 @@ def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
 
 
 def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[SlicingResult, list[str]]:
-    """Return the cut and tidied sheet of a draft, and notes.
-
-    Raises DsfabError when the pattern leaves no material.
-    """
+    """Return the cut and tidied sheet of a draft, and notes. Raises DsfabError when the pattern leaves no material."""
     log = Log(progress)
     cut = slicing_step(draft.preset, draft.surface, draft.statics, draft.pattern, log)
     return cut, [f"{note.stage}: {note.text}" for note in log.notes]
@@ -254,9 +246,7 @@ def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[S
 
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
     """Return square metres, kilograms (sheet area times thickness), pieces and widths in metres, for JSON.
-
-    under, bars_under : whether the narrowest member, and each bar of the histogram, is under the least width.
-    """
+    under, bars_under : whether the narrowest member, and each bar of the histogram, is under the least width."""
     preset, sheet = draft.preset, cut.sheet.surface
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
     least = preset.fabrication.min_member or least_widths(draft.resolved_preset, draft.surface).member

@@ -11,8 +11,7 @@ from typing import Any
 
 from dsfab.core.errors import DsfabError
 
-ReportProgress = Callable[[str, str], None]
-"""Report of a stage and its work."""
+ReportProgress = Callable[[str, str], None]  # Report of a stage and its work.
 
 
 class Cancelled(Exception):  # noqa: N818  # no error
@@ -35,8 +34,7 @@ class JobProgress:
             raise Cancelled
 
 
-Work = Callable[[JobProgress], dict[str, Any]]
-"""The function of a job: it reports its progress and returns facts for the page."""
+Work = Callable[[JobProgress], dict[str, Any]]  # A job's function: progress -> facts.
 
 
 @dataclass(eq=False)
@@ -66,8 +64,7 @@ class EditorJob:
 
 log = logging.getLogger(__name__)
 
-CANCEL_SECONDS = 0.5
-"""Seconds from a cancellation to the next progress of a job; then its thread is abandoned."""
+CANCEL_SECONDS = 0.5  # Seconds from a cancellation to the next progress of a job; then its thread is abandoned.
 
 
 class Jobs:

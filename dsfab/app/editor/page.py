@@ -38,9 +38,7 @@ def static_files() -> dict[str, bytes]:
 
 def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
     """Return index.html with the token of this run, and the policy (CSP) that allows our own files only.
-
-    The page preloads all modules, because they import each other in a chain of requests.
-    """
+    The page preloads all modules, because they import each other in a chain of requests."""
     nonce = secrets.token_urlsafe(12)
     policy = (
         f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; connect-src 'self'; "
@@ -72,8 +70,7 @@ def _with_absolute_imports(name: str, text: str) -> str:
     return _FROM.sub(rf"\1dsfab/{folder + '/' if folder else ''}\2", text)
 
 
-SMALLEST, WIDEST = 64, 2400
-"""Limits on the sides of a picture, pixels."""
+SMALLEST, WIDEST = 64, 2400  # Limits on the sides of a picture, pixels.
 
 RequestFields = Mapping[str, Any]
 

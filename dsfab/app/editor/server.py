@@ -22,8 +22,7 @@ log = logging.getLogger(__name__)
 
 LOOPBACK = "127.0.0.1"
 
-LARGEST = 96 * 2**20
-"""Bytes of a request, at most: a mesh of some million triangles."""
+LARGEST = 96 * 2**20  # Bytes of a request, at most: a mesh of some million triangles.
 
 
 class RefusedRequest(Exception):  # noqa: N818  # no error of the server

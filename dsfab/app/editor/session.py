@@ -37,9 +37,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft with its number; `version` changes with the data that stripes alone do not change, which the page
-    keeps.
-    """
+    """A draft with its number; `version` changes with data that stripes alone do not change, which the page keeps."""
 
     draft: Design
     number: int
@@ -121,9 +119,7 @@ class Session:
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
         """Start a job that opens a mesh from the page, base64; the file here has a name of ours.
-
-        Another process reads it, so that the page goes on and the user may cancel.
-        """
+        Another process reads it, so that the page goes on and the user may cancel."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
             raise DsfabError(f"{Path(name).name} is no mesh that dsfab reads; use one of {', '.join(MESH_SUFFIXES)}")
@@ -168,9 +164,7 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """Start a job that solves these changes and then measures the design; return the running one if it does so
-        already.
-        """
+        """Start a job that solves these changes and then measures the design; return the running one if equal."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -182,9 +176,7 @@ class Session:
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
         """Start a job that makes the solid and its files; or return a question first, unless it may `replace` files.
-
-        only : one format, in a word of `dsfab export --to`. Raises ExportError for a format that is not available.
-        """
+        only : one format, in a word of `dsfab export --to`. Raises ExportError for a format that is not available."""
         opened = self.current_preset
         preset = opened.preset_with(changes)
         if only:
@@ -195,10 +187,7 @@ class Session:
         return {"job": self.jobs.submit("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
-        """Start a job that names and measures the members of the last draft; judged: with their utilisation.
-
-        Raises DsfabError before the first draft.
-        """
+        """Start a job that names and measures the last draft's members; judged: with utilisation. Raises DsfabError."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -211,9 +200,7 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, or a sketch of the first one, for a page that opens; empty if neither is in
-        progress.
-        """
+        """Return the last draft, or a sketch of the first one, for a page that opens; empty if neither is coming."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)

@@ -23,9 +23,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 class Outputs:
     """Folders in `home`, one for each name; the page sends names only, so that nothing is written elsewhere.
-
-    shown : name of `home` for the user and on a command line; '' for the session's temporary folder.
-    """
+    shown : name of `home` for the user and on a command line; '' for the session's temporary folder."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
         self.home, self.label = home, shown
@@ -53,9 +51,7 @@ class Outputs:
 
     def publish(self, files: Path, name: str) -> Path:
         """Move all files of a folder to that of the name, over files of the same names. Returns the folder.
-
-        Raises DsfabError if it cannot be written.
-        """
+        Raises DsfabError if it cannot be written."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -64,10 +60,7 @@ class Outputs:
         return folder
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write a file beside the folders: NAME.toml, or NAME-2.toml if another NAME.toml exists. Returns its path.
-
-        Raises DsfabError if it cannot be written.
-        """
+        """Write NAME.toml beside the folders, or NAME-2.toml if another exists; return its path. Raises DsfabError."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -90,8 +83,7 @@ def _may_write(path: Path, content: bytes) -> bool:
     return not path.exists() or (path.is_file() and path.read_bytes() == content)
 
 
-MATERIAL = "statics.material"
-"""Key that decides the thickness of a proposal."""
+MATERIAL = "statics.material"  # Key that decides the thickness of a proposal.
 
 
 @dataclass(frozen=True)
@@ -110,7 +102,6 @@ class OpenedPreset:
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
         """Return the preset with other values at dotted keys.
-
         Raises PresetError for impossible values, and for another file, because the page may name none on this machine.
         """
         preset = with_overrides(self.preset, changes)
@@ -144,9 +135,7 @@ class OpenedPreset:
 
     def open_toml(self, text: str) -> "OpenedPreset":
         """Open a preset file from the page; its mesh can only be the open one.
-
-        Raises PresetError as `load_preset` does, and for another mesh.
-        """
+        Raises PresetError as `load_preset` does, and for another mesh."""
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -177,13 +166,10 @@ def with_file(preset: Preset, file: Path) -> Preset:
 
 def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outputs) -> Path:
     """Save the changed preset among the outputs, with a mesh from the page beside it; return its path.
-
-    Raises PresetError for impossible changes, DsfabError if it cannot be written.
-    """
+    Raises PresetError for impossible changes, DsfabError if it cannot be written."""
     preset = opened.preset_with(changes)
     if mesh := opened.page_mesh:
-        mesh_copy = outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes())
-        preset = with_file(preset, Path(mesh_copy.name))
+        preset = with_file(preset, Path(outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes()).name))
     return outputs.write_file(preset.name, ".toml", preset_toml(preset).encode())
 
 
@@ -215,10 +201,7 @@ class MeshRequest:
 
 
 def opened_mesh(request: MeshRequest) -> OpenedPreset:
-    """Open a mesh with the preset that `dsfab new` proposes for it.
-
-    Raises SurfaceError for an unreadable file, with the user's name for it.
-    """
+    """Open a mesh with the preset `dsfab new` proposes; raises SurfaceError, with the user's name for the file."""
     try:
         proposal = propose(request.path, request.unit)
     except DsfabError as error:
@@ -255,14 +238,10 @@ def _mesh_file(preset: Preset) -> Path | None:
     return getattr(preset.surface, "file", None)
 
 
-MAX_VARIANTS = 48
-"""Variants of one session, at most."""
+MAX_VARIANTS = 48  # Variants of one session, at most.
+LARGEST = 2 * 2**20  # Characters of a picture, at most.
 
-LARGEST = 2 * 2**20
-"""Characters of a picture, at most."""
-
-FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")
-"""Measures that a variant keeps (see `drafts.sheet_figures`)."""
+FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")  # Measures of a variant.
 
 
 @dataclass(frozen=True)
@@ -303,8 +282,7 @@ class VariantTray:
 
     def keep(self, variant: KeptVariant) -> None:
         """Add a variant; its number becomes its name if it has none. Raises DsfabError for invalid or too many
-        variants.
-        """
+        variants."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
             raise DsfabError(f"{MAX_VARIANTS} variants are kept already; remove one first")

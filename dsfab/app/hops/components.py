@@ -1,6 +1,5 @@
 """The components for Grasshopper. Each function maps a request to the values of its outputs, in the unit of the
-model.
-"""
+model."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
@@ -41,9 +40,7 @@ _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 def preset_of_request(request: HopsRequest) -> Preset:
     """Return the preset that dsfab proposes for the mesh, with the changes of the other inputs.
-
-    Raises HopsError, PresetError and SurfaceError for impossible inputs.
-    """
+    Raises HopsError, PresetError and SurfaceError for impossible inputs."""
     V, F = request.values["mesh"]
     proposed = preset_for((V, F), unit=request.unit, up="z")
     return with_overrides(proposed, dict(_changes(request, proposed)))

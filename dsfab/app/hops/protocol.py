@@ -24,8 +24,7 @@ NET_TYPES: dict[Kind, str] = {
 }
 """Types of .NET of output values."""
 
-UNLIMITED = 2**31 - 1
-"""Number that Hops takes as unlimited."""
+UNLIMITED = 2**31 - 1  # Number that Hops takes as unlimited.
 
 UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m", "inches": "in", "feet": "ft"}
 """Rhino's words for the units of a document."""

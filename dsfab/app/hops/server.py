@@ -71,8 +71,7 @@ def solve_request(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
 
 
 LOOPBACK = "127.0.0.1"
-LARGEST = 64 * 2**20
-"""Bytes of a request, at most: a mesh of some hundred thousand faces."""
+LARGEST = 64 * 2**20  # Bytes of a request, at most: a mesh of some hundred thousand faces.
 
 
 class HopsServer(ThreadingHTTPServer):

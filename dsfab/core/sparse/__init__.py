@@ -94,9 +94,8 @@ class SamePatternFactors:
         self._factor: Factor | None = None
 
     def factor(self, K: csr_array) -> Factor:
-        """Return the function b -> K^-1 b for a positive definite K (N, N), real or Hermitian like the first matrix.
-        The function is valid until the next call. Raises the errors of `factorise`, and ValueError for another
-        pattern."""
+        """Return b -> K^-1 b for a positive definite K (N, N), real or Hermitian like the first, valid until the next
+        call. Raises the errors of `factorise`, and ValueError for another pattern."""
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)
         elif self._factor is None:

@@ -80,8 +80,7 @@ def release_freed_memory(freed: float) -> None:
     """Return freed memory to the system; glibc otherwise holds it as long as small blocks lie above it.
 
     That is 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of their factor. The function
-    takes
-    10 ms for 100 MB and does nothing on other systems.
+    takes 10 ms for 100 MB and does nothing on other systems.
 
     freed : approximate number of freed bytes; the function does nothing up to `LITTLE`.
     """
@@ -105,9 +104,7 @@ def _pools() -> Any:
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread: on vectors and small fronts, threads cost up to ten times their gain.
-
-    The number of threads belongs to the process, so other threads of Python wait.
-    """
+    The number of threads belongs to the process, so other threads of Python wait."""
     with _BLAS_LOCK, _pools().limit(limits=1, user_api="blas"):
         yield
 
@@ -122,8 +119,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
     Each part is halved at the median of its longest axis. The points of one half that touch the other half separate the
     two (the half with fewer such points) and are eliminated after both. Each level adds one base-4 digit (0 lower, 1
-    upper,
-    2 separator), so the order of the keys is the order of elimination. All parts of a level are divided at once.
+    upper, 2 separator), so the order of the keys is the order of elimination. All parts of a level are divided at once.
     """
     i, j = graph
     n = len(points)
@@ -146,10 +142,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 (k,) for points above the median of their part along its longest axis, else 0.
-
-    part : (k,) numbers from 0.
-    """
+    """Return 1 (k,) for points above the median of their part (k,), from 0, along its longest axis, else 0."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -163,10 +156,7 @@ def upper_half(points: Floats, part: Ints) -> Ints:
 
 
 def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
-    """Return the pairs of different points that K couples, each pair in both directions.
-
-    node : (N,) the point of each unknown, 0 to n - 1.
-    """
+    """Return the pairs of points that K couples, in both directions; node : (N,) the point of each unknown."""
     pairs = csr_array((np.ones(K.nnz, dtype=bool), node[K.indices].astype(np.int32), K.indptr), (K.shape[0], n))
     gather = csr_array((np.ones(len(node), dtype=bool), (node, np.arange(len(node)))), (n, len(node)))
     graph = (gather @ pairs).tocoo()
@@ -175,8 +165,7 @@ def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def morton_positions(points: Floats) -> Ints:
-    """Return the positions (n,) on a space-filling curve [Morton 1966], 1024 steps an axis: near points get near
-    numbers."""
+    """Return positions (n,) on a space-filling curve [Morton 1966], 1024 steps an axis, near for near points."""
     low = points.min(axis=0)
     cell = ((points - low) * (1023 / max(float((points - low).max()), np.finfo(float).tiny))).astype(np.int64)
     number = np.zeros(len(points), dtype=np.int64)
@@ -186,12 +175,10 @@ def morton_positions(points: Floats) -> Ints:
     return number
 
 
-Index = npt.NDArray[np.integer[Any]]
-"""Indices of 4 bytes where these suffice, because each entry of the matrix has one."""
+Index = npt.NDArray[np.integer[Any]]  # Of 4 bytes where these suffice, because each entry has one.
 
 
-Numbers = npt.NDArray[Any]
-"""Real or complex array."""
+Numbers = npt.NDArray[Any]  # Real or complex array.
 
 
 class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgError)
@@ -221,8 +208,7 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse K (N, N), whose unknown i is on point node[i]; by points, because the unknowns of a point share
-        rows."""
+        """Analyse K (N, N) by points, because the unknowns of a point share rows; unknown i is on point node[i]."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
@@ -248,13 +234,11 @@ class Fronts:
     @property
     def entries(self) -> int:
         """Number of values in the factor, 8 bytes each."""
-        pivot_counts = np.diff(self.start)
-        return int(sum(k * (k + len(rows)) for k, rows in zip(pivot_counts.tolist(), self.rows, strict=True)))
+        return int(sum(k * (k + len(rows)) for k, rows in zip(np.diff(self.start).tolist(), self.rows, strict=True)))
 
     @property
     def peak(self) -> int:
-        """Largest number of values in memory during the factorisation: the factor so far, waiting updates, and a
-        front."""
+        """Largest number of values in memory during the factorisation: the factor, waiting updates, and a front."""
         stored = waiting = worst = 0
         for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
             m = len(rows)
@@ -266,9 +250,7 @@ class Fronts:
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
     """Return the later points that each front touches, fill included, and the children of each front.
-
-    row, column : points of every entry below the diagonal.   front_start : (fronts + 1,) first point of each front.
-    """
+    row, column : points of every entry below the diagonal.   front_start : (fronts + 1,) first point of each front."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]
@@ -291,8 +273,7 @@ def _unknowns_of_points(begin: Ints, points: Ints) -> Ints:
 
 
 class Multifrontal:
-    """Factor of a positive definite matrix, real or Hermitian; a call with b, (N,) or (N, k), returns K^-1 b. Raises
-    NotPositiveDefinite for a pivot that is not positive."""
+    """Factor of a positive definite matrix: b, (N,) or (N, k), -> K^-1 b. Raises NotPositiveDefinite otherwise."""
 
     def __init__(self, K: csr_array, fronts: Fronts) -> None:
         self._fronts = fronts
@@ -340,8 +321,7 @@ class Multifrontal:
 
 def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
     """Add a child's update (c, c), upper triangle, to rows and columns `step_positions` (c,) of the parent's front.
-    Runs of
-    neighbouring columns are added together, which is several times faster than column by column."""
+    Runs of neighbouring columns are added together, which is several times faster than column by column."""
     k = len(pivot_rows)
     inner = int(np.searchsorted(positions, k))
     ends = np.flatnonzero((np.diff(positions) != 1) | (positions[1:] == k)) + 1
@@ -355,9 +335,8 @@ def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: 
 
 
 def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Eliminate the pivots of a front [pivots; pivots^H rest]; return L (k, k), P (m, k) and the update (m, m). The
-    upper triangle of the update counts. Transposed, pivot_rows (k, k + m) and rest are lower triangles of the
-    matrix."""
+    """Eliminate the pivots of a front [pivots; pivots^H rest]; return L (k, k), P (m, k) and the update (m, m), whose
+    upper triangle counts. Transposed, pivot_rows (k, k + m) and rest are lower triangles of the matrix."""
     k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:

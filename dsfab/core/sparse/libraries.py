@@ -63,9 +63,8 @@ class SuperLU:
 
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
-    """Return the unknowns (N,) of K (N, N) in the order of a nested dissection of their points. Equal parts follow a
-    space-filling curve. Leaves are small, because SuperLU forms its own dense blocks: the factor has a fifth fewer
-    entries."""
+    """Return the unknowns (N,) of K (N, N) by nested dissection of their points, equal parts along a space-filling
+    curve. Leaves are small, because SuperLU forms its own dense blocks: the factor has a fifth fewer entries."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
@@ -74,11 +73,8 @@ def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
     return np.argsort(rank[node], kind="stable")
 
 
-ANALYSE, FACTORISE, SOLVE = 11, 22, 33
-"""Phases, in PARDISO's numbers."""
-
-SYMMETRIC, HERMITIAN = 2, 4
-"""Kinds of positive definite matrices, in PARDISO's numbers."""
+ANALYSE, FACTORISE, SOLVE = 11, 22, 33  # Phases, in PARDISO's numbers.
+SYMMETRIC, HERMITIAN = 2, 4  # Kinds of positive definite matrices, in PARDISO's numbers.
 
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 """Entries of PARDISO's `iparm`, counted from 0.
@@ -100,12 +96,10 @@ three times the processor time, and factorisations as long. One thread also give
 cores."""
 
 
-OUT_OF_MEMORY = (-2, -9)
-"""PARDISO's errors for lack of memory; any other error of the factorisation means a pivot that is not positive."""
+OUT_OF_MEMORY = (-2, -9)  # PARDISO's errors for lack of memory; any other means a pivot that is not positive.
 
 
-Matrix = csr_array | Callable[[], csr_array]
-"""A matrix, or a function that builds it for callers that need it only for a moment."""
+Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds it for a moment.
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
@@ -116,9 +110,7 @@ def pardiso_matrix(K: Matrix) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class _Pattern:
     """Positions of the entries of a symmetric matrix (n, n), and of those in its upper triangle.
-
-    indptr, indices : of the matrix.    pointer, column : of the upper triangle.    place : its entries among all.
-    """
+    indptr, indices : of the matrix.    pointer, column : of the upper triangle.    place : its entries among all."""
 
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
@@ -208,8 +200,7 @@ class Pardiso:
 
 
 def _set_mkl_path() -> None:
-    """Set the path of MKL for pypardiso before its import, which otherwise searches the Python installation (0.5 to 1
-    s)."""
+    """Set the path of MKL for pypardiso before its import, which else searches the Python installation (1 s)."""
     if "PYPARDISO_MKL_RT" in os.environ:
         return
     try:
@@ -246,8 +237,7 @@ class Multigrid:
 
     Smoothed aggregation [Vanek, Mandel and Brezina 1996] with all available knowledge: points as blocks of three, rigid
     motions, strength 0, energy-smoothed prolongation, symmetric block Gauss-Seidel. Otherwise it needs hundreds of
-    steps
-    or diverges on irregular sheets. Each solve therefore computes the true residual.
+    steps or diverges on irregular sheets. Each solve therefore computes the true residual.
 
     rigid : (N, 6) the rigid motions in the unknowns of K, which K nearly annihilates away from supports.
 

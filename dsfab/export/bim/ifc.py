@@ -17,13 +17,7 @@ from dsfab.export.cad.step.entities import StepEntities, piece_name, step_string
 from dsfab.export.members import MemberFacts, facts_of_members
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Details, MemberShape, Part
-from dsfab.export.readback import (
-    ReadBack,
-    check_mesh,
-    check_shapes,
-    count_error,
-    layer_colour,
-)
+from dsfab.export.readback import ReadBack, check_mesh, check_shapes, count_error, layer_colour
 from dsfab.export.writing import comma_separated_rows, one_line
 from dsfab.surface import link_components, signed_volume, total_area
 

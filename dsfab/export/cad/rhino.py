@@ -30,13 +30,7 @@ from dsfab.export.curves import (
 )
 from dsfab.export.members import facts_of_members, graph_of, rounded_lists
 from dsfab.export.part import Part
-from dsfab.export.readback import (
-    ReadBack,
-    check_mesh,
-    check_shapes,
-    count_error,
-    layer_colour,
-)
+from dsfab.export.readback import ReadBack, check_mesh, check_shapes, count_error, layer_colour
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine
 

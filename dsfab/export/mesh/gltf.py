@@ -12,13 +12,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.units import MM_PER_M
 from dsfab.export.members import facts_of_members
 from dsfab.export.part import Part
-from dsfab.export.readback import (
-    ReadBack,
-    check_mesh,
-    check_shapes,
-    layer_colour,
-    read_with_trimesh,
-)
+from dsfab.export.readback import ReadBack, check_mesh, check_shapes, layer_colour, read_with_trimesh
 from dsfab.export.writing import one_line
 
 FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963

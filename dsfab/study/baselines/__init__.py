@@ -39,8 +39,7 @@ BASELINES: Mapping[str, Baseline] = {
 """Competitors with the design's mass, loads, supports and kept regions, and (except `thinner`) its thickness. `simp`
 keeps painted regions and its own discs, see `dsfab.study.baselines.topology_optimisation.free_task`."""
 
-DEFAULT = ("isotropic", "thinner")
-"""Competitors of a comparison by default."""
+DEFAULT = ("isotropic", "thinner")  # Competitors of a comparison by default.
 
 
 def baselines_by_name(names: Iterable[str]) -> dict[str, Baseline]:

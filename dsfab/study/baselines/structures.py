@@ -119,8 +119,7 @@ class ComparisonTask:
         return flat_axis(self.surface, *self.all_loads.values()) is not None
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads` (`every`: `all_loads`) on the uncut surface, with the self-weight of the structure's
-        thickness."""
+        """Return `loads` (`every`: `all_loads`) on the uncut surface, with the self-weight of the structure."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
@@ -176,29 +175,24 @@ class Variant:
     make: Callable[[], Structure]
 
 
-Baseline = Callable[[ComparisonTask], list[Variant]]
-"""Function that returns the variants of a competitor for a task; the stiffest variant competes."""
+Baseline = Callable[[ComparisonTask], list[Variant]]  # Variants of a competitor; the stiffest competes.
 
 
 def thinner(task: ComparisonTask) -> list[Variant]:
     """Return the whole surface in one thickness, at the design's mass."""
-    thickness = task.share * task.preset.statics.thickness
-    return [Variant("", partial(Structure.uncut, task.surface, thickness))]
+    return [Variant("", partial(Structure.uncut, task.surface, task.share * task.preset.statics.thickness))]
 
 
-SAME_MASS = 1e-3
-"""Largest relative difference in mass."""
+SAME_MASS = 1e-3  # Largest relative difference in mass.
 
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 """(task, share of the surface, tolerance) -> layers to cut with that share of material."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet, without loose pieces, has the area of the task.
-
-    Wider layers make up for dropped pieces, so that the remaining sheet has the full mass. A second try uses a finer
-    snap, because snapped values make the area jump on coarse meshes. Raises PatternError if the area cannot be met.
-    """
+    """Return the structure whose sheet, without loose pieces, has the area of the task. Wider layers make up for
+    dropped pieces, so that the remaining sheet has the full mass. A second try uses a finer snap, because snapped
+    values make the area jump on coarse meshes. Raises PatternError if the area cannot be met."""
     try:
         return _structure_of_area(task, drawing)
     except PatternError:
@@ -226,8 +220,7 @@ def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
-    tidy = tidy_of(preset, task.stressed_surface, layers)
-    pattern = PatternResult(names, fields, levels, widths, tidy=tidy)
+    pattern = PatternResult(names, fields, levels, widths, tidy=tidy_of(preset, task.stressed_surface, layers))
     result = slicing_step(preset, task.surface, task.statics, pattern, Log(None))
     return Structure(result.cells, names, result.sheet, len(result.pieces), preset.statics.thickness)
 
@@ -242,8 +235,7 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return both families of stripes of a preset, in widths that meet the task's area. The stripes lie on the modes of
-    `diffusion`, or evenly spaced on `even`."""
+    """Return both families of a preset in widths that meet the task's area, on modes of `diffusion` or `even`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
@@ -257,8 +249,7 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
         nonlocal factor
         # the preset's own tolerance is too wide to compare masses
-        update = {"solid_fraction": share, "solid_fraction_tolerance": JUMP}
-        width = preset.pattern.width.model_copy(update=update)
+        width = preset.pattern.width.model_copy(update={"solid_fraction": share, "solid_fraction_tolerance": JUMP})
         widened = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"width": width})})
         search = WidthSearch(lambda layers: area_share(task, layers), tolerance, factor)
         layers, factor = solved_layers(widened, task.surface, task.kept_layers, families, search)
@@ -267,14 +258,9 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3
-"""Pairs combine this many first modes, because a single pair would be a lucky draw where modes repeat."""
-
-PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]
-"""Pairs of a major and a minor mode."""
-
-PHASES = (0.0, 0.25, 0.5, 0.75)
-"""Phases, in periods, of stripes without modes to choose from."""
+MODES = 3  # Pairs combine this many first modes, because a single pair would be a lucky draw where modes repeat.
+PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # Pairs of a major and a minor mode.
+PHASES = (0.0, 0.25, 0.5, 0.75)  # Phases, in periods, of stripes without modes to choose from.
 
 
 class IsotropicStripes(NamedTuple):
@@ -286,11 +272,9 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of plain width and the same frequencies, on modes with r = 1, with the task's share of
-    material."""
+    """Return stripes of plain width and equal frequencies, on modes with r = 1, with the task's material."""
     blind = with_overrides(
-        task.on_modes,
-        {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}},
+        task.on_modes, {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     )
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor
@@ -359,8 +343,7 @@ def mode_like_field(surface: Surface, face: Floats) -> Floats:
 
 
 def scaled_field(surface: Surface, value: Floats) -> Floats:
-    """Return values of vertices (n,) scaled like a mode (see `dsfab.diffusion.Modes`), so that frequencies mean the
-    same. Their mean is 0, and the integral of their square is area / 4 pi."""
+    """Return values (n,) scaled like `dsfab.diffusion.Modes`: mean 0, and the integral of the square is area / 4 pi."""
     mass = voronoi_mass(surface)
     value = value - mass @ value / mass.sum()
     return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))

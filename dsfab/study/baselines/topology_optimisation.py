@@ -18,13 +18,9 @@ from dsfab.surface import LoadCase, Surface
 
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
-    """Return (m, m) weights A_f (radius - distance) of faces f within `radius` metres of each face, rows summing to 1.
-
-    Distances are straight between centroids, so sheets that nearly touch influence each other. The area of each face
-    removes the effect of local refinement [Sigmund 2007].
-    """
-    pairs = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray")
-    i, j = pairs.T
+    """Return (m, m) weights A_f (radius - distance) of faces f within `radius` metres, straight between centroids, rows
+    summing to 1. The area removes the effect of local refinement [Sigmund 2007]."""
+    i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)
     row, column = np.concatenate([i, j, diagonal]), np.concatenate([j, i, diagonal])
@@ -115,13 +111,10 @@ class Densities:
         return float(self.history[-1])
 
     def grey(self, surface: Surface) -> float:
-        """Return the share of the area with a density from 0.1 to 0.9: neither void nor material.
-
-        It is large where both principal stresses are equal and opposite, as on a sphere pressed at its pole. Even grey
-        is stable there from any start, because a rib loses across itself what it gains along itself.
-        """
-        between = (self.density > 0.1) & (self.density < 0.9)
-        return float(surface.areas @ between) / surface.area
+        """Return the share of the area with a density from 0.1 to 0.9: neither void nor material. It is large where
+        both principal stresses are equal and opposite, as on a sphere pressed at its pole. Even grey is stable there
+        from any start, because a rib loses across itself what it gains along itself."""
+        return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
 def densities(

@@ -46,19 +46,15 @@ __all__ = [
 
 Progress = Callable[[str, str], None]
 
-TOO_THIN, TOO_THICK = 1e-4, 10.0
-"""Metres. A file with thinner or thicker walls is in another unit."""
+TOO_THIN, TOO_THICK = 1e-4, 10.0  # Metres. A file with thinner or thicker walls is in another unit.
 
-AGREES, DIFFERS = 0.05, 0.15
-"""Relative differences of compliance: solid and shell agree below the first, and contradict beyond the second."""
+AGREES, DIFFERS = 0.05, 0.15  # Relative differences of compliance within which solid and shell agree, and contradict.
 
 
 @dataclass(frozen=True)
 class Finding:
     """A question and its answer: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
-
-    reason : a sentence; empty if the numbers explain it.
-    """
+    reason : a sentence; empty if the numbers explain it."""
 
     name: str
     verdict: Status

@@ -19,14 +19,9 @@ from dsfab.surface.topology import edge_table
 from dsfab.thickening.offset_vectors import SHIFT
 from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
-SUFFIXES = (".stl", ".3mf", ".step", ".stp")
-"""Suffixes of files that can be checked."""
-
-STEP_BEGINS = b"ISO-10303-21"
-"""First words of every STEP file."""
-
-BY_CONVENTION = "mm"
-"""Unit of STL files, which name none; dsfab writes millimetres, and workshops read them so."""
+SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # Suffixes of files that can be checked.
+STEP_BEGINS = b"ISO-10303-21"  # First words of every STEP file.
+BY_CONVENTION = "mm"  # Unit of STL files, which name none; dsfab writes millimetres, and workshops read them so.
 
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
@@ -143,12 +138,10 @@ def _proper_triangles(F: Ints) -> tuple[Ints, int]:
     return F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)
-"""Triangles lower than this share of the mesh's size have no reliable normal, because of single precision."""
+FLAT = 64 * float(np.finfo(np.float32).eps)  # Lower triangles, over the mesh's size, have no normal.
 
 
-PARALLEL = float(np.cos(np.radians(3)))
-"""Opposite neighbouring faces that are less parallel than this meet in a tip or a notch."""
+PARALLEL = float(np.cos(np.radians(3)))  # Less parallel neighbours meet in a tip or a notch.
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,8 +180,7 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     rays, facets = Rays(V, F), Facets(F, N)
 
     def shortest(sign: float) -> Clearance | None:
-        direction = sign * N[face]
-        hit = rays.first_hits(start, direction)
+        hit = rays.first_hits(start, sign * N[face])
         opposed = -np.einsum("ki,ki->k", N[face], N[hit])
         met = (hit >= 0) & has_normal[hit] & (opposed > OPPOSED)
         tapering = np.flatnonzero(met & (opposed < PARALLEL))
@@ -220,8 +212,7 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
     for a in F[first_faces].T:
         for b in F[second_faces].T:
             key = np.minimum(a, b) * n + np.maximum(a, b)
-            position = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
-            adjacent |= (a == b) | (keys[position] == key)
+            adjacent |= (a == b) | (keys[np.minimum(np.searchsorted(keys, key), len(keys) - 1)] == key)
     return adjacent
 
 
@@ -265,16 +256,13 @@ class Distance:
     @property
     def meant_unit(self) -> str | None:
         """Likely unit of the file's numbers, if the scale is off by a unit's factor within 2 %."""
-        units = (unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02)
-        return next(units, None)
+        return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance of a file's solid from a design's, as in a build.
-
-    flat   : metres, everywhere.     limits : of the smooth solid; None for a file without curved faces.
-    """
+    flat   : metres, everywhere.     limits : of the smooth solid; None for a file without curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None
@@ -300,8 +288,7 @@ class Allowance:
         flat = np.full(len(points), self.flat)
         if self.limits is None:
             return flat
-        chord = self.limits.chord[self.limits.nearest(MM_PER_M * points)] / MM_PER_M
-        return np.asarray(flat + chord)
+        return np.asarray(flat + (self.limits.chord[self.limits.nearest(MM_PER_M * points)] / MM_PER_M))
 
 
 def off_surface(preset: Preset) -> float:
@@ -350,8 +337,7 @@ def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, fl
     skin = (twice > 0) & (along > 0.9 * twice)  # other faces are walls
     half = design.preset.statics.thickness / 2
     shift = abs(SHIFT[design.preset.thickening.side])
-    meant = np.array([half * (1 - shift), half * (1 + shift)])
-    differences = np.abs(distances[:, None] - meant).min(axis=1)
+    differences = np.abs(distances[:, None] - np.array([half * (1 - shift), half * (1 + shift)])).min(axis=1)
     if not skin.any():
         return 0.0, np.zeros(3), 0.0
     k = int(np.where(skin, differences, -1).argmax())

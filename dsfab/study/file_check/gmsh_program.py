@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-TRIANGLE, TETRAHEDRON = 2, 4
-"""gmsh's numbers of element types."""
+TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers of element types.
 
 
 def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
@@ -44,8 +43,7 @@ def _add_mesh(model: Any, V: Any, F: Any) -> None:
     model.addDiscreteEntity(2, 1)
     model.mesh.addNodes(2, 1, np.arange(1, len(V) + 1), V.ravel())
     model.mesh.addElementsByType(1, TRIANGLE, [], (F + 1).ravel())
-    loop = model.geo.addSurfaceLoop([1])
-    model.geo.addVolume([loop], 1)
+    model.geo.addVolume([model.geo.addSurfaceLoop([1])], 1)
     model.geo.synchronize()
 
 

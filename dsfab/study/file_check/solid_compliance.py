@@ -27,11 +27,8 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.edge_changes import refined_surface
 from dsfab.thickening.offset_vectors import SHIFT
 
-NEEDED = ("gmsh", "skfem")
-"""Packages of the extra `solid`: a mesher (GPL) and assembly of solid elements (BSD-3)."""
-
-STEP = (".step", ".stp")
-"""Suffixes of files that gmsh reads itself."""
+NEEDED = ("gmsh", "skfem")  # Packages of the extra `solid`: a mesher (GPL) and assembly of solid elements (BSD-3).
+STEP = (".step", ".stp")  # Suffixes of files that gmsh reads itself.
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,20 +94,14 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25
-"""Allowed distance of a point from its tetrahedron, in barycentric coordinates, because skins are chords of curved
-sheets."""
+OUTSIDE = 0.25  # Allowed barycentric distance of a point from its tetrahedron: skins are chords.
 
-LARGEST = 1_200_000
-"""Limit on the number of unknowns."""
+LARGEST = 1_200_000  # Limit on the number of unknowns.
 
 
 @dataclass(frozen=True, eq=False)
 class SolidModel:
-    """Stiffness K (N, N), N/m, of a solid, and the places of its unknowns.
-
-    points : (N / 3, 3) nodes.     node : (N,) the node of each unknown.
-    """
+    """Stiffness K (N, N), N/m, of a solid with nodes `points` (N 3, 3); node : (N,) that of each unknown."""
 
     mesh: Tetrahedra
     K: csr_array
@@ -152,8 +143,7 @@ class SolidModel:
         k = len(points)
         rows = np.broadcast_to(3 * np.arange(k)[None, None] + np.arange(3)[None, :, None], (10, 3, k))
         columns = self._dofs[:, tet].reshape(10, 3, k)
-        values = np.broadcast_to(phi[:, None], (10, 3, k))
-        entries = (values.ravel(), (rows.ravel(), columns.ravel()))
+        entries = (np.broadcast_to(phi[:, None], (10, 3, k)).ravel(), (rows.ravel(), columns.ravel()))
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
@@ -204,9 +194,7 @@ def _shapes(local: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class Holding:
     """Springs that support a model, along combinations of its unknowns.
-
-    rows : (r, N) one combination each.     stiffness : (r,) N/m; a rigid support is a very stiff spring.
-    """
+    rows : (r, N) one combination each.     stiffness : (r,) N/m; a rigid support is a very stiff spring."""
 
     rows: csr_array
     stiffness: Floats
@@ -214,8 +202,7 @@ class Holding:
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
     """Return (c,) f . u, joules, of each force (N,). Raises StaticsError if the solid is not supported."""
-    weighted = diags_array(holding.stiffness) @ holding.rows
-    K = csr_array(model.K + holding.rows.T @ weighted)
+    K = csr_array(model.K + holding.rows.T @ (diags_array(holding.stiffness) @ holding.rows))
     scale = 1 / np.sqrt(K.diagonal())
     inner = csr_array(diags_array(scale) @ K @ diags_array(scale))
     inner.sort_indices()
@@ -233,11 +220,9 @@ EDGE = 1.0
 """Longest edge on the solid's surface, in thicknesses, but at least `COARSE` of the solid's size. On members two
 thicknesses wide, edges of two thicknesses gave 2.5 to 5 % less compliance."""
 
-COARSE = 1 / 100
-"""See `EDGE`: very thin sheets would take millions of tetrahedra, and quadratic elements bend well at 1 : 5."""
+COARSE = 1 / 100  # See `EDGE`; thin sheets would take millions of tetrahedra, which bend well at 1 : 5.
 
-RIGID = 1e3
-"""Stiffness of a rigid support's spring, over Young's modulus times the thickness."""
+RIGID = 1e3  # Stiffness of a rigid support's spring, over Young's modulus times the thickness.
 
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 """Heights of Gauss points over the middle, in half thicknesses, and their weights."""
@@ -307,8 +292,7 @@ class SupportPoints:
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return (r, N) relative displacement of the outer Gauss points, square to each marked edge and along the
-        sheet."""
+        """Return (r, N) relative displacement of the outer Gauss points, square to each marked edge in the sheet."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)

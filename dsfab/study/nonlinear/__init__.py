@@ -11,8 +11,7 @@ from dsfab.design import Design, Progress, loads_on, silent
 from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
-CANDIDATE, JUMP = 10.0, 5.0
-"""A snap moves the structure this many times as far as the first step of equal load, and as the step before."""
+CANDIDATE, JUMP = 10.0, 5.0  # A snap's movement over the first step's of equal load, and the step's before.
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,9 +155,7 @@ def _has_no_equilibrium(path: LoadPath) -> bool:
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
     """Return the factors around the step that moves the structure most for its load.
-
-    None: no step moves it much farther than the first, or the factors differ by less than 2 %.
-    """
+    None: no step moves it much farther than the first, or the factors differ by less than 2 %."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -181,11 +178,9 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the last point of interest of a path, or None: the end of a snap, or a soft point without equilibrium.
-
-    At a soft point, CalculiX would halve the next step many times in vain. A point is soft if its step moved the
-    structure over twice as far as the first step, and a load increment under 2.5 % failed.
-    """
+    """Return the last point of interest of a path, or None: the end of a snap, or a soft point without equilibrium. At
+    a soft point, CalculiX would halve the next step many times in vain. A point is soft if its step moved the structure
+    over twice as far as the first step, and a load increment under 2.5 % failed."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

@@ -29,11 +29,8 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Lock a sweep folder. Raises DsfabError while another process holds it.
-
-    SQLite locks a file of its own, so the lock works wherever the database does. The system releases it when the
-    process ends in any way. A text file beside it names the holder for the message.
-    """
+    """Lock a sweep folder through a file of SQLite's own, which the system releases when the process ends; a text file
+    names the holder. Raises DsfabError while another process holds it."""
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:
@@ -63,8 +60,7 @@ def _held_by(holder: Path) -> str:
 
 CSV, PARQUET = "results.csv", "results.parquet"
 
-PICTURES = "pictures"
-"""Folder of the pictures."""
+PICTURES = "pictures"  # Folder of the pictures.
 
 
 def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
@@ -157,15 +153,12 @@ def _column(values: list[Any]) -> list[Any]:
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
 
-HARMLESS = {"constraints"}
-"""Keys that do not change the runs; they may differ if a sweep continues."""
+HARMLESS = {"constraints"}  # Keys that do not change the runs; they may differ if a sweep continues.
 
-RENEWING = {"metrics", "keep", "formats", "size", "view"}
-"""Keys that need more of every run: with --extend, all runs are repeated."""
+RENEWING = {"metrics", "keep", "formats", "size", "view"}  # Keys for which --extend repeats all runs.
 
 
-TRIED_AGAIN: tuple[State, ...] = ("killed",)
-"""States of runs that a new session repeats by default."""
+TRIED_AGAIN: tuple[State, ...] = ("killed",)  # States of runs that a new session repeats by default.
 
 
 @dataclass(frozen=True)
@@ -203,8 +196,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Make every waiting run, interrupted runs, and runs that ended as in `retry`. Runs whose worker was killed
-        `TRIES` times in all come last, one after another."""
+        """Make each waiting or interrupted run, and runs in states `retry`; those whose workers died come last."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:

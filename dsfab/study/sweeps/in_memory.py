@@ -13,8 +13,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.preset.model import STAGES, Preset
 from dsfab.study.sweeps.metrics import BASIC, METRICS, Metric
 
-Signature = tuple[str, ...]
-"""Values of a run for each stage, as text, in the order of the stages."""
+Signature = tuple[str, ...]  # Values of a run for each stage, as text, in the order of the stages.
 
 
 def signature(changes: Mapping[str, Any]) -> Signature:

@@ -31,8 +31,7 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return equilibria of a design's cut sheet under the loads that its pattern follows, by name; solved once. Raises
-    StaticsError if the sheet does not carry them."""
+    """Return the cut sheet's equilibria under the followed loads, by name, solved once. Raises StaticsError."""
 
     def solve() -> dict[str, Equilibrium]:
         return solve_for(design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, use)
@@ -51,12 +50,9 @@ def verdict(design: Design) -> Verdict:
     return design.cached_result("slicing", "verdict", run_check)
 
 
-Metric = Callable[[Design], float]
-"""Function of a design that returns a number."""
+Metric = Callable[[Design], float]  # Function of a design that returns a number.
 
-NARROWEST = 0.1
-"""`min_width` leaves out this share of the stripes' area. Around singular points modes have no unique slope, so the
-width of single faces does not converge."""
+NARROWEST = 0.1  # Share of area that `min_width` omits: modes have no slope at singular points.
 
 
 def _kept_share(design: Design) -> float:
@@ -71,8 +67,7 @@ def _sheet_mass(design: Design) -> float:
 def _loose(design: Design) -> float:
     cells = design.slicing.cells
     material = float(cells.surface.areas @ cells.material)
-    supported_area = sum(piece.area for piece in design.slicing.pieces if piece.held)
-    return max(0.0, 1 - supported_area / material)
+    return max(0.0, 1 - sum(piece.area for piece in design.slicing.pieces if piece.held) / material)
 
 
 def _min_width(design: Design) -> float:
@@ -89,8 +84,7 @@ def _min_width(design: Design) -> float:
         cells = design.sheet.family == index
         faces = design.sheet.parent[cells]
         z, d = frequency * modes.mode(number), pattern.half_widths[index]
-        slope = _slopes(design, z)[faces]
-        width.append(2 * d[design.surface.F].mean(axis=1)[faces] / np.maximum(slope, 1e-12))
+        width.append(2 * d[design.surface.F].mean(axis=1)[faces] / np.maximum(_slopes(design, z)[faces], 1e-12))
         area.append(design.sheet.surface.areas[cells])
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 
@@ -149,8 +143,7 @@ def _stress(design: Design) -> float:
     surface = design.sheet.surface
     sheet = design.preset.statics.sheet().model_for(surface)
     stresses = [
-        sheet_stress(sheet, equilibrium.elements, equilibrium).largest
-        for equilibrium in cut_equilibria(design, "stress").values()
+        sheet_stress(sheet, answer.elements, answer).largest for answer in cut_equilibria(design, "stress").values()
     ]
     return max(quantile(value, surface.areas) for value in stresses)
 
@@ -158,13 +151,11 @@ def _stress(design: Design) -> float:
 def _ersatz(design: Design) -> float:
     """Return the compliance of the uncut surface, with each face's stiffness scaled by its share of material."""
     surface = design.surface
-    kept_share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
-    loads = [
-        load.on_share(surface, kept_share) for load in design.statics.loads(design.preset.followed_weights).values()
-    ]
+    share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
+    loads = [load.on_share(surface, share) for load in design.statics.loads(design.preset.followed_weights).values()]
     sheet = FaceStiffness.from_sheet(design.preset.statics.sheet().model_for(surface), loads)
     void = 1e-6  # stiffness of a face without material
-    u = sheet.factor(void + (1 - void) * np.clip(kept_share, 0, 1))(sheet.force)
+    u = sheet.factor(void + (1 - void) * np.clip(share, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(design.preset.followed_weights.values()))
 
 
@@ -284,10 +275,7 @@ ABOUT: Mapping[str, MetricFacts] = {
         "", "less", "slicing", f"share that `verdict` may be off; over {CONVERGED:g} it has not converged"
     ),
     "over_thinner": MetricFacts(
-        "",
-        "less",
-        "slicing",
-        "compliance over that of a thinner whole sheet of the same mass: above 1 it loses",
+        "", "less", "slicing", "compliance over that of a thinner whole sheet of the same mass: above 1 it loses"
     ),
     "over_isotropic": MetricFacts(
         "", "less", "slicing", "compliance over that of the best isotropic stripes of the same mass: above 1 it loses"

@@ -20,8 +20,7 @@ from dsfab.preset.file import load_preset, require_mesh
 from dsfab.preset.model import Preset
 from dsfab.study.sweeps.metrics import METRICS
 
-DIGITS = 6
-"""Significant digits of the values in a range."""
+DIGITS = 6  # Significant digits of the values in a range.
 
 
 class Range(BaseModel):
@@ -185,13 +184,9 @@ def _kind_of_values(values: Any) -> str:
     return "range" if isinstance(values, dict | Range) else "list"
 
 
-Values = Annotated[
-    Annotated[Range, Tag("range")] | Annotated[Listed, Tag("list")],
-    Discriminator(_kind_of_values),
-]
+Values = Annotated[Annotated[Range, Tag("range")] | Annotated[Listed, Tag("list")], Discriminator(_kind_of_values)]
 
-USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")
-"""Default metrics of `dsfab sweep`."""
+USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # Default metrics of `dsfab sweep`.
 
 
 class Search(BaseModel):
@@ -331,8 +326,7 @@ def _check_text(check: Any, text: str) -> None:
 
 
 def load_plan(path: Path) -> Plan:
-    """Return the plan of a sweep file, with paths relative to its folder. Raises PresetError that lists every
-    mistake."""
+    """Return the plan of a sweep file, paths relative to its folder. Raises PresetError with every mistake."""
     return plan_from(read_plan(path), f"sweep {path.name}")
 
 

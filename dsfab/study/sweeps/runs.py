@@ -26,8 +26,7 @@ from dsfab.study.sweeps.plan import Axis, Constraint, Plan
 
 Changes = dict[str, Any]
 
-MOST = 1_000_000
-"""Limit on the number of runs; a grid with more is a mistake."""
+MOST = 1_000_000  # Limit on the number of runs; a grid with more is a mistake.
 
 
 def points(plan: Plan) -> list[Changes]:
@@ -74,8 +73,7 @@ def trials(plan: Plan) -> list[Changes]:
 
 
 def check_points(preset: Preset, runs: list[Changes]) -> None:
-    """Raise PresetError for invalid keys and values of the first 5000 runs, before anything is built: each mistake
-    once."""
+    """Raise PresetError for invalid keys and values of the first 5000 runs, each mistake once, before any build."""
     wrong: dict[str, None] = {}
     for changes in runs[:5000]:
         try:
@@ -253,8 +251,7 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Reset runs in these states to waiting, by default those in progress when a coordinator died; return their
-        number."""
+        """Reset runs in these states (default: in progress when a coordinator died) to waiting; return their number."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")

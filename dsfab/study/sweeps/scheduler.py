@@ -11,15 +11,10 @@ from dsfab.study.sweeps.in_memory import Rows
 from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 
-TRIES = 2
-"""A run whose worker was killed this often in a session waits for the next session; this often in all, it runs
-alone."""
+TRIES = 2  # Deaths of a worker in a session after which a run waits for the next; in all: it runs alone.
 
-PATIENCE = 600.0
-"""Seconds without any worker before the scheduler gives up."""
-
-Deliver = Callable[[Outcome, Changes], list[str]]
-"""Function that writes the files of a run and returns their names."""
+PATIENCE = 600.0  # Seconds without any worker before the scheduler gives up.
+Deliver = Callable[[Outcome, Changes], list[str]]  # Function that writes the files of a run and returns their names.
 
 
 @dataclass

@@ -63,11 +63,9 @@ class Outcome:
     killed: bool = False
 
 
-_run_lock = threading.Lock()
-"""One run at a time in a process, because neither the sparse solver nor the graphics are safe for threads."""
+_run_lock = threading.Lock()  # One run at a time: neither the solver nor the graphics are thread-safe.
 
-_thread_state = threading.local()
-"""State of each worker thread: the job, its base preset, and the last design."""
+_thread_state = threading.local()  # State of each worker thread: the job, its base preset, and the last design.
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
@@ -101,8 +99,7 @@ def _run_job(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
 def _job_design(job: Job, changes: Mapping[str, Any]) -> Design:
     if getattr(_thread_state, "token", None) != job.token:
         _thread_state.token, _thread_state.base, _thread_state.last = job.token, _base(job), None
-    preset = with_overrides(_thread_state.base, changes)
-    _thread_state.last = draft(preset, earlier=_thread_state.last)
+    _thread_state.last = draft(with_overrides(_thread_state.base, changes), earlier=_thread_state.last)
     return _thread_state.last  # type: ignore[no-any-return]
 
 
@@ -314,8 +311,7 @@ def free_memory() -> int:
 
 
 def memory_kills() -> int:
-    """Return how many processes the system has killed for want of memory, in this container or machine; 0 if
-    unknown."""
+    """Return how many processes the system has killed for want of memory, in this container or machine."""
     for path in ("/sys/fs/cgroup/memory.events", "/proc/vmstat"):
         with suppress(OSError, ValueError, IndexError, StopIteration):
             lines = Path(path).read_text(encoding="ascii").splitlines()
@@ -323,8 +319,7 @@ def memory_kills() -> int:
     return 0
 
 
-SECONDS = 20
-"""Time limit for a scheduler's answer."""
+SECONDS = 20  # Time limit for a scheduler's answer.
 
 
 class DaskWorkers:
@@ -351,8 +346,7 @@ class DaskWorkers:
     def workers(self) -> Collection[str]:
         """Return the addresses of the present workers."""
         # n_workers=-1, because newer versions list five workers by default
-        by_address = self._client.scheduler_info(n_workers=-1)["workers"]
-        return list(by_address)
+        return list(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
         if worker not in self._executors:
@@ -376,8 +370,7 @@ class DaskWorkers:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-MEMORY = 3e9
-"""Expected memory of one process, bytes."""
+MEMORY = 3e9  # Expected memory of one process, bytes.
 
 
 def fitting_processes(count: int) -> int:
@@ -399,8 +392,7 @@ def map_in_processes(
         yield from map(job, items)
         return
     before = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=end_with_parent)
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent)
     try:
         with quiet_start():
             order = sorted(range(len(items)), key=lambda k: -work(items[k]) if work else 0.0)

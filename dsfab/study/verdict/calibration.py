@@ -31,8 +31,7 @@ from dsfab.study.verdict.levels import (
 )
 from dsfab.study.verdict.verdict import LoadedSurface, attached_material, facet_ratio, mean_member_width
 
-TABLE = files("dsfab.study.verdict") / "calibration.csv"
-"""The table that ships with dsfab."""
+TABLE = files("dsfab.study.verdict") / "calibration.csv"  # The table that ships with dsfab.
 
 
 @dataclass(frozen=True)
@@ -221,8 +220,7 @@ snap value of the shipped table, whatever its preset says."""
 
 
 def random_design(kind: str, seed: int) -> Design:
-    """Return a design with random frequencies, modes, phases, widths and share of material; `seed` fixes them. Raises
-    DsfabError if the design cannot be built."""
+    """Return a design of random stripes, widths and share, fixed by `seed`. Raises DsfabError if it cannot be built."""
     rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
     changes: dict[str, Any] = {**surface_kind.changes, "pattern.method": "modes", "pattern.fillet": 0.0}
@@ -237,11 +235,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return a random design solved on up to `count` meshes.
-
-    A large design whose verdict takes two meshes skips the fourth mesh: its third mesh serves as the truth. Raises
-    DsfabError if the design cannot be built or does not carry its loads.
-    """
+    """Return a random design solved on up to `count` meshes; the third is the truth of a large design whose verdict
+    takes two. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())
@@ -276,8 +271,7 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
 
 
 def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *pairs: Elements) -> Level:
-    cases_and_spreads = on_mesh(setting.surface, mesh, setting.loads, forces)
-    return level(mesh.surface, setting.made, *cases_and_spreads, pairs)
+    return level(mesh.surface, setting.made, *on_mesh(setting.surface, mesh, setting.loads, forces), pairs)
 
 
 def calibrate(count: int = 8, told: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:

@@ -10,17 +10,13 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0
-"""Two meshes extrapolate to c1 + (c1 - c0) / this: each refinement divides the error by 1 + this."""
+EXTRAPOLATION_DIVISOR = 2.0  # Two meshes extrapolate to c1 + (c1 - c0) / this.
 
-LEAST_BOUND = 0.003
-"""Smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only."""
+LEAST_BOUND = 0.003  # Smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only.
 
-QUICK_ERRORS = (0.02, 0.05)
-"""Relative error of the quick level (hybrid + hhj, unrefined mesh): its median and its 90 % quantile."""
+QUICK_ERRORS = (0.02, 0.05)  # Relative error of the quick level: its median and its 90 % quantile.
 
-LEAST_EDGES_PER_MEMBER = 4.0
-"""A warning appears if members are narrower than this many edges of the uncut mesh."""
+LEAST_EDGES_PER_MEMBER = 4.0  # A warning appears if members are narrower than this many edges of the uncut mesh.
 
 
 @dataclass(frozen=True)
@@ -54,16 +50,14 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate the values at the rate of their last two steps, clipped to `STEP_RATIOS`. Two values, or a last step
-    that turns back, are extrapolated by `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate at the last steps' rate within `STEP_RATIOS`, or by `EXTRAPOLATION_DIVISOR` without a rate."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
     return values[-1] + step / (min(max(before / step, STEP_RATIOS[0]), STEP_RATIOS[1]) - 1)
 
 
-WIDEST_MODE_BOUND = 0.05
-"""A third mesh is solved if the relative bound of a mode is wider. Linear buckling itself is off by more."""
+WIDEST_MODE_BOUND = 0.05  # Relative bound of a mode above which a third mesh is solved.
 
 STEP_RATIOS = (1.5, 4.0)
 """Smallest and largest accepted ratio of successive steps. Reentrant corners let an eigenvalue's error fall to 1 / 2.1
@@ -74,8 +68,7 @@ at best, smooth sheets to 1 / 16; steps below the first ratio count as not shrin
 class ModeEstimate:
     """value : lowest load factor, or hertz.   bound : half width of its interval, relative to the value; inf for one
             mesh.
-    ratio : of the steps between three meshes, None for fewer; each mesh has four times the triangles.
-    """
+    ratio : of the steps between three meshes, None for fewer; each mesh has four times the triangles."""
 
     value: float
     bound: float
@@ -114,8 +107,7 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     return ModeEstimate(finest + extension, max(abs(extension) / (finest + extension), LEAST_BOUND), ratio)
 
 
-REENTRANT_ANGLE = np.radians(30)
-"""A boundary vertex is a reentrant corner if the outline turns inwards by more; less is a rounded outline."""
+REENTRANT_ANGLE = np.radians(30)  # Inward turn of the outline that makes a reentrant corner.
 
 
 @dataclass(frozen=True)
@@ -186,8 +178,7 @@ def inward_corners(surface: Surface) -> Ints:
     """Return (c,) border vertices around which the material turns by more than half a turn and `REENTRANT_ANGLE`."""
     X = surface.V[surface.F]
     ahead, back = np.roll(X, -1, axis=1) - X, np.roll(X, 1, axis=1) - X
-    sine = np.linalg.norm(np.cross(ahead, back), axis=2)
-    angle = np.arctan2(sine, (ahead * back).sum(axis=2))
+    angle = np.arctan2(np.linalg.norm(np.cross(ahead, back), axis=2), (ahead * back).sum(axis=2))
     around = np.bincount(surface.F.ravel(), angle.ravel(), surface.n)
     border = np.zeros(surface.n, dtype=bool)
     border[surface.edges.ends[surface.edges.boundary]] = True

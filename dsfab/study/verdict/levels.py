@@ -33,8 +33,7 @@ from dsfab.statics import (
 from dsfab.study.verdict.estimates import Extreme, rib_width, stress_extremes
 from dsfab.surface import LoadCase, Surface
 
-CREASE_COSINE = np.cos(np.radians(30))
-"""A face that leans more than 30 degrees from the mean normal at a vertex keeps its own normal there: a crease."""
+CREASE_COSINE = np.cos(np.radians(30))  # A face that leans more from a vertex's mean normal keeps its own.
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,16 +134,12 @@ class Shares(NamedTuple):
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
     """Return the mesh-independent shares of each load; they sum to its forces.
-
-    loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices.
-    """
-    areas, face_count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
+    loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices."""
+    areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
         spread = np.zeros((len(areas), 3)) if load.parts is None else load.parts.traction * areas
-        on_faces: Floats = np.stack([np.bincount(sheet.parent, x, face_count) for x in spread.T], axis=1).astype(
-            np.float64
-        )
+        on_faces: Floats = np.stack([np.bincount(sheet.parent, x, count) for x in spread.T], axis=1).astype(np.float64)
         shares_by_load[name] = Shares(np.asarray(sheet.weights.T @ load.point), on_faces)
     return shares_by_load
 
@@ -174,8 +169,7 @@ def on_mesh(
     return cases, spreads
 
 
-PARABOLIC_SHEAR = 6 / 5
-"""Energy factor of shear through the thickness, because that is a parabola and not even [Reissner 1945]."""
+PARABOLIC_SHEAR = 6 / 5  # Energy factor of shear through the thickness, a parabola [Reissner 1945].
 
 
 class RibSoftening(NamedTuple):
@@ -201,14 +195,10 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Return the softening of a solved sheet that bends, for each of its cases. It solves once more on the same
-    mesh."""
+    """Return the softening of a solved sheet that bends, for each case, by another solve on the same mesh."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
-        barred = [
-            barred_answer.compliance
-            for barred_answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()
-        ]
+        barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
     except (StaticsError, NotPositiveDefinite):
         barred = [np.inf] * len(loads)
     recovery, means = (
@@ -217,13 +207,13 @@ def rib_softening(
     )
     stiff, softening = material.young / (2 * (1 + material.poisson)) * h, {}
     slender = float(np.sqrt(h / rib_width(surface)))
-    for name, barred_answer in zip(loads, barred, strict=True):
+    for name, answer in zip(loads, barred, strict=True):
         c, stress = answers[name].compliance, stresses[name]
         forces = section_forces(surface, h, stress, recovery)
         q = means @ np.einsum("ma,max->mx", forces.q, forces.frame)
         sheared = PARABOLIC_SHEAR / stiff * float(surface.areas @ (q**2).sum(axis=1))
         bent = 2 * float(surface.areas @ stress.bending_energy) * slender
-        shares = (max(float(barred_answer / c) - 1, 0.0), sheared / c, bent / c) if c > 0 else (0.0, 0.0, 0.0)
+        shares = (max(float(answer / c) - 1, 0.0), sheared / c, bent / c) if c > 0 else (0.0, 0.0, 0.0)
         softening[name] = RibSoftening(*shares)
     return softening
 
@@ -251,8 +241,7 @@ def theory_share(soft: RibSoftening) -> float:
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
 """The pair of elements of a verdict, and the pair beside it. Their errors have mostly opposite signs."""
 
-QUICK_ELEMENTS = elements_of("compliance_once")
-"""The pair of the quick level, which solves one mesh only."""
+QUICK_ELEMENTS = elements_of("compliance_once")  # The pair of the quick level, which solves one mesh only.
 
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
@@ -325,8 +314,7 @@ def level(
         name: recovery_errors(surface, material, stress[name], answer) for name, answer in answers_by_pair[main].items()
     }
     energies = {
-        pair: {name: answer.compliance for name, answer in case_answers.items()}
-        for pair, case_answers in answers_by_pair.items()
+        pair: {name: answer.compliance for name, answer in cases.items()} for pair, cases in answers_by_pair.items()
     }
     return Level(
         surface.m,
@@ -335,7 +323,7 @@ def level(
         energies.get(SPREAD_ELEMENTS, {}),
         {name: error[0] for name, error in errors.items()},
         {name: error[1] for name, error in errors.items()},
-        max(answer.residual for case_answers in answers_by_pair.values() for answer in case_answers.values()),
+        max(answer.residual for cases in answers_by_pair.values() for answer in cases.values()),
         time.perf_counter() - start,
         peak_memory(),
         {name: stress_extremes(surface, case_stress, loads[name].supported) for name, case_stress in stress.items()},
@@ -348,11 +336,8 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the squared energy errors of membrane and of bending, relative to the compliance.
-
-    The error is the difference between the stress and its average around each vertex [Zienkiewicz and Zhu 1987]; 0 for
-    stress that is constant on each face.
-    """
+    """Return the squared energy errors of membrane and bending, relative to the compliance: differences of the stress
+    to its average around vertices [Zienkiewicz and Zhu 1987]; 0 for stress constant on faces."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness

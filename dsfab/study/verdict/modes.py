@@ -28,8 +28,7 @@ from dsfab.study.verdict.levels import SmoothSurface, memory_needed, meshes, on_
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")
-"""Elements for buckling and frequency, which share a stiffness and its factor."""
+MODE_ELEMENTS: Elements = elements_of("buckling")  # For buckling and frequency, which share a factor.
 
 
 @dataclass(frozen=True)
@@ -93,10 +92,9 @@ def mode_intervals(
             standing = mode_supports(mesh.surface, next(iter(cases.values())), _is_plane(mesh.surface, cases))
             assumed = standing.told
             levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, request))
-            mode_estimates = _all_estimates(levels)
-            if len(levels) > 1 and all(
-                mode_estimate.bound <= estimates.WIDEST_MODE_BOUND for mode_estimate in mode_estimates
-            ):
+            hertz = _hertz(levels)
+            modes = [*_factors(levels).values(), *([hertz] if hertz else [])]
+            if len(levels) > 1 and all(mode.bound <= estimates.WIDEST_MODE_BOUND for mode in modes):
                 break
     except DsfabError as error:
         refusals.append(f"no {'finer mesh for the bound of modes' if levels else 'modes'}: {error}")
@@ -134,11 +132,6 @@ def mode_level(
 
 def _is_plane(surface: Surface, cases: Mapping[str, LoadCase]) -> bool:
     return flat_axis(surface, *cases.values()) is not None
-
-
-def _all_estimates(levels: list[ModeLevel]) -> list[estimates.ModeEstimate]:
-    hertz = _hertz(levels)
-    return [*_factors(levels).values(), *([hertz] if hertz else [])]
 
 
 def _factors(levels: list[ModeLevel]) -> dict[str, estimates.ModeEstimate]:

@@ -40,8 +40,7 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, the material of the sheet, and the loads by case on equal supports: shared by all
-    competitors."""
+    """The uncut surface, the sheet's material, and the loads by case on equal supports, for all competitors."""
 
     surface: Surface
     made: SheetMaterial
@@ -72,12 +71,8 @@ def whole_sheet(surface: Surface) -> Sheet:
 def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
-    """Return the material that reaches a support over edges, the dropped pieces (largest first), and the loads on the
-    former.
-
-    Raises StaticsError if nothing is supported, or if the supports leave a rigid motion free. It also raises
-    StaticsError if a load stands on a dropped piece or on no material.
-    """
+    """Return material that reaches a support over edges, dropped pieces (largest first), and the loads on the former.
+    Raises StaticsError for no supports, a free rigid motion, and a load on a dropped piece or on no material."""
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
@@ -195,8 +190,7 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-MOST_MESHES = 3
-"""Limit on the number of meshes: the cut mesh and two refinements."""
+MOST_MESHES = 3  # Limit on the number of meshes: the cut mesh and two refinements.
 
 COUNT = {2: "two levels", 3: "three levels"}
 
@@ -287,26 +281,17 @@ class Refinement:
             return CaseVerdict(name, values[0], largest_error, "unknown", reason, 0.0, *errors)
         coarsest = self.levels[0]
         spread = coarsest.midedge[name] / coarsest.compliance[name] - 1 if coarsest.midedge else 0.0
-        compliance_estimate = estimates.estimate(values, spread, sum(errors[:2]))
-        is_known = len(values) > 1 and compliance_estimate.bound <= CONVERGED
+        estimate = estimates.estimate(values, spread, sum(errors[:2]))
+        is_known = len(values) > 1 and estimate.bound <= CONVERGED
         if len(values) == 1:
-            reason = (
-                f"{percent(compliance_estimate.bound)} by the recovery error of one mesh, which alone shows "
-                "no convergence"
-            )
+            reason = f"{percent(estimate.bound)} by the recovery error of one mesh, which alone shows no convergence"
         elif is_known:
-            reason = f"converged within {percent(compliance_estimate.bound)}"
+            reason = f"converged within {percent(estimate.bound)}"
         else:
-            reason = f"not converged: {percent(compliance_estimate.bound)} after {COUNT[len(values)]}"
+            reason = f"not converged: {percent(estimate.bound)} after {COUNT[len(values)]}"
         reason += theory_words(errors[2]) if len(values) > 1 else ""
         return CaseVerdict(
-            name,
-            compliance_estimate.value,
-            compliance_estimate.bound,
-            "pass" if is_known else "unknown",
-            reason,
-            spread,
-            *errors,
+            name, estimate.value, estimate.bound, "pass" if is_known else "unknown", reason, spread, *errors
         )
 
 
@@ -320,8 +305,7 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %"
 
 
-BUDGET = 4e9
-"""Default memory limit of a verdict, bytes."""
+BUDGET = 4e9  # Default memory limit of a verdict, bytes.
 
 
 def check(

@@ -13,8 +13,7 @@ vertex, except at corners of the design."""
 LEAST_TURNS = 12
 """Least number of alternating turns in a row; fewer may be design. A door in a wall has four corners, and an opening of
 a 5 m roof may have fifteen edges. (With such an opening evened, the STEP file by members failed.)"""
-LARGEST_GAP = 3
-"""Largest number of edges from one turn to the next; teeth of more edges are not those of the mesh."""
+LARGEST_GAP = 3  # Largest number of edges from one turn to the next; teeth of more edges are not those of the mesh.
 FLAT = float(np.radians(150))
 """Radians; a face with a wider corner at the border has lost its height to evening, and goes."""
 
@@ -68,14 +67,12 @@ def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []
-    gap = np.diff(large, append=large[0] + len(turn))
-    breaks = np.flatnonzero(gap > LARGEST_GAP)
+    breaks = np.flatnonzero(np.diff(large, append=large[0] + len(turn)) > LARGEST_GAP)
     if not len(breaks):
         return [(np.arange(len(turn)), True)] if _alternates(turn[large]) else []
     runs = []
     for start, end in zip(breaks, np.roll(breaks, -1), strict=True):
-        count = (end - start - 1) % len(large) + 1
-        chosen = large[(start + 1 + np.arange(count)) % len(large)]
+        chosen = large[(start + 1 + np.arange((end - start - 1) % len(large) + 1)) % len(large)]
         if _alternates(turn[chosen]):
             runs.append((np.arange(chosen[0], chosen[-1] + (len(turn) if chosen[-1] < chosen[0] else 0) + 1), False))
     return [(run % len(turn), closed) for run, closed in runs]
@@ -88,8 +85,7 @@ def _alternates(turn: Floats) -> bool:
 
 
 def _smoothed_line(P: Floats, closed: bool) -> Floats:
-    """Return the points (k, 3) of a line without its teeth; the ends of an open line stay. Steps alternately shrink and
-    swell the line, so that arcs keep their radius [Taubin 1995]."""
+    """Shrink and swell a line (k, 3) in turns, which keeps its ends and the radius of arcs [Taubin 1995]."""
     for k in range(20):
         step = (-0.53 if k % 2 else 0.5) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
         if not closed:
@@ -148,8 +144,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 def _triangle_costs(a: Floats, X: Floats, b: Floats) -> Floats:
     """Return the area (k,) of the triangles a, X, b; of equal areas, the smaller is that with shorter edges."""
     area = lengths(np.cross(X - a, b - a)) / 2
-    squares = ((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)
-    return np.asarray(area + 1e-3 * squares)
+    return np.asarray(area + 1e-3 * (((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)))
 
 
 def _triangles(apex: Ints, k: int) -> Ints:

@@ -20,8 +20,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
     inner[F] = True
     inner[edges.ends[edges.count != 2]] = False
     low, high = np.sort(pairs, axis=1).T
-    key = edges.ends[:, 0] * n + edges.ends[:, 1]
-    is_crossing = inner[low] & inner[high] & ~np.isin(low * n + high, key)
+    is_crossing = inner[low] & inner[high] & ~np.isin(low * n + high, edges.ends[:, 0] * n + edges.ends[:, 1])
     if not is_crossing.any():
         return np.asarray(is_crossing)
     twice = _on_repeated_faces(F, link_components(n, low, high)[1])
@@ -55,14 +54,10 @@ def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
     return ends
 
 
-COPY_GAP = 1 / 500
-"""Gap between two sheets, as a share of the side of a square of their area, below which the second is a copy."""
-PARALLEL_GAP = 0.08
-"""The same share for two parallel sheets that are reported, and for the two faces of a slab."""
-LEAST_AREA_RATIO = 0.8
-"""Least ratio of the areas of the two faces of a slab, or of two parallel sheets."""
-IGNORED_SHARE = 0.1
-"""Share of the area at either end of the distances that does not count, because sides are near both faces."""
+COPY_GAP = 1 / 500  # Share of the side of a square of their area: a nearer second sheet is a copy.
+PARALLEL_GAP = 0.08  # The same share for two parallel sheets that are reported, and for the two faces of a slab.
+LEAST_AREA_RATIO = 0.8  # Least ratio of the areas of the two faces of a slab, or of two parallel sheets.
+IGNORED_SHARE = 0.1  # Share of the area at either end of the distances: sides, which are near both faces.
 
 
 _REMARKS = {
@@ -124,8 +119,7 @@ def parallel_parts(V: Floats, F: Ints) -> tuple[ParallelParts, ...]:
 
 
 def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, int]]) -> Iterator[ParallelParts]:
-    """Yield the closed pieces that consist of two parallel faces and their sides. Without the parts that have no
-    parallel part, two parts remain."""
+    """Yield the closed pieces that consist of two parallel faces and their sides; the sides have no parallel part."""
     area, paired = lengths(area_vectors(V, F)) / 2, np.isin(part, np.unique(pairs))
     for p in np.unique(piece[paired]):
         piece_faces, faces = np.flatnonzero(piece == p), np.flatnonzero((piece == p) & paired)
@@ -211,8 +205,7 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of parts (k, 3), (l, 3) if each covers the other, else None; even: of nearly equal
-    distance."""
+    """Return the median distance of parts (k, 3), (l, 3) that cover each other, else None; even: nearly constant."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])

@@ -25,12 +25,9 @@ from dsfab.surface.topology import (
     pinches,
 )
 
-WELD = 5e-5
-"""Share of the largest side within which vertices become one vertex."""
-CRUMB = 0.01
-"""Share of the area below which a loose piece is dropped."""
-PINHOLE = 1e-3
-"""Share of the largest side; a hole with a shorter outline is closed by a fan of faces."""
+WELD = 5e-5  # Share of the largest side within which vertices become one vertex.
+CRUMB = 0.01  # Share of the area below which a loose piece is dropped.
+PINHOLE = 1e-3  # Share of the largest side; a hole with a shorter outline is closed by a fan of faces.
 
 _NO_AREA = "without area"
 _DOUBT = ", many of all: is a part of it in another unit?"
@@ -41,9 +38,7 @@ _ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the 
 @dataclass(frozen=True, eq=False)
 class MendedMesh:
     """A mesh and its repairs.
-
-    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a few words each, empty for a sound mesh.
-    """
+    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a few words each, empty for a sound mesh."""
 
     V: Floats
     F: Ints
@@ -59,8 +54,7 @@ class MendedMesh:
         return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
 
 
-Fault = tuple[Callable[[Floats, Ints], Ints], str]
-"""Function that selects the sound faces, and the words for the others."""
+Fault = tuple[Callable[[Floats, Ints], Ints], str]  # Filter of sound faces, and the words for the others.
 
 
 def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
@@ -71,8 +65,7 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     Vertices within `WELD` of the largest side become one, except where sheets cross. Removed are faces without area,
     repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. Pinholes with outlines
     below `PINHOLE` are closed. Seams of patches with different divisions are stitched, and parts that touch in a point
-    are
-    joined there (`dsfab.surface.clean.seams`). Copies go, and a slab becomes its middle sheet
+    are joined there (`dsfab.surface.clean.seams`). Copies go, and a slab becomes its middle sheet
     (`dsfab.surface.clean.overlaps`). Ragged borders are evened (`dsfab.surface.clean.borders`). The rest is unchanged.
     """
     mesh = single_sheet(sound_faces(V, F), metres)
@@ -82,9 +75,8 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, with touching vertices welded and without unusable faces.
-    Unusable are faces without area, repeated faces, and faces with corners that are not finite or far from all
-    others."""
+    """Return the mesh V (n, 3), F (m, 3), in any unit, with touching vertices welded and without unusable faces:
+    without area, repeated, or with corners that are not finite or far from all others."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -141,8 +133,7 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
 def _with_area(V: Floats, F: Ints) -> Ints:
     P = V[F]
     longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
-    twice = lengths(area_vectors(V, F))
-    return np.flatnonzero(twice > 1e-9 * longest**2)
+    return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)
 
 
 def _distinct_faces(_: Floats, F: Ints) -> Ints:
@@ -170,8 +161,7 @@ def _on_edges_of_two(_: Floats, F: Ints) -> Ints:
 def _in_large_pieces(V: Floats, F: Ints) -> Ints:
     count, piece = pieces(F, edge_table(F))
     area = lengths(area_vectors(V, F))
-    of_piece = np.bincount(piece, area, minlength=count)
-    return np.flatnonzero(of_piece[piece] >= CRUMB * area.sum())
+    return np.flatnonzero(np.bincount(piece, area, minlength=count)[piece] >= CRUMB * area.sum())
 
 
 _UNSOUND: tuple[Fault, ...] = ((_with_area, _NO_AREA),)
@@ -203,11 +193,8 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15
-"""Share of the largest side; holes with a shorter outline are filled, up to a twentieth of the side wide."""
-
-SPECK = 0.05
-"""Share of the area of the largest piece below which other pieces are dropped."""
+HOLE = 0.15  # Share of the largest side; holes with a shorter outline are filled, up to a twentieth of the side wide.
+SPECK = 0.05  # Share of the area of the largest piece below which other pieces are dropped.
 
 FINE, SEVERAL = 0.01, 3
 """A mesh counts as a scan if its mean edge is below this share of its largest side, and it has this number of small
@@ -308,8 +295,7 @@ def _without_specks(mesh: MendedMesh) -> MendedMesh:
 
 
 def _fill_holes(mesh: MendedMesh) -> MendedMesh:
-    """Fill small holes; unchanged if the faces cannot be oriented. The time for a hole grows with the cube of its
-    edges."""
+    """Fill small holes, in time cubic in their edges; unchanged if the faces cannot be oriented."""
     V, F = mesh.V, mesh.F
     edges = edge_table(F)
     if flips_to_orient(F, edges) is None:
@@ -334,7 +320,7 @@ def _folded_faces(V: Floats, F: Ints) -> Bools:
 def _cosines(V: Floats, F: Ints) -> Floats:
     """Return the cosines (m,) between the normal of each face and the mean normal of those around it."""
     area = area_vectors(V, F)
-    around = _vertex_normal_sums(V, F)[F].sum(axis=1) - 3 * area
+    around = group_sums(F.ravel(), np.repeat(area, 3, axis=0), len(V))[F].sum(axis=1) - 3 * area
     return np.asarray(np.einsum("ij,ij->i", around, area) / np.maximum(lengths(around) * lengths(area), 1e-300))
 
 
@@ -344,14 +330,8 @@ def _crumpled_faces(V: Floats, F: Ints) -> Bools:
     return np.asarray((cosine < 0) | ((cosine < TILTED) & (height < LOW * side.mean())))
 
 
-def _vertex_normal_sums(V: Floats, F: Ints) -> Floats:
-    """Return the sum (n, 3) of twice the area vectors of the faces at each vertex."""
-    return group_sums(F.ravel(), np.repeat(area_vectors(V, F), 3, axis=0), len(V))
-
-
 def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
-    """Collapse the shortest edges of faces that noise has crumpled, until noise is less than the edges' lengths. The
-    mesh is unchanged if its faces are not oriented alike."""
+    """Collapse the shortest edges of crumpled faces until noise is less than the edges' lengths, if oriented alike."""
     V, F = mesh.V, mesh.F
     if not _folded_faces(V, F).any() or len(misoriented_edges(F, edge_table(F))):
         return mesh

@@ -10,9 +10,7 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, distinct, lengths, positions_on_segments
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
-ASTRAY_RATIO = 1000.0
-"""Ratio of a vertex's distance from the middle to that of 99 % of vertices, above which a number in the file is
-broken."""
+ASTRAY_RATIO = 1000.0  # Distance from the middle over that of 99 % of vertices; beyond it a number is broken.
 
 
 def in_reach(V: Floats) -> Bools:
@@ -56,9 +54,8 @@ def merged_vertices(
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
     """Return the target (n,) of each vertex: the first `targets` of its group, unless it is further than `reach`.
-    Groups may
-    be chains, so that a finely divided outline would shrink to a point. Along such a chain a vertex becomes the first
-    vertex within reach that stays."""
+    Groups may be chains, so that a finely divided outline would shrink to a point. Along such a chain a vertex becomes
+    the first vertex within reach that stays."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -72,8 +69,7 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at exactly the same place, sorted by place; return them and faces F (m, 3) on them.
-    Adding 0.0 turns -0.0 into 0.0."""
+    """Merge vertices V (n, 3) at the same place, sorted by place, of faces F (m, 3). Adding 0.0 turns -0.0 into 0.0."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 
@@ -97,14 +93,12 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
     """
     faces, joined = F, 0
     for _ in range(4):  # each round takes the vertices of one edge of a face, which has up to three at a seam
-        edges = edge_table(faces)
-        half, vertex = _open_seams(V, faces, edges, within)
+        half, vertex = _open_seams(V, faces, edge_table(faces), within)
         if not len(half):
             break
         faces = _with_fans(V, faces, half, vertex)
         joined += len(half)
-    crowded = (edge_table(faces).count > 2).sum() > (edge_table(F).count > 2).sum()
-    return (F, 0) if crowded else (faces, joined)
+    return (F, 0) if (edge_table(faces).count > 2).sum() > (edge_table(F).count > 2).sum() else (faces, joined)
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
@@ -212,9 +206,8 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
-    """Add a face to F (m, 3) of the mesh V (n, 3) in the narrowest gap where two parts touch in a point only. Two
-    openings with a common corner leave such a point. Returns the faces and the number of added ones; no edge gets more
-    than two faces."""
+    """Add a face to F (m, 3) of V (n, 3) in the narrowest gap where two parts touch in a point only, as two openings
+    with a common corner do. Returns the faces and the number of added ones; no edge gets more than two faces."""
     edges = edge_table(F)
     points = pinches(F, edges, len(V))
     if not len(points):

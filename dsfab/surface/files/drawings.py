@@ -29,8 +29,7 @@ from dsfab.surface.files.reading import (
 )
 from dsfab.surface.files.separate_process import read_rhino_in_process
 
-UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}
-"""Units by DXF's $INSUNITS."""
+UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}  # Units by DXF's $INSUNITS.
 
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
 """Entities with shapes that only AutoCAD reads."""
@@ -80,8 +79,7 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
 
 
 def _document(path: Path) -> Any:
-    """Return the drawing in a file; raises MalformedFileError for any other file. A plain read comes first, because it
-    takes half the time of ezdxf's recovery of damaged files."""
+    """Return the drawing in a file, by a plain read before ezdxf's slow recovery; raises MalformedFileError."""
     import ezdxf
     from ezdxf import recover
 
@@ -183,8 +181,7 @@ def _spline_points(spline: Any) -> Floats:
     return curve_points(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
 
 
-SAME_PLACE = 1e-6
-"""Share of the drawing's size within which two ends of curves meet."""
+SAME_PLACE = 1e-6  # Share of the drawing's size within which two ends of curves meet.
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,8 +222,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
     unit : of the file's numbers; by default the unit that the file declares.
 
     Raises SurfaceError for a missing file or layer, no closed curve, open curves, a missing unit, and a drawing beyond
-    the
-    limits of `DrawingBudget`.
+    the limits of `DrawingBudget`.
     """
     path = Path(path)
     if path.suffix.lower() not in _READERS:
@@ -240,7 +236,6 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
     """Return the content of the layers with these names (any case), by name; empty layers are left out.
-
     metres : in one unit of the file's numbers. Raises SurfaceError for a file that cannot be read, as `closed_curves`.
     """
     path = Path(path)
@@ -280,16 +275,14 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
 
 
 def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
-    """Return the drawing in a file of `size` bytes; raises SurfaceError for an unreadable file and beyond the
-    budget."""
+    """Return the drawing in a file of `size` bytes; raises SurfaceError for an unreadable or too large file."""
     with readable(path, "draw less into it", "it is damaged"):
         budget.require("bytes", size)
         return _READERS[path.suffix.lower()](path, budget)
 
 
 def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join runs whose ends meet, in the order of the file; yield the closed curves without their repeated last point.
-    Raises SurfaceError for open curves."""
+    """Join runs whose ends meet; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # 2 k is where run k begins, 2 k + 1 its end
@@ -305,8 +298,7 @@ def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Fl
                 raise SurfaceError(_open_curve_message(np.concatenate(chain), where))
             free[end // 2] = False
             chain.append(runs[end // 2][::-1] if end % 2 else runs[end // 2])
-        loop = np.concatenate([chain[0], *(run[1:] for run in chain[1:])])
-        yield loop[:-1]
+        yield np.concatenate([chain[0], *(run[1:] for run in chain[1:])])[:-1]
 
 
 def _open_curve_message(run: Floats, where: str) -> str:

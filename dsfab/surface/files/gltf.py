@@ -47,8 +47,7 @@ class Buffers:
 
     def _buffer(self, number: int) -> bytes:
         if number not in self.known:
-            uri = self.tree["buffers"][number].get("uri")
-            self.known[number] = self._content(uri)
+            self.known[number] = self._content(self.tree["buffers"][number].get("uri"))
             self.budget.require_bytes(sum(map(len, self.known.values())))
         return self.known[number]
 
@@ -154,10 +153,8 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
 
 
 def read_gltf(data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes]) -> TriangleFile:
-    """Return the triangles of the scene in a JSON file; `read_neighbour` returns the content of a file next to it.
-    Vertices at
-    exactly the same place become one; y, up by the specification, becomes z. Raises MalformedFileError for a broken
-    file, SurfaceError beyond the budget."""
+    """Return the triangles of a JSON file, coincident vertices merged, y turned to z; `read_neighbour` returns a file
+    next to it. Raises MalformedFileError for a broken file, SurfaceError beyond the budget."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, read_neighbour)
     file = text_file(data)
@@ -171,8 +168,7 @@ def _json_tree(data: bytes) -> dict[str, Any]:
         raise MalformedFileError("its JSON is broken or cut off") from None
     if not isinstance(tree, dict) or not isinstance(tree.get("asset"), dict):
         raise MalformedFileError("its JSON is no glTF")
-    required = tree.get("extensionsRequired", [])
-    unknown = [str(name) for name in required if not str(name).startswith(_HARMLESS)]
+    unknown = [str(name) for name in tree.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if unknown:
         raise MalformedFileError(
             f"it needs {', '.join(unknown)}, which dsfab does not read: export it without compression"
@@ -274,8 +270,7 @@ class _Scene:
 
 
 def _matrix(node: dict[str, Any]) -> Floats:
-    """Return the transformation (4, 4) of a node: a matrix, columns first, or scale, rotation (quaternion) and
-    translation."""
+    """Return the transformation (4, 4) of a node: a matrix, columns first, or scale, rotation and translation."""
     if "matrix" in node:
         return _numbers(node["matrix"], 16).reshape(4, 4).T
     x, y, z, w = _numbers(node.get("rotation", [0, 0, 0, 1]), 4)

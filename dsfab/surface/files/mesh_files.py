@@ -102,10 +102,7 @@ class RawMesh:
     up: str | None = None
 
 
-CAD_SUFFIXES = (
-    *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"),
-    *(".fbx", ".blend", ".ifc", ".rvt", ".gh"),
-)
+CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".fbx", ".blend", ".ifc", ".rvt", ".gh"))
 """Files of CAD programs with surfaces, but no mesh that dsfab reads."""
 
 
@@ -113,9 +110,8 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMe
     """Read OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP, by the suffix.
 
     glTF's y axis (up, by its specification) becomes z. Quads are cut along a fold, or along the shorter diagonal. STL
-    and
-    glTF vertices at exactly the same place become one, and those of other files if faces share none; unused vertices
-    go.
+    and glTF vertices at exactly the same place become one, and those of other files if faces share none; unused
+    vertices go.
 
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
 
@@ -217,17 +213,14 @@ def _suffix(path: Path) -> str:
             hint = "export the surface as a mesh from the program that made it, best as OBJ; "
         raise SurfaceError(f"{path} has the suffix {suffix!r}, which dsfab does not read; {hint}use one of {suffixes}")
     if not path.exists():
-        matches = difflib.get_close_matches(path.name, _siblings(path), n=1)
+        names = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        matches = difflib.get_close_matches(path.name, names, n=1)
         raise SurfaceError(
             f"{path} does not exist; " + (f"did you mean {matches[0]}?" if matches else "check the path")
         )
     if not path.stat().st_size:
         raise SurfaceError(f"{path} is empty; export it again")
     return suffix
-
-
-def _siblings(path: Path) -> list[str]:
-    return [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
 
 
 _POLYGONS: dict[str, Callable[[bytes, Budget], PolygonFile]] = {".obj": read_obj, ".ply": read_ply, ".off": read_off}

@@ -28,16 +28,11 @@ _IGNORED_WORDS = frozenset(
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
 """Lines without effect on the shape of polygons, or parts of free-form curves and surfaces."""
-_NUMBERS = {3, 4, 6, 7}
-"""Possible counts of numbers of a vertex: its place, a weight, a colour."""
-_COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)
-"""A comment that ends with a backslash."""
-_DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")
-"""A backslash at the end of a line with words directly before and behind it."""
-_DECIMAL_COMMA = re.compile(r"\d,\d")
-"""A number with a comma, which some programs write in some languages."""
-LINES_PER_CHECK = 1 << 14
-"""Lines between two checks of the numbers of vertices and faces."""
+_NUMBERS = {3, 4, 6, 7}  # Possible counts of numbers of a vertex: its place, a weight, a colour.
+_COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
+_DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at a line's end between two words.
+_DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a comma, which some programs write in some languages.
+LINES_PER_CHECK = 1 << 14  # Lines between two checks of the numbers of vertices and faces.
 
 
 def read_obj(data: bytes, budget: Budget) -> PolygonFile:

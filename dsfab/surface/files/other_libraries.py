@@ -85,8 +85,7 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Return V (n, 3), in the file's unit, and F (m, 3) of an STL file, read by trimesh independently of dsfab. Raises
-    SurfaceError if trimesh does not read the file."""
+    """Return V (n, 3), in the file's unit, and F (m, 3) of an STL file by trimesh. Raises SurfaceError."""
     import trimesh
 
     try:
@@ -126,8 +125,7 @@ def as_compas(V: Floats, F: Ints) -> "compas.datastructures.Mesh":
 
 
 def as_polyline(points: Floats) -> "compas.geometry.Polyline":
-    """Return a compas polyline through points (k, 2) or (k, 3), metres; raises SurfaceError if compas is not
-    installed."""
+    """Return a compas polyline through points (k, 2) or (k, 3), metres; raises SurfaceError without compas."""
     require_compas()
     from compas.geometry import Polyline
 
@@ -135,8 +133,7 @@ def as_polyline(points: Floats) -> "compas.geometry.Polyline":
 
 
 def as_circle(middle: Floats, radius: float) -> "compas.geometry.Circle":
-    """Return a compas circle around a point (2,) in the plane, metres; raises SurfaceError if compas is not
-    installed."""
+    """Return a compas circle around a point (2,) in the plane, metres; raises SurfaceError without compas."""
     require_compas()
     from compas.geometry import Circle, Frame
 

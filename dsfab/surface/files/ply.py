@@ -24,10 +24,8 @@ from dsfab.surface.files.reading import (
     whole_number,
 )
 
-CHUNK = 1 << 16
-"""Records between two checks of the time."""
-BLOCK = 1 << 20
-"""Bytes of text that are converted together."""
+CHUNK = 1 << 16  # Records between two checks of the time.
+BLOCK = 1 << 20  # Bytes of text that are converted together.
 _SPACE = re.compile(rb"\s")
 
 
@@ -60,8 +58,7 @@ class PlyElement:
         )
 
 
-Columns = dict[str, Any]
-"""For each property an array (count,); for a list the values of all records (c,), and the number of each."""
+Columns = dict[str, Any]  # By property an array (count,); for a list all values (c,), and the number of each.
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
@@ -92,9 +89,8 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and their
-    end. Raises
-    MalformedFileError for a file that ends before, or has a word that is no number there."""
+    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and their end.
+    Raises MalformedFileError for a file that ends before, or has a word that is no number there."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
@@ -107,8 +103,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return the start and the count (count, p) of each property in each record, and the end of the records. The result
-    is None if lists differ in length from those of the first record."""
+    """Return start and count (count, p) of each property in each record, and their end; None for unequal lists."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -158,8 +153,7 @@ def binary_element(body: bytes, position: int, element: PlyElement, order: str, 
     """
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
-    least = sum(np.dtype(p.length or p.type).itemsize for p in element.properties)
-    if element.count * least > len(body) - position:
+    if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
         raise element.cut_off()  # before memory is taken
     dtype, lists = _first_record(body, position, element, order)
     stop = position + dtype.itemsize * element.count
@@ -169,7 +163,6 @@ def binary_element(body: bytes, position: int, element: PlyElement, order: str, 
             return {p.name: _column(p, table[p.name]) for p in element.properties}, stop
     begins, counts, position = _binary_walk(body, position, element, order, budget)
     raw = np.frombuffer(body, np.uint8)
-
     columns: Columns = {}
     for i, p in enumerate(element.properties):
         width = np.dtype(p.type).itemsize
@@ -253,8 +246,7 @@ _NUMBERS = (
 _TYPES = dict(pair.split("=") for pair in _NUMBERS.split())
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _END = re.compile(rb"(?<=[\r\n])end_header[ \t]*(\r\n|\n|\r|\Z)")
-LONGEST_HEADER = 1 << 20
-"""Bytes within which a header ends."""
+LONGEST_HEADER = 1 << 20  # Bytes within which a header ends.
 
 _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 

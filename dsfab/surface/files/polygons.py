@@ -35,26 +35,22 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     fits02, fits13 = fits[:, :2].all(axis=1), fits[:, 2:].all(axis=1)
     shorter = np.linalg.norm(d13, axis=1) < (1 - 1e-9) * np.linalg.norm(d02, axis=1)
     use_second = np.where(fits02 == fits13, shorter, fits13)
-    unit_normals = unit_vectors(normals)
-    parallel = np.where(
-        use_second, *(np.einsum("qi,qi->q", unit_normals[:, k], unit_normals[:, k + 1]) for k in (2, 0))
-    )
+    units = unit_vectors(normals)
+    parallel = np.where(use_second, *(np.einsum("qi,qi->q", units[:, k], units[:, k + 1]) for k in (2, 0)))
     rows = np.flatnonzero(fits02 & fits13 & (parallel < WARPED))
     if len(rows):
         bent = np.zeros(len(sizes), dtype=bool)
         bent[quads] = parallel < FLAT
         neighbour_normals = _neighbour_normals(V, corners, sizes, bent, start[quads[rows]])
-        bend = [_bend(unit_normals[rows][:, which], neighbour_normals) for which in _AT_SIDES]
+        bend = [_bend(units[rows][:, which], neighbour_normals) for which in _AT_SIDES]
         chosen, instead = np.where(use_second[rows], bend[::-1], bend)
         use_second[rows] ^= instead < np.minimum(ON, BETTER * chosen)
     cut = np.where(use_second[:, None], [[1, 2, 3, 1, 3, 0]], [[0, 1, 2, 0, 2, 3]])
     return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)
 
 
-_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)
-"""Triangles of a quad cut from corner 0 to 2, and of a quad cut from 1 to 3."""
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)
-"""Triangle at each side, which runs from the corner of its number to the next, for both cuts."""
+_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of quads cut from 0 to 2, and from 1 to 3.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each side (from the corner of its number), for both cuts.
 
 
 def _inside(corners: Ints, n: int) -> Ints:
@@ -69,9 +65,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
     """Return the unit normals (r, 4, 3) of the flat faces beyond the sides of quads, 0 for none or more than one.
-
-    bent : (f,) faces that are not flat.    starts : (r,) the places of the first corners among `corners`.
-    """
+    bent : (f,) faces that are not flat.    starts : (r,) the places of the first corners among `corners`."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
@@ -84,20 +78,15 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the sum of both minus the first
     beyond = np.where(count[edge[side]] == 2, beyond, side)
     is_flat = (beyond != side) & ~bent[owner[beyond]]
-    sign = np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat
-    return np.asarray(sign[..., None] * N[owner[beyond]])
+    return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
 
 
-MOST_CORNERS_FOR_EARS = 12
-"""Largest number of corners for cutting ears, which takes k^3 steps."""
-MANY = 2000
-"""Number of corners above which triangles are Delaunay's: a comb of 100,000 takes 0.2 s, with earcut 4 s."""
+MOST_CORNERS_FOR_EARS = 12  # Largest number of corners for cutting ears, which takes k^3 steps.
+MANY = 2000  # Number of corners above which triangles are Delaunay's: a comb of 100,000 takes 0.2 s, with earcut 4 s.
 NOISE = 32 * float(np.finfo(np.float64).eps)
 """Distance from the line of its neighbours, as a share of the largest coordinate, below which a corner is straight."""
-ORDER = cdt.VertexInsertionOrder.AUTO
-"""Order of insertion: near points follow each other."""
-TOGETHER = 1 << 12
-"""Polygons of one size that are cut together; their numbers fit into the processor's cache."""
+ORDER = cdt.VertexInsertionOrder.AUTO  # Order of insertion: near points follow each other.
+TOGETHER = 1 << 12  # Polygons of one size that are cut together; their numbers fit into the processor's cache.
 
 
 def small_polygon_triangles(P: Floats) -> Ints:
@@ -181,8 +170,7 @@ def _earcut(flat: Floats) -> Ints:
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, in units of its size; and its
-    noise."""
+    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, over its size; and its noise."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size
@@ -244,10 +232,7 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """A mesh of polygons: V (n, 3) in the file's unit, and the corners of all faces in a row.
-
-    corners : (c,) vertex indices; face k has sizes[k] of them.
-    """
+    """A mesh of polygons: V (n, 3) in the file's unit, and `corners` (c,) in a row; face k has sizes[k] of them."""
 
     V: Floats
     corners: Ints
@@ -286,8 +271,7 @@ def triangles(mesh: Polygons) -> CutPolygons:
     `large_polygon_triangles`.
 
     Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or one that is not finite, is
-    cut
-    as a fan, and the caller has to refuse it.
+    cut as a fan, and the caller has to refuse it.
     """
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)

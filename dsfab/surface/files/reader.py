@@ -56,10 +56,9 @@ def read_surface(
     repair : whether the file is a raw scan, to be turned into a sheet first: see `dsfab.surface.clean.repair`.
 
     Faces are flipped so that neighbours agree, as few as possible, and closed pieces face outward. A piece with one
-    side
-    only (a Moebius strip) keeps a seam where neighbours disagree. A GLB file has y up by its specification and is
-    rotated
-    to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file` the repairs.
+    side only (a Moebius strip) keeps a seam where neighbours disagree. A GLB file has y up by its specification and is
+    rotated to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file` the
+    repairs.
 
     Raises SurfaceError for a file that cannot be read, coordinates that are not finite, collapsed or repeated faces,
     and edges with more than two faces.
@@ -81,10 +80,7 @@ def surface_in_file(
 
 
 def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
-    """Return a raw mesh with small faults mended, or repaired as a scan, with the repairs in its record.
-
-    unit : of its numbers; by default that of the file.
-    """
+    """Return a raw mesh mended, or repaired as a scan, with its repairs; unit : by default that of the file."""
     metres = metres_per(unit) if unit else raw.metres
     better = (repaired_scan if scan else mended_mesh)(raw.V, raw.F, metres)
     if not better.repairs:
@@ -122,8 +118,7 @@ def oriented_surface(V: Floats, F: Ints) -> Surface:
 
 
 def normalized_surface(surface: Surface) -> Surface:
-    """Return the surface as a file would return it: faces oriented, no vertex (n, 3) without a face (m, 3). Raises
-    SurfaceError as `read_surface` does."""
+    """Return the surface oriented, every vertex (n, 3) on a face (m, 3). Raises SurfaceError as `read_surface` does."""
     used, F = np.unique(surface.F, return_inverse=True)
     if len(used) < surface.n:
         return oriented_surface(surface.V[used], F.reshape(-1, 3))
@@ -160,8 +155,7 @@ def _flipped_faces(F: Ints, flips: Bools) -> Ints:
 
 def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
     count, piece = pieces(F, edges)
-    on_boundary = edges.boundary[edges.of].any(axis=1)
-    is_open = np.bincount(piece, on_boundary, minlength=count) > 0
+    is_open = np.bincount(piece, edges.boundary[edges.of].any(axis=1), minlength=count) > 0
     inward: Bools = np.logical_and(~is_open, signed_volumes(V, F, piece, count) < 0)
     return np.asarray(inward[piece])
 

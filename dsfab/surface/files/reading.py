@@ -17,8 +17,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.core.units import UNIT_WORDS
 from dsfab.surface.files.polygons import Polygons
 
-DEFAULT_TRIANGLES = 4_000_000
-"""Default limit on the triangles of a file: twice the largest mesh that was tried with all stages."""
+DEFAULT_TRIANGLES = 4_000_000  # Most triangles of a file: twice the largest mesh tried with all stages.
 
 
 class MalformedFileError(ValueError):
@@ -38,8 +37,7 @@ class Budget:
 
     @property
     def bytes(self) -> int:
-        """Largest size of the file, also unpacked; a text file with normals, textures and colours takes 350 bytes a
-        triangle."""
+        """Largest size of the file, also unpacked; a text file with normals and colours takes 350 bytes a triangle."""
         return 500 * self.triangles
 
     @property
@@ -79,9 +77,7 @@ log = logging.getLogger(__name__)
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
     """Convert any exception while a file is read into a SurfaceError with a sentence.
-
-    smaller : remedy if memory does not suffice.    damaged : cause of a foreign parser's error.
-    """
+    smaller : remedy if memory does not suffice.    damaged : cause of a foreign parser's error."""
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -145,9 +141,7 @@ class PolygonFile:
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
     """Triangles of a file: vertices V (n, 3) in its unit and faces F (m, 3); and remarks as of a `PolygonFile`.
-
-    unit : the unit that the file declares, or None. metres : in one of it.
-    """
+    unit : the unit that the file declares, or None. metres : in one of it."""
 
     V: Floats
     F: Ints
@@ -169,8 +163,7 @@ _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IG
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
 """Programs whose OBJ files have y up by default (first group), or z."""
 
-BLOCK = 1 << 20
-"""Letters that are split into lines together, between two checks of the time."""
+BLOCK = 1 << 20  # Letters that are split into lines together, between two checks of the time.
 
 
 @dataclass(frozen=True)
@@ -199,8 +192,7 @@ class TextFile:
 
 
 def may_lack_digits(word: str, count: int) -> bool:
-    """Return whether a whole number from 1 to `count` at the end of a file may have lost its last digits. It cannot if
-    another digit would exceed `count`."""
+    """Return whether one more digit could follow a whole number, from 1 to `count`, at the end of a file."""
     if not (word.isascii() and word.isdigit()):
         return True
     return len(word) <= len(str(count)) and 10 * int(word) <= count  # Python reads no number of 5000 digits
@@ -230,9 +222,7 @@ def text_file(data: bytes) -> TextFile:
 @dataclass(frozen=True)
 class CommentDeclarations:
     """Declarations in comments at the beginning of a file; None for missing ones.
-
-    unit : a key of METRES_PER.    up : "y" or "z", the default up axis of the program that wrote the file.
-    """
+    unit : a key of METRES_PER.    up : "y" or "z", the default up axis of the program that wrote the file."""
 
     unit: str | None = None
     up: str | None = None
@@ -243,8 +233,7 @@ def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclar
     comments = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
     unit, program = _UNIT.search(comments), _PROGRAMS.search(comments)
     return CommentDeclarations(
-        None if unit is None else UNIT_WORDS[unit[1].lower()],
-        None if program is None else "y" if program[1] else "z",
+        None if unit is None else UNIT_WORDS[unit[1].lower()], None if program is None else "y" if program[1] else "z"
     )
 
 
@@ -262,19 +251,14 @@ def whole_number(word: str) -> int:
     return int(word)
 
 
-CURVE_TOLERANCE = 2e-4
-"""Largest distance of a polygon's sides from its curve, as a share of the curve's size."""
-
-LARGEST_NUMBER = 1e12
-"""Larger numbers are no lengths or angles, and foreign libraries may loop endlessly on them."""
+CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon's sides from its curve, as a share of the curve's size.
+LARGEST_NUMBER = 1e12  # Larger numbers are no lengths or angles, and foreign libraries may loop endlessly on them.
 
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
     """Content of a drawing, in its unit: layer and points (k, 3) of each curve; the layers; the unit, or None; layer
-    and
-    place (1, 3) of each point.
-    """
+    and place (1, 3) of each point."""
 
     runs: tuple[tuple[str, Floats], ...]
     layers: tuple[str, ...]
@@ -309,13 +293,11 @@ class DrawingBudget:
             raise SurfaceError(f"reading the drawing took more than {self.seconds:.0f} s; {_APART}")
 
 
-_APART = "put the outlines into a drawing of their own"
-"""Remedy for any of the limits."""
+_APART = "put the outlines into a drawing of their own"  # Remedy for any of the limits.
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of `curve` at the ends of spans (s,) and, within 1024 a span, enough between to be within
-    `FLAT`."""
+    """Return points (k, 3) of `curve` at the ends of spans (s,) and, up to 1024 a span, between to be within `FLAT`."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

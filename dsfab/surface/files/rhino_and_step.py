@@ -85,8 +85,7 @@ def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
     V = np.array([[p.X, p.Y, p.Z] for p in mesh.Vertices], dtype=np.float64).reshape(-1, 3)
     quads = np.array([mesh.Faces[k] for k in range(len(mesh.Faces))], dtype=np.int64).reshape(-1, 4)
     sizes = np.where(quads[:, 2] == quads[:, 3], 3, 4)
-    corners = quads[np.arange(4) < sizes[:, None]]
-    return V, triangles(Polygons(V, corners, sizes)).F
+    return V, triangles(Polygons(V, quads[np.arange(4) < sizes[:, None]], sizes)).F
 
 
 def _model(path: Path) -> Any:
@@ -128,8 +127,7 @@ class _DrawnObjects:
                 yield self.layers.get(thing.Attributes.LayerIndex, ""), thing.Geometry, place
 
     def _block_objects(self, number: Any) -> list[Any]:
-        """Return the content of a block; raises MalformedFileError if it is not in the file, like that of a linked
-        block."""
+        """Return the content of a block; raises MalformedFileError if it is not in the file, as in a linked block."""
         block = self.model.InstanceDefinitions.FindId(number)
         inside = [self.model.Objects.FindId(object_id) for object_id in block.GetObjectIds()] if block else []
         if not inside or None in inside:
@@ -162,9 +160,8 @@ def _points(curve: Any) -> Floats:
 
 
 def read_occt(path: Path) -> TriangleFile:
-    """Return the triangles of all faces; those of neighbours have the same places and are not joined. OCCT converts
-    STEP files into millimetres; BREP files do not declare their unit. Raises MalformedFileError for files that OCCT
-    cannot read, and for a file without faces."""
+    """Return the triangles of all faces, not joined; STEP files are converted into millimetres, BREP files declare no
+    unit. Raises MalformedFileError for files that OCCT cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh

@@ -21,17 +21,14 @@ from dsfab.surface.files.reading import Budget, Drawing, DrawingBudget, Malforme
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes, require_rhino
 
 GIB = 2**30
-MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}
-"""Bytes of address space beyond that of the process before it reads."""
-SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}
-"""Seconds of the processor for a small file, and again for each 10 MB."""
+MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}  # Bytes of address space for reading.
+SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}  # Seconds of the processor for a small file, and again for each 10 MB.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}
 
 
 def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes or exceeds its
-    limits."""
+    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes or is too slow."""
     require_rhino()
     try:
         answer = json.loads(_program_output("drawing", path, budget.seconds))
@@ -55,9 +52,8 @@ def read_3dm(path: Path, budget: Budget) -> TriangleFile:
 
 
 def read_cad(path: Path, budget: Budget) -> TriangleFile:
-    """Return the faces of a STEP or BREP file as triangles, joined along common edges. Raises as
-    `read_rhino_in_process`
-    does."""
+    """Return the faces of a STEP or BREP file as triangles, joined along common edges. Raises like
+    `read_rhino_in_process`."""
     mesh = _triangles("cad", path, budget)
     V, became = merged_vertices(mesh.V, 1e-7)  # points of two faces on a common edge are as near as this
     F = became[mesh.F]
@@ -95,8 +91,7 @@ def _raise_refusal(answer: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Run the program; arguments: kind of file, path, seconds. The answer is a line of JSON; for meshes it is an .npz
-    file with that line in it."""
+    """Run the program (kind of file, path, seconds); the answer is a line of JSON, for meshes inside an .npz file."""
     kind, path, seconds = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])
     if kind == "drawing":

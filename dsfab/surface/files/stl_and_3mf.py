@@ -18,23 +18,19 @@ from dsfab.core.units import metres_per
 from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, text_file
 
-HEAD, EACH = 84, 50
-"""Bytes of the header with the number of triangles, and of each triangle."""
+HEAD, EACH = 84, 50  # Bytes of the header with the number of triangles, and of each triangle.
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
 _FACET = re.compile(
-    rf"\s*facet(?:\s+normal\s+\S+\s+\S+\s+\S+)?\s+outer\s+loop\s+{3 * _VERTEX}endloop\s+endfacet(?=\s|$)",
-    re.IGNORECASE,
+    rf"\s*facet(?:\s+normal\s+\S+\s+\S+\s+\S+)?\s+outer\s+loop\s+{3 * _VERTEX}endloop\s+endfacet(?=\s|$)", re.IGNORECASE
 )
 _BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s|\Z)", re.IGNORECASE)
-CHUNK = 1 << 14
-"""Triangles of a text file between two checks of the time."""
+CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles, with corners at exactly the same place merged, because they have the same bits everywhere.
-    Many binary files begin with "solid" like text files, so the length decides. Raises MalformedFileError for a file
-    that is incomplete or neither, SurfaceError beyond the budget."""
+    """Return the triangles, coincident corners merged. Length tells text from binary files, because many of these begin
+    with "solid". Raises MalformedFileError for an incomplete or other file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -101,8 +97,7 @@ _PARTS = re.compile(rb"<(/?)(?:[\w.-]+:)?(object|component|item)\b([^>]*)>")
 _TRIANGLE = re.compile(rb"[<:]triangle\s")
 _ATTRIBUTE = re.compile(rb"""\b(id|objectid|path)\s*=\s*["']([^"']*)["']""")
 
-Key = tuple[str, bytes]
-"""A part of the file, and the number of an object in it."""
+Key = tuple[str, bytes]  # A part of the file, and the number of an object in it.
 
 
 def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
@@ -133,8 +128,7 @@ def _meshes(model: Any) -> Iterator[tuple[Floats, Ints]]:
     while objects.MoveNext():
         mesh = objects.GetCurrentMeshObject()
         V = np.frombuffer(b"".join(mesh.GetVertices()), dtype="<f4").reshape(-1, 3).astype(np.float64)
-        F = np.frombuffer(b"".join(mesh.GetTriangleIndices()), dtype="<u4").reshape(-1, 3).astype(np.int64)
-        yield V, F
+        yield V, np.frombuffer(b"".join(mesh.GetTriangleIndices()), dtype="<u4").reshape(-1, 3).astype(np.int64)
 
 
 class _Plate:

@@ -15,11 +15,9 @@ from dsfab.surface.loads.pickers import STRICT, CaseName, Real
 from dsfab.surface.loads.supports import Support
 from dsfab.surface.mesh import Surface
 
-LimitState = Literal["ULS", "SLS", ""]
-"""Ultimate and serviceability limit state."""
+LimitState = Literal["ULS", "SLS", ""]  # Ultimate and serviceability limit state.
 
-COMBINED = "combined"
-"""Value of [diffusion] follow for all cases at once; no case and no combination may have this name."""
+COMBINED = "combined"  # Value of [diffusion] follow for all cases at once, hence no name of a case or combination.
 
 
 @dataclass(frozen=True)
@@ -121,8 +119,7 @@ ACTION_OF_LOAD: dict[str, ActionKind] = {
 }
 """Kinds of actions for kinds of loads; for other loads the preset has to state it."""
 
-ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")
-"""Kinds whose cases exclude each other: wind blows from one side at a time."""
+ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")  # Kinds with exclusive cases, as wind from one side.
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12
-"""Share of a normal along a direction below which the face counts as parallel to it."""
+EDGE_ON = 1e-12  # Share of a normal along a direction below which the face counts as parallel to it.
 
 
 @dataclass(frozen=True)
@@ -24,9 +23,8 @@ class Snow:
     """A load in pascals per *plan* area, which falls along `direction` (any length): s A |n . d| d on each face.
 
     s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]; reduce it, or pick less, where snow
-    slides
-    off. Open sheets carry it whatever their normals, so pick the upper part of an overhanging sheet. On closed surfaces
-    only faces that look against `direction` carry.
+    slides off. Open sheets carry it whatever their normals, so pick the upper part of an overhanging sheet. On closed
+    surfaces only faces that look against `direction` carry.
 
     covered : whether a cover of the openings carries it to the ribs; otherwise it lies on the ribs alone.
     """
@@ -66,9 +64,8 @@ class Wind:
 
     Normals point to the outside; on closed surfaces the outside does not depend on them. The defaults give the walls
     across the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1], and fade
-    with
-    the cosine to the sides. This is a first estimate for choosing a pattern. It leaves out suction along roofs and side
-    walls, and pressure inside open halls; add these as a `pressure` on picked faces.
+    with the cosine to the sides. This is a first estimate for choosing a pattern. It leaves out suction along roofs and
+    side walls, and pressure inside open halls; add these as a `pressure` on picked faces.
 
     covered : as for snow; an open lattice also has other coefficients [EN 1991-1-4, 7.11].
     """
@@ -131,8 +128,7 @@ def _require_pressure(kind: str, pressure: float) -> None:
         raise SurfaceError(f"a load of kind '{kind}' needs a positive pressure in pascals, not {pressure:g}")
 
 
-SPREAD_PARTS = ("weight", "bare", "covered")
-"""Parts of loads that are spread over faces."""
+SPREAD_PARTS = ("weight", "bare", "covered")  # Parts of loads that are spread over faces.
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,8 +185,7 @@ class LoadParts:
 
 @dataclass(frozen=True)
 class Force:
-    """A total force in newtons, spread over the picked vertices in proportion to their areas; on one vertex a point
-    force."""
+    """A total force in newtons, spread over the picked vertices by their areas; on one vertex a point force."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker
@@ -236,8 +231,7 @@ class Pressure:
             raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
         faces = picked_faces(surface, self.at, "pressure")
         require_two_sides(surface, faces, "a load of kind 'pressure'")
-        on_face = (-self.pressure * faces * surface.areas)[:, None] * surface.normals
-        return forces_at_corners(surface, on_face)
+        return forces_at_corners(surface, (-self.pressure * faces * surface.areas)[:, None] * surface.normals)
 
 
 @dataclass(frozen=True)
@@ -251,8 +245,7 @@ class SelfWeight:
     name: Name = ""
 
     def forces(self, surface: Surface, weight: float) -> Floats:
-        """Return the forces (n, 3), newtons, of a sheet of `weight` newtons per square metre; they sum to weight times
-        area."""
+        """Return the forces (n, 3), N, of a sheet of `weight` N/m2; their sum is weight times area."""
         if not weight > 0:
             raise SurfaceError(
                 f"a load of kind 'self_weight' needs a sheet that weighs something (it is {weight:g} N/m2); give the "
@@ -262,15 +255,13 @@ class SelfWeight:
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """Return the traction (m, 3) on each face of a sheet of `weight` newtons per square metre, Pa."""
-        along = weight * unit_vector(self.direction, "a load of kind 'self_weight'")
-        return np.broadcast_to(along, (surface.m, 3))
+        return np.broadcast_to(weight * unit_vector(self.direction, "a load of kind 'self_weight'"), (surface.m, 3))
 
 
 @dataclass(frozen=True)
 class Cladding:
-    """The weight of a cover (glass, a membrane, boards): a permanent load in pascals of the surface's own area. It acts
-    towards `direction` (any length) on the faces whose corners are all picked, on openings too, which it carries to the
-    ribs."""
+    """The weight of a cover (glass, membrane, boards): a permanent load, pascals of the surface's own area, along
+    `direction` (any length) on faces with all corners picked, also on openings, which it carries to the ribs."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -312,8 +303,7 @@ class Line:
     name: Name = ""
 
     def on_edges(self, surface: Surface) -> Floats:
-        """Return the load (e, 3), newtons per metre; times the lengths it sums to `per_metre` times the length of the
-        line."""
+        """Return the load (e, 3), N/m; times the lengths it sums to `per_metre` times the line's length."""
         if not any(self.per_metre):
             raise SurfaceError("a load of kind 'line' is zero; give per_metre = [fx, fy, fz] in newtons per metre")
         line: Bools = np.asarray(self.at.vertices(surface)[surface.edges.ends].all(axis=1))
@@ -341,9 +331,7 @@ Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, 
 
 def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
     """Return the loads in parts by what they act on.
-
-    weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that does.
-    """
+    weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that does."""
     spread: dict[str, Floats] = {part: np.zeros((surface.m, 3)) for part in SPREAD_PARTS}
     point = np.zeros((surface.n, 3))
     for load in loads:
@@ -396,8 +384,7 @@ class LoadCase:
         weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
 
         Raises SurfaceError without a support or a load, for pickers without vertices, for loads that are zero, and if
-        every
-        load acts in fixed directions.
+        every load acts in fixed directions.
         """
         if not supports:
             raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")
@@ -454,8 +441,7 @@ class LoadCase:
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """Return the load case where only shares (m,) of the faces exist, which carry themselves and the loads on
-        them."""
+        """Return the load case where only shares (m,) of the faces exist, which carry themselves and their loads."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

@@ -12,21 +12,14 @@ from dsfab.surface.edge_changes import LARGEST, halved_edges, with_flipped_edges
 from dsfab.surface.loads.pickers import Extent, pierced_faces
 from dsfab.surface.mesh import Surface
 
-LINE_TOLERANCE = 0.002
-"""Largest distance of edges from the curved line that they follow, as a share of `Extent.width`."""
-SNAP_SHARE = 0.25
-"""Share of an edge within which its end moves along it onto the line."""
-
-TEST_POINTS = 7
-"""Number of points between the ends of an edge that are tested against the line."""
+LINE_TOLERANCE = 0.002  # Largest distance of edges from the curved line that they follow, as a share of `Extent.width`.
+SNAP_SHARE = 0.25  # Share of an edge within which its end moves along it onto the line.
+TEST_POINTS = 7  # Number of points between the ends of an edge that are tested against the line.
 
 
 @dataclass(frozen=True, eq=False)
 class OutlinedSurface:
-    """A surface with vertices on outlines.
-
-    on    : (n,) vertices on the current line.    fixed : (n,) vertices on earlier lines, which stay.
-    """
+    """A surface with vertices (n,) `on` the current line, and `fixed` ones (n,) on earlier lines, which stay."""
 
     surface: Surface
     on: Bools
@@ -66,8 +59,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Edges (k,) that the line crosses, ascending, their shares (k,), 0 at the first end to 1, and the places (k,
-    3)."""
+    """Edges (k,) that the line crosses, ascending, shares (k,), 0 at the first end to 1, and places (k, 3)."""
 
     edge: Ints
     share: Floats
@@ -102,9 +94,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
     """Return the share of edges (k,), from an end (0 or 1) on the line, up to which they are on the wrong side, or 0.
-
-    sign : (k,) of the side of their other end.
-    """
+    sign : (k,) of the side of their other end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):
@@ -120,11 +110,9 @@ def with_corners(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
         for _ in range(64):
             faces, t = pierced_faces(outlined.surface, a, b)
             places = a + t[:, None] * (b - a)
-            line_vertices = outlined.surface.V[outlined.on]
+            vertices = outlined.surface.V[outlined.on]
             missing = [
-                k
-                for k, p in enumerate(places)
-                if not (lengths(line_vertices - p) <= 1e-6 * outlined.surface.size).any()
+                k for k, p in enumerate(places) if not (lengths(vertices - p) <= 1e-6 * outlined.surface.size).any()
             ]
             if not missing:
                 break
@@ -149,8 +137,7 @@ def _with_vertex(outlined: OutlinedSurface, face: int, place: Floats, tolerance:
 
 def _shares(corners: Floats, place: Floats) -> Floats:
     sides = np.roll(corners, -1, axis=0), np.roll(corners, -2, axis=0)
-    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    parts = np.cross(sides[0] - place, sides[1] - place) @ normal
+    parts = np.cross(sides[0] - place, sides[1] - place) @ np.cross(corners[1] - corners[0], corners[2] - corners[0])
     return np.asarray(parts / parts.sum())
 
 
@@ -180,9 +167,7 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
     """Return which vertices (k,) may move to places (k, 3): not fixed, and without moving the surface or its boundary.
-
-    tolerance : metres. Vertices at creases stay, where a face leans from the step by more than a sine of 0.2.
-    """
+    tolerance : metres. Vertices at creases stay, where a face leans from the step by more than a sine of 0.2."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -210,17 +195,14 @@ def _keeps_boundary(s: Surface, vertex: int, faces: Ints, step: Floats, toleranc
     edges = np.unique(s.edges.of[faces])
     edges = edges[s.edges.boundary[edges] & (s.edges.ends[edges] == vertex).any(axis=1)]
     sides = s.V[s.edges.ends[edges]].sum(axis=1) - 2 * s.V[vertex]
-    distance = (
-        lengths(np.cross(sides, step)) / np.maximum(lengths(sides), np.finfo(float).tiny) if len(sides) else sides
-    )
-    return bool((distance <= tolerance).all())
+    away = lengths(np.cross(sides, step)) / np.maximum(lengths(sides), np.finfo(float).tiny) if len(sides) else sides
+    return bool((away <= tolerance).all())
 
 
 def _spoilt(s: Surface, V: Floats) -> Bools:
     """Return the faces (m,) that turn or shrink too much if the vertices move to V (n, 3)."""
     a, b, c = (V[s.F[:, k]] for k in range(3))
-    area = np.einsum("mi,mi->m", np.cross(b - a, c - a), s.normals) / 2
-    return np.asarray(area < 0.3 * s.areas)
+    return np.asarray((np.einsum("mi,mi->m", np.cross(b - a, c - a), s.normals) / 2) < 0.3 * s.areas)
 
 
 def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
@@ -239,8 +221,7 @@ def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurf
     fixed : (n,) vertices on earlier outlines, which stay in place.
 
     Corners of the line are vertices; edges follow its curves within `EVEN`. Raises SurfaceError for a line that is so
-    fine
-    that it needs too many faces.
+    fine that it needs too many faces.
     """
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
@@ -288,8 +269,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) near the line that are longer than the extent is wide, because it could slip through
-    them."""
+    """Return the edges (e,) near the line that are longer than the extent is wide: it could slip through them."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -327,15 +307,13 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Return whether (k,) depths (p, k) along edges change their sign more than once, or touch 0 between equal
-    signs."""
+    """Return whether (k,) depths (p, k) along edges change sign more than once, or touch 0 between equal signs."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)
     back = np.zeros(depth.shape[1], dtype=bool)
     for was, now in ((fell, sign > 0), (rose, sign < 0)):
-        after = np.logical_or.accumulate(was)
-        back |= (after[:-1] & now[1:]).any(axis=0)
+        back |= (np.logical_or.accumulate(was)[:-1] & now[1:]).any(axis=0)
     return back
 
 
@@ -347,13 +325,11 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
     points = np.concatenate([place[s.edges.of], np.where(outlined.on[s.F][:, :, None], s.V[s.F], np.nan)], axis=1)
     is_crossed = np.isfinite(points[:, :, 0])
     faces = np.flatnonzero((is_crossed.sum(axis=1) == 2) & is_crossed[:, :3].any(axis=1))
-    middle = points[faces][is_crossed[faces]].reshape(-1, 2, 3).mean(axis=1)
-    return faces, np.abs(extent.depth(middle))
+    return faces, np.abs(extent.depth(points[faces][is_crossed[faces]].reshape(-1, 2, 3).mean(axis=1)))
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces whose corners are all on lines, along an inner edge if there is one. A field that is 0 on the lines
-    could not distinguish their sides otherwise."""
+    """Divide faces with all corners on lines along an inner edge, because a field that is 0 there has no sides."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

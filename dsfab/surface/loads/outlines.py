@@ -1,7 +1,7 @@
 """Pickers by an outline: polygon in plan, closed curves of a drawing, brush stroke; `Picker`, the union of all."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -51,8 +51,7 @@ def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
 
 
 def _inside(start: Floats, end: Floats, P: Floats) -> Bools:
-    """Return whether (p,) a ray from points P (p, 2) along x crosses an odd number of sides, from start to end (s,
-    2)."""
+    """Return whether (p,) a ray from P (p, 2) along x crosses an odd number of sides, from start to end (s, 2)."""
     odd, block = np.zeros(len(P), dtype=bool), max(4_000_000 // len(start), 1)  # in blocks, to save memory
     rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
     for k in range(0, len(P), block):
@@ -75,8 +74,7 @@ def enclosed_area(P: Floats) -> float:
 
 
 def bend_corners(P: Floats) -> Bools:
-    """Return the corners (k,) of a polygon (k, 2) at which it turns by 15 degrees or more; smaller turns belong to
-    curves."""
+    """Return the corners (k,) of a polygon (k, 2) that turn by 15 degrees or more; smaller turns belong to curves."""
     came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P
     cross = came[:, 0] * goes[:, 1] - came[:, 1] * goes[:, 0]
     angle = np.abs(np.arctan2(cross, np.einsum("ki,ki->k", came, goes)))
@@ -84,8 +82,7 @@ def bend_corners(P: Floats) -> Bools:
 
 
 def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
-    """Return the first two sides of a polygon (k, 2) that cross or touch, without neighbours, and the place (2,), or
-    None."""
+    """Return the first two sides of a polygon (k, 2) that cross or touch, no neighbours, and where (2,), or None."""
     k, Q = len(P), np.roll(P, -1, axis=0)
     for i in range(k - 2):
         j = np.arange(i + 2, k - (i == 0))
@@ -108,10 +105,8 @@ def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
-LEVEL = float(np.cos(np.radians(1)))
-"""A curve whose plane is within a degree of horizontal is projected from above."""
-ONE_PLANE = 1e-3
-"""Share of their size within which curves are in one plane."""
+LEVEL = float(np.cos(np.radians(1)))  # A curve whose plane is within a degree of horizontal is projected from above.
+ONE_PLANE = 1e-3  # Share of their size within which curves are in one plane.
 
 
 class OutlineError(SurfaceError, ValueError):
@@ -206,7 +201,8 @@ class ClosedCurves:
             if plane_index is None:
                 planes.append(new_plane)
             else:
-                planes[plane_index] = planes[plane_index].with_loop(loop)
+                plane = planes[plane_index]
+                planes[plane_index] = replace(plane, loops=(*plane.loops, loop))
         return Extent.union([plane.extent(surface, self.depth) for plane in planes])
 
     def vertices(self, surface: Surface) -> Bools:
@@ -217,9 +213,7 @@ class ClosedCurves:
 @dataclass(frozen=True)
 class Brush:
     """The space of a brush stroke: within `radius` of any point, metres, or of the segment to the next point.
-
-    A segment counts only if the balls around its ends overlap; points further apart begin another stroke.
-    """
+    A segment counts only if the balls around its ends overlap; points further apart begin another stroke."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -295,12 +289,8 @@ class _Plane:
         size = float(np.linalg.norm(np.ptp(np.concatenate([*self.loops, loop]), axis=0)))
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
-    def with_loop(self, loop: Floats) -> "_Plane":
-        return _Plane(self.origin, self.axes, (*self.loops, loop))
-
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism through the curves, with a depth to both sides, or as deep as the nearest part of the
-        surface."""
+        """Return the prism through the curves, as deep to both sides as `depth`, or as the surface's nearest part."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
@@ -352,8 +342,7 @@ def _width(P: Floats) -> float:
 
 
 def self_contained(picker: Any) -> Any:
-    """Return a picker with the curves of its file in it; others unchanged. Raises SurfaceError as `closed_curves`
-    does."""
+    """Return a picker with the curves of its file in it, or itself. Raises SurfaceError as `closed_curves` does."""
     if not isinstance(picker, ClosedCurves) or picker.file is None:
         return picker
     curves = tuple(tuple((float(x), float(y), float(z)) for x, y, z in loop) for loop in picker.loops())

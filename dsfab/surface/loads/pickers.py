@@ -98,12 +98,8 @@ Real = Annotated[float, AllowInfNan(False)]
 Vector = tuple[Real, Real, Real]
 CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
-PICKER_TOLERANCE = 1e-6
-"""Tolerance of a picker, as a share of the surface's size, because coordinates are rounded."""
-
-
-STRICT: ConfigDict = {"extra": "forbid"}
-"""pydantic: refuse unknown keys."""
+PICKER_TOLERANCE = 1e-6  # Tolerance of a picker, as a share of the surface's size, because coordinates are rounded.
+STRICT: ConfigDict = {"extra": "forbid"}  # pydantic: refuse unknown keys.
 
 
 class _HasPick(Protocol):
@@ -181,9 +177,7 @@ class Ball:
 @dataclass(frozen=True)
 class Side:
     """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 those on it.
-
-    relative : whether the depth is a share of the surface's extent along the axis.
-    """
+    relative : whether the depth is a share of the surface's extent along the axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     axis: Literal["x", "y", "z"]
@@ -205,10 +199,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertex nearest to each point, metres.
-
-    relative : whether points are in shares of the surface's box, 0 to 1 along each axis.
-    """
+    """The vertex nearest to each point, metres; relative : points are shares of the surface's box, 0 to 1."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -295,9 +286,7 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
-    """The rest of another picker after voids: vertices, and the edges between them by their `ends`, the smaller
-    first.
-    """
+    """The rest of another picker after voids: vertices, and edges between them by `ends`, the smaller first."""
 
     ends: tuple[tuple[int, int], ...] = ()
 
@@ -325,8 +314,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError if none
-    are."""
+    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError for none."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 

@@ -83,9 +83,8 @@ class RegionedSurface(NamedTuple):
 
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
-    """Return the surface with edges along the outlines of regions, and without voids. The old vertices come first in
-    `whole`, with their old numbers. Raises SurfaceError, which names the region, for a region that is nowhere on the
-    surface, and for voids that take all of it."""
+    """Return the surface with edges along outlines of regions, without voids; old vertices come first in `whole`.
+    Raises SurfaceError, which names the region, for a region off the surface, and for voids that take all of it."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     outlined = OutlinedSurface(surface, nothing, nothing)
     for k in _voids_first(regions):

@@ -15,11 +15,8 @@ from dsfab.surface.loads.outlines import Picker, edges_of
 from dsfab.surface.loads.pickers import STRICT, Vector
 from dsfab.surface.mesh import Surface
 
-LONGEST_NAME = 40
-"""Characters of a name, which must fit into a column of a table."""
-
-SIGNS = " _-.,/+"
-"""Characters that a name may have besides letters and digits of any language."""
+LONGEST_NAME = 40  # Characters of a name, which must fit into a column of a table.
+SIGNS = " _-.,/+"  # Characters that a name may have besides letters and digits of any language.
 
 
 def _checked_name(name: str) -> str:
@@ -32,8 +29,7 @@ def _checked_name(name: str) -> str:
     return name
 
 
-Name = Annotated[str, AfterValidator(_checked_name)]
-"""User's name of a support or a load; empty for none. It changes no result."""
+Name = Annotated[str, AfterValidator(_checked_name)]  # User's name of a support or a load, or empty; changes no result.
 
 
 class _Support(Protocol):
@@ -117,8 +113,7 @@ class Support:
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:
-        """Return the stiffness (n, 3), newtons per metre; it sums to `spring`. Raises SurfaceError on vertices without
-        faces."""
+        """Return the stiffness (n, 3), N/m, with sum `spring`. Raises SurfaceError on vertices without faces."""
         if self.spring is None:
             return np.zeros((surface.n, 3))
         share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)

@@ -21,8 +21,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import EdgeTable, edge_table, faces_at, next_half_edge, on_boundary
 
-FREE, ON_CURVE, FIXED = 0, 1, 2
-"""Kinds of vertices: on the surface, on one of its curves, fixed."""
+FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: on the surface, on one of its curves, fixed.
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +94,7 @@ class Net:
     @property
     def link_edges(self) -> Ints:
         """Indices (l,) of the edges along curves."""
-        ends = np.sort(self.link_ends, axis=1)
-        return np.searchsorted(self.edges.ends @ (self.n, 1), ends @ (self.n, 1))
+        return np.searchsorted(self.edges.ends @ (self.n, 1), np.sort(self.link_ends, axis=1) @ (self.n, 1))
 
     @property
     def along_curves(self) -> Bools:
@@ -133,15 +131,12 @@ def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) 
     return leading_candidates(order, touched, n, edges)
 
 
-LONGEST = 4 / 3
-"""Ratio to the wanted length from which an edge is halved; its halves are nearer to it [Botsch and Kobbelt 2004]."""
+LONGEST = 4 / 3  # Ratio to the wanted length above which an edge is halved [Botsch and Kobbelt 2004].
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
     """Return the net with its long edges halved once, or itself; edges along curves also if they miss the curve.
-
-    edge : metres, to which the tolerance is relative.
-    """
+    edge : metres, to which the tolerance is relative."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -166,8 +161,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Halve marked edges (e,); those along curves at positions (l,) of the axis, or in the middle where these are
-    nan."""
+    """Halve marked edges (e,); those along curves at positions (l,) of the axis, or at the middle where nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -193,8 +187,7 @@ def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions
     )
 
 
-SHORTEST = 4 / 5
-"""Ratio to the wanted length below which an edge is collapsed [Botsch and Kobbelt 2004]."""
+SHORTEST = 4 / 5  # Ratio to the wanted length below which an edge is collapsed [Botsch and Kobbelt 2004].
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +224,7 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
     lower = row_min(net.kind[edges.ends[chosen]])
     chosen = chosen[(lower < FIXED) & (net.along_curves[chosen] | (lower == FREE))]
     chosen = chosen[meets_link_condition(edges, chosen, net.n)]
-    ends = edges.ends[chosen]
-    a, b = ends.T
+    a, b = edges.ends[chosen].T
     swap = (net.kind[a] < net.kind[b]) | ((net.kind[a] == net.kind[b]) & backwards)
     target, gone = np.where(swap, b, a), np.where(swap, a, b)
     fine = (net.kind[gone] == FREE) | _keeps_curves(net, curves, target, gone, edge)
@@ -310,8 +302,7 @@ def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     )
 
 
-LEAST_ANGLE = np.radians(25)
-"""Radians; an edge is not flipped if the least angle afterwards is below this and below the least before."""
+LEAST_ANGLE = np.radians(25)  # A flip must not leave a least angle below this and below the least before.
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
@@ -351,9 +342,7 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
     """Return by how much (q,) the angles opposite edges together exceed half a turn, radians.
-
-    angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges.
-    """
+    angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges."""
     first_angle, second_angle = angles.ravel()[next_half_edge(pairs.T, 2)]
     return np.asarray(first_angle + second_angle - np.pi - 1e-6)
 
@@ -363,8 +352,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return the edges (q,) whose new faces lie like the old ones within 37 degrees, and are no worse where they are
-    bad."""
+    """Return edges (q,) whose new faces lie like the old ones within 37 degrees, and are no worse where bad."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -406,8 +394,7 @@ def with_ears_flipped(surface: Surface) -> Surface:
     for start, end in ((a, b), (b, a)):  # neither new face turns over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    behind = pairs[chosen, 1] // 3
-    chosen = chosen[np.unique(behind, return_index=True)[1]]  # the first of two ears at a face
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # the first of two ears at a face
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))

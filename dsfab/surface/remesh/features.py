@@ -11,17 +11,11 @@ from dsfab.surface.edge_changes import CREASE, border_edges, sharp_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-TOLERANCE = 1 / 50
-"""Largest distance of new boundaries and creases from those of the input, as a share of the edge."""
+TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from those of the input, as a share of the edge.
+CORNER = 30.0  # Degrees of turn of a curve at a vertex from which the vertex is a corner.
+DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease, below which only a few faces form it.
 
-CORNER = 30.0
-"""Degrees of turn of a curve at a vertex from which the vertex is a corner."""
-
-DULL = 0.6 * CREASE
-"""Degrees between the mean normals on both sides of a crease, below which only a few faces form it."""
-
-FINE = 1 / 80
-"""Share of the box's diagonal that limits the width of noise: a file with longer edges is designed, not scanned."""
+FINE = 1 / 80  # Share of the box's diagonal; a file with longer edges is designed, not scanned.
 
 
 class SmoothVertices(NamedTuple):
@@ -63,8 +57,7 @@ def design_features(surface: Surface, edge: float) -> Bools:
 
 def _crease_lengths(surface: Surface, crease: Ints) -> Floats:
     """Return the length (c,) of the smooth curve of creases (c,) that contains each, metres."""
-    ends = surface.edges.ends[crease]
-    passes = vertices_of_two_edges(surface.V, ends)
+    passes = vertices_of_two_edges(surface.V, surface.edges.ends[crease])
     smooth = passes.edges[passes.turn < np.radians(CORNER)]
     count, part = link_components(len(crease), smooth[:, 0], smooth[:, 1])
     return np.asarray(np.bincount(part, surface.edge_lengths[crease], minlength=count)[part])
@@ -80,17 +73,13 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     toward = surface.centroids[faces] - middle[:, None]
     toward /= lengths(toward)[:, :, None]
     across = toward[:, 0] - toward[:, 1]
-    tree = cKDTree(surface.centroids)
-    _, near_faces = tree.query(middle, k=min(128, surface.m), distance_upper_bound=radius)
+    _, near_faces = cKDTree(surface.centroids).query(middle, k=min(128, surface.m), distance_upper_bound=radius)
     near_faces = np.concatenate([near_faces.reshape(len(crease), -1), faces], axis=1)
     exists = near_faces < surface.m
     near_faces = np.where(exists, near_faces, 0)
     side = np.einsum("cki,ci->ck", surface.centroids[near_faces] - middle[:, None], across)
     weight = np.where(exists, surface.areas[near_faces], 0)
-    u, v = (
-        np.einsum("ck,cki->ci", weight * is_on_side, surface.normals[near_faces])
-        for is_on_side in (side > 0, side <= 0)
-    )
+    u, v = (np.einsum("ck,cki->ci", weight * on_side, surface.normals[near_faces]) for on_side in (side > 0, side <= 0))
     bend = np.arctan2(lengths(np.cross(u, v)), np.einsum("ci,ci->c", u, v))
     slight = np.minimum(lengths(u), lengths(v)) < TOLERANCE * radius * surface.edge_lengths[crease]
     return np.where(slight, 0, bend)  # a single sliver at the boundary has no direction
@@ -122,12 +111,10 @@ class FeatureCurves:
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
-        starts = np.cumsum(count) - count
-        return which, np.arange(len(which)) - starts[which] + low[which]
+        return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the distance (k,) of the curves from their chords from start to end (k,), metres, and its position
-        (k,)."""
+        """Return the distance (k,) of the curves from chords start to end (k,), metres, and its position (k,)."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
@@ -168,8 +155,7 @@ def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
 
 
 def _chains(ends: Ints, corners: Bools) -> list[Ints]:
-    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2). A closed curve without a corner
-    begins at its first vertex."""
+    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2); closed ones from their first."""
     around: dict[int, list[int]] = {}
     for a, b in ends.tolist():
         around.setdefault(a, []).append(b)

@@ -15,14 +15,10 @@ from dsfab.surface.remesh.features import TOLERANCE, design_features
 from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
-LARGEST_GROUP = 240
-"""Largest accepted number of elements of a group: twice those of the icosahedron."""
-MATRIX_TOLERANCE = 1e-6
-"""Largest difference between equal entries of matrices."""
-INERTIA_TOLERANCE = 1e-2
-"""Largest difference between equal moments of inertia, as a share of the largest."""
-FAR_TOLERANCE = 1e-3
-"""Share of the surface's size within which points count as equally far."""
+LARGEST_GROUP = 240  # Largest accepted number of elements of a group: twice those of the icosahedron.
+MATRIX_TOLERANCE = 1e-6  # Largest difference between equal entries of matrices.
+INERTIA_TOLERANCE = 1e-2  # Largest difference between equal moments of inertia, as a share of the largest.
+FAR_TOLERANCE = 1e-3  # Share of the surface's size within which points count as equally far.
 
 
 def mirror(normal: Floats) -> Floats:
@@ -48,12 +44,9 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     """Return the unit directions (k, 3) to the points x (n, 3) farthest from the axis, which is their origin.
-
-    count : least number of points; points as far as the last one count too.
-    """
+    count : least number of points; points as far as the last one count too."""
     distance = lengths(x)
-    least = np.partition(distance, -count)[-count]
-    farthest = np.flatnonzero(distance > least - FAR_TOLERANCE * size)
+    farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
 
 
@@ -81,12 +74,9 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20
-"""Largest distance of a surface from its mirror image, as a share of the edge, because files are rounded."""
-ROUND_ANGLES = (0.7, 1.9)
-"""Radians; a surface with mirrors at these angles too is as round as a dome, and two of its mirrors suffice."""
-MOST_SIDES = 16
-"""Largest number of sides by mirrors through an axis, which meet at 22.5 degrees; of more, two mirrors are used."""
+IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, as a share of the edge: files are rounded.
+ROUND_ANGLES = (0.7, 1.9)  # Radians; a surface with mirrors there too is round, and two of them suffice.
+MOST_SIDES = 16  # Largest number of sides by mirrors through an axis, 22.5 degrees each; else two mirrors serve.
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,8 +151,7 @@ class _MirrorTest:
         return np.concatenate([a, a[line] + t[:, None] * (b - a)[line]])
 
     def holds(self, normal: Floats) -> bool:
-        """Return whether the surface, its boundaries and its creases are their own mirror images, with the same
-        sides."""
+        """Return whether the surface, its boundaries and its creases are their own mirror images, sides included."""
         s, R, limit = self.surface, mirror(normal), IMAGE_TOLERANCE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False
@@ -196,8 +185,7 @@ def _candidate_mirrors(look: _MirrorTest) -> Iterator[Floats]:
         return look.holds(normal)
 
     x = surface.centroids - look.centre
-    inertia = np.linalg.eigh(np.einsum("m,mi,mj->ij", surface.areas, x, x))[1].T
-    for axes in (np.eye(3), inertia):
+    for axes in (np.eye(3), np.linalg.eigh(np.einsum("m,mi,mj->ij", surface.areas, x, x))[1].T):
         axis = round_axis(surface, axes)
         if axis is None:
             yield from filter(is_new_mirror, axes)
@@ -237,16 +225,12 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3
-"""Share of the edge within which vertices are on a plane, and images of vertices are one."""
+PLANE_TOLERANCE = 1e-3  # Share of the edge within which vertices are on a plane, and images of vertices are one.
 
 
 @dataclass(frozen=True, eq=False)
 class Chamber:
-    """The part of a surface on one side of each mirror plane.
-
-    toward : (k, 3) unit normals of the planes, pointing to that side.
-    """
+    """The part of a surface on one side of each mirror plane, to which unit normals `toward` (k, 3) point."""
 
     whole: Surface
     mirrors: Mirrors
@@ -257,8 +241,7 @@ class Chamber:
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
         """Return the side of a point that rotates with the surface and lies in none of the planes."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
-        side = np.where(mirrors.normals @ mix < 0, -1.0, 1.0)
-        return cls(surface, mirrors, side[:, None] * mirrors.normals, edge)
+        return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
     @cached_property
     def piece(self) -> Surface | None:

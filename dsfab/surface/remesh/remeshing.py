@@ -32,8 +32,7 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import duplicate_faces, named_edges
 
-SHARP_ANGLE = 20.0
-"""Smallest angle, degrees, below which the mirrored mesh must compete with one of the whole surface."""
+SHARP_ANGLE = 20.0  # Smallest angle, degrees, below which the mirrored mesh must compete with one of the whole surface.
 
 
 def remeshed_surface(
@@ -49,15 +48,12 @@ def remeshed_surface(
 
     Boundaries, and creases of more than 30 degrees, stay within a fiftieth of `edge`, their corners exactly. So do the
     extent, the number of pieces and holes, and the sides of the faces. Creases of slivers and noise go
-    (`design_features`),
-    and ears (`with_ears_flipped`). Edges are shorter where this requires it, and between close curves. The same surface
-    gives the same mesh. Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an
-    exactly
-    symmetric mesh, whose extent is within a fiftieth of `edge`.
+    (`design_features`), and ears (`with_ears_flipped`). Edges are shorter where this requires it, and between close
+    curves. The same surface gives the same mesh. Without `sizes`, a surface with mirror symmetries (within a twentieth
+    of `edge`) gets an exactly symmetric mesh, whose extent is within a fiftieth of `edge`.
 
     Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
-    and a
-    surface with repeated faces or edges of more than two.
+    and a surface with repeated faces or edges of more than two.
     """
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ from side to side
@@ -81,8 +77,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Remesh one side of all mirrors of the surface and copy it; None without mirrors, or for a small or unlike
-    result."""
+    """Remesh one side of all mirrors and copy it; None without mirrors, or for a small or unlike result."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -114,11 +109,8 @@ def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smoot
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
-    curve_vertices, fixed = np.flatnonzero(net.kind > FREE), feature_curves(surface, edge).fixed
-    for vertices, simplices in (
-        (curve_vertices, lines),
-        (curve_vertices[net.kind[curve_vertices] == FIXED], fixed[:, None]),
-    ):
+    on_curve, fixed = np.flatnonzero(net.kind > FREE), feature_curves(surface, edge).fixed
+    for vertices, simplices in ((on_curve, lines), (on_curve[net.kind[on_curve] == FIXED], fixed[:, None])):
         if len(vertices) and len(simplices):
             hits = nearest_places(net.V[vertices], surface.V, simplices)
             is_near = hits.distance < TOLERANCE * edge
@@ -141,8 +133,7 @@ def _even_net(
     """Return the net after all rounds; wanted edges are `edge` metres long, or as the shortest of the sizes."""
     chords = chord_lengths(curves, edge)
     finer = [field for field in sizes if np.ptp(field.length)]
-    other_surfaces = {field.surface for field in finer} - {nearest.surface}
-    trees = [nearest, *map(NearestOnSurface, other_surfaces)]
+    trees = [nearest, *map(NearestOnSurface, {field.surface for field in finer} - {nearest.surface})]
     rounds = 8
     for k in range(rounds):
         base = _shortest_lengths(net.V, finer, trees) if finer else edge
@@ -160,8 +151,7 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until none is left, with flips and collapses in between, because needles create too many
-    points."""
+    """Halve long edges until none is left, with flips and collapses between, because needles create many points."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
@@ -173,8 +163,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the shortest (k,) of the fields' lengths at points (k, 3), metres; one tree serves all fields on a
-    surface."""
+    """Return the shortest (k,) of the fields' lengths at points (k, 3), metres; one tree for fields on one surface."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

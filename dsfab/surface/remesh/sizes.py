@@ -13,11 +13,9 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import adjacency
 
-TURN_PER_EDGE = 15.0
-"""Turn of the surface along an edge, degrees, above which edges should be shorter."""
+TURN_PER_EDGE = 15.0  # Turn of the surface along an edge, degrees, above which edges should be shorter.
 
-CHANGE_PER_EDGE = 0.25
-"""Change of a field along an edge, as a share of its root mean square, above which edges should be shorter."""
+CHANGE_PER_EDGE = 0.25  # A field's change along an edge over its root mean square, above which edges shorten.
 
 
 class SizeField(NamedTuple):
@@ -29,15 +27,14 @@ class SizeField(NamedTuple):
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
     """Return lengths (n,) of edges over which the surface turns by `TURN_PER_EDGE`, between `finest` and `edge`,
-    metres. The
-    largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
-    2003], over the faces around its neighbours. Creases do not count."""
-    shared = _inner_edges(surface)
+    metres. The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and
+    Morvan 2003], over the faces around its neighbours. Creases do not count."""
+    two = surface.edges.count == 2
+    shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
     along = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     tensor = np.einsum("e,ei,ej->eij", _bends(surface, shared) / lengths(along) / 2, along, along).reshape(-1, 9)
-    mean = _mean_around(surface, ends, tensor)
-    largest = np.abs(np.linalg.eigvalsh(mean.reshape(-1, 3, 3))).max(axis=1)
+    largest = np.abs(np.linalg.eigvalsh(_mean_around(surface, ends, tensor).reshape(-1, 3, 3))).max(axis=1)
     turning = np.radians(TURN_PER_EDGE)
     return np.asarray(np.clip(turning / np.maximum(largest, turning / edge), finest, edge))
 
@@ -48,9 +45,8 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
     field : (m, 3, 3) tensors in the planes of the faces; `CHANGE_PER_EDGE` refers to their root mean square.
 
     Differences along edges are those of the means around their ends [as Zienkiewicz and Zhu 1987 recover stress],
-    without
-    the rotation of the surface between them. The square of the gradient at a vertex is twice the mean square of such
-    slopes around it, which lie in all directions.
+    without the rotation of the surface between them. The square of the gradient at a vertex is twice the mean square of
+    such slopes around it, which lie in all directions.
     """
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
@@ -71,12 +67,6 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
     ).reshape(-1, 9)
     total = np.stack([np.bincount(corner, x, minlength=surface.n) for x in carried.T], axis=1)
     return np.asarray(total / np.maximum(surface.vertex_areas, np.finfo(float).tiny)[:, None]).reshape(-1, 3, 3)
-
-
-def _inner_edges(surface: Surface) -> Ints:
-    """Return the edges (e,) of two faces that are no creases."""
-    two = surface.edges.count == 2
-    return np.asarray(np.flatnonzero(two)[~feature_edges(surface)[two]])
 
 
 def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
@@ -103,27 +93,19 @@ def _transported_tensors(tensors: Floats, normal: Floats, onto: Floats) -> Float
 def _bends(surface: Surface, shared: Ints) -> Floats:
     """Return the angles (s,) between the normals at edges (s,) of two faces, radians, positive at convex edges."""
     h0, h1 = _half_edges(surface, shared)
-    first_normals, second_normals = surface.normals[h0 // 3], surface.normals[h1 // 3]
+    a, b = surface.normals[h0 // 3], surface.normals[h1 // 3]
     across = surface.V[surface.F[h1 // 3, (h1 + 2) % 3]] - surface.V[surface.F.ravel()[h0]]
-    angle = np.arctan2(
-        lengths(np.cross(first_normals, second_normals)), np.einsum("ei,ei->e", first_normals, second_normals)
-    )
-    return np.asarray(np.where(np.einsum("ei,ei->e", first_normals, across) < 0, angle, -angle))
+    angle = np.arctan2(lengths(np.cross(a, b)), np.einsum("ei,ei->e", a, b))
+    return np.asarray(np.where(np.einsum("ei,ei->e", a, across) < 0, angle, -angle))
 
 
-GRADE = 0.3
-"""Growth of the wanted length per metre: neighbours differ by less than a factor of 1.3."""
-
-LEAST = 1 / 20
-"""Least wanted length at bends of curves and narrow places, as a share of the edge."""
-
-CHORD_SHARES = 0.85 ** np.arange(19)
-"""Trial lengths of the chords of a curve, as shares of the edge."""
+GRADE = 0.3  # Growth of the wanted length per metre: neighbours differ by less than a factor of 1.3.
+LEAST = 1 / 20  # Least wanted length at bends of curves and narrow places, as a share of the edge.
+CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, as shares of the edge.
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded wanted lengths: `base` (n,) or a number, metres, within the chords (p,) of its
-    curves."""
+    """Return the net with graded lengths: `base` (n,) or a number, metres, within the chords (p,) of its curves."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -138,8 +120,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
 
 
 def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
-    """Return the largest sizes (n,) below the input, metres, that change along no edge (e, 2) by over `GRADE` times its
-    length."""
+    """Return the largest sizes (n,) below the input, metres, whose slope along edges (e, 2) is at most `GRADE`."""
     length = GRADE * edge_lengths(V, ends)
     a, b = ends.T
     while True:
@@ -220,8 +201,7 @@ def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
     for share in CHORD_SHARES:
         half, curve = share * edge / 2, curves.curve[open_]
         a = np.maximum(curves.at[open_] - half, starts[curve])
-        b = np.minimum(curves.at[open_] + half, ends[curve])
-        fine = curves.deviation(a, b)[0] <= TOLERANCE * edge * 0.8
+        fine = curves.deviation(a, np.minimum(curves.at[open_] + half, ends[curve]))[0] <= TOLERANCE * edge * 0.8
         longest[open_[fine]] = share * edge
         open_ = open_[~fine]
     return longest

@@ -14,14 +14,12 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import corner_fans
 
-CORNERS = ((0, 1), (1, 2), (2, 0))
-"""Half-edges of a face, by its corners."""
+CORNERS = ((0, 1), (1, 2), (2, 0))  # Half-edges of a face, by its corners.
 
 
 class SmoothPatches:
-    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001, PN triangles]. A vertex on a
-    crease has a normal for each side. Along boundaries and creases the patches follow the straight edges, so that
-    curves stay in place."""
+    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001]. A vertex on a crease has a normal
+    for each side; at boundaries and creases patches follow the straight edges, so that curves stay in place."""
 
     def __init__(self, surface: Surface) -> None:
         self._V, self._F = surface.V, surface.F
@@ -64,8 +62,7 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return the unit normals (m, 3 corners, 3): means of the faces around a vertex up to the next features (e,), by
-    angle."""
+    """Return unit normals (m, 3 corners, 3): means of faces by angle around a vertex up to the next features (e,)."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -102,8 +99,7 @@ def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
     centre = V[F].mean(axis=1) * weight[:, None]
     normal = _corner_sums(F, doubled, n)
     normal /= np.maximum(lengths(normal), np.finfo(float).tiny)[:, None]
-    total_weight = np.bincount(F.ravel(), np.repeat(weight, 3), minlength=n)
-    step = _corner_sums(F, centre, n) / total_weight[:, None] - V
+    step = _corner_sums(F, centre, n) / np.bincount(F.ravel(), np.repeat(weight, 3), minlength=n)[:, None] - V
     step -= normal * np.einsum("ni,ni->n", normal, step)[:, None]
     goal = V + np.where((net.kind == FREE)[:, None], step, 0)
     positions = _even_steps(net, curves, edge)
@@ -125,28 +121,24 @@ def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
 
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
-    """Return positions (k,) of the nodes with even steps in wanted lengths, where the edges stay near the curve. Every
-    second node moves at once."""
-    positions = net.at.copy()
+    """Return positions (k,) of nodes with even steps in wanted lengths near the curve; every second moves at once."""
+    places = net.at.copy()
     for parity in (0, 1):
-        k = np.arange(1 + parity, max(len(positions) - 1, 1 + parity), 2)
+        k = np.arange(1 + parity, max(len(places) - 1, 1 + parity), 2)
         k = k[(net.curve[k - 1] == net.curve[k]) & (net.curve[k + 1] == net.curve[k])]
         size = net.size[net.node]
         before, after = size[k - 1] + size[k], size[k] + size[k + 1]
-        goal = (positions[k - 1] * after + positions[k + 1] * before) / (before + after)
-        goal = (goal + positions[k]) / 2
-        deviation = np.maximum(curves.deviation(positions[k - 1], goal)[0], curves.deviation(goal, positions[k + 1])[0])
-        was = np.maximum(
-            curves.deviation(positions[k - 1], positions[k])[0], curves.deviation(positions[k], positions[k + 1])[0]
-        )
+        goal = (places[k - 1] * after + places[k + 1] * before) / (before + after)
+        goal = (goal + places[k]) / 2
+        deviation = np.maximum(curves.deviation(places[k - 1], goal)[0], curves.deviation(goal, places[k + 1])[0])
+        was = np.maximum(curves.deviation(places[k - 1], places[k])[0], curves.deviation(places[k], places[k + 1])[0])
         fine = deviation <= np.maximum(TOLERANCE * edge, was)
-        positions[k[fine]] = goal[fine]
-    return positions
+        places[k[fine]] = goal[fine]
+    return places
 
 
 def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
-    """Move the vertices to goals (n, 3), metres, and the nodes to positions (k,), except where a face turns by 60
-    degrees."""
+    """Move the vertices to goals (n, 3), metres, and the nodes to positions (k,), unless a face turns by 60 degrees."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
     retreats = 6  # rounds that put back single vertices, before all go back
@@ -160,5 +152,4 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
         V[back] = net.V[back]
         if k == retreats:
             V, positions = net.V, net.at
-    shifted = (V != net.V).any(axis=1)[net.node]
-    return replace(net, V=V, at=np.where(shifted, positions, net.at))
+    return replace(net, V=V, at=np.where((V != net.V).any(axis=1)[net.node], positions, net.at))

@@ -24,10 +24,7 @@ from dsfab.surface.shapes.round_shapes import catenoid, cylinder, dome, sphere, 
 
 FIGURES: dict[str, Callable[..., Surface]] = {
     shape.__name__: shape
-    for shape in (
-        *(camel_head, duck_ring, mouse, climbing_hold, turkey, pirate),
-        *(bridge, twisty_tower, boys_surface),
-    )
+    for shape in (*(camel_head, duck_ring, mouse, climbing_hold, turkey, pirate), *(bridge, twisty_tower, boys_surface))
 }
 """Stand-ins for the paper's models, remeshed, in a second or more each."""
 

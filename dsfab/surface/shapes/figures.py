@@ -25,10 +25,8 @@ from dsfab.surface.shapes.implicit import (
 )
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
-NECK_CUT = 0.4
-"""Height of the cut through the camel's neck, in the coordinates of its model."""
-MOUTH, HOLLOW = 0.017, 0.034
-"""Largest triangles that show the camel's mouth and the hollow of its ear, about half of their widths."""
+NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the coordinates of its model.
+MOUTH, HOLLOW = 0.017, 0.034  # Largest triangles that show the camel's mouth and the hollow of its ear.
 
 
 def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
@@ -44,9 +42,8 @@ def _above_ground(field: Field, k: float) -> Field:
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
 
-    If edges are longer than the widths of its details, the mouth, the nostrils and the hollow of the ears are left
-    out, and
-    the ears are thicker.
+    If edges are longer than the widths of its details, the mouth, the nostrils and the hollow of the ears are left out,
+    and the ears are thicker.
 
     height : from the boundary to about the tips of the ears, metres.
     """
@@ -86,8 +83,7 @@ def _ear(wide: float) -> Field:
     leaf = ellipsoid(centre, (0.095, max(0.055, wide), max(0.036, wide)), axes)
     if wide > HOLLOW:
         return leaf
-    hollow = ellipsoid(centre + 0.042 * front, (0.068, 0.034, 0.026), axes)
-    return smooth_difference(leaf, hollow, 0.02)
+    return smooth_difference(leaf, ellipsoid(centre + 0.042 * front, (0.068, 0.034, 0.026), axes), 0.02)
 
 
 @shape
@@ -117,8 +113,7 @@ def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
 
 @shape
 def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
-    """A computer mouse with two buttons and a wheel, genus 0: the buttons in front at +x, the left button, at +y,
-    pressed."""
+    """A computer mouse, genus 0: two buttons in front at +x, the left one, at +y, pressed, and a wheel."""
     shell = smooth_union([ellipsoid((0, 0, 0), (0.5, 0.29, 0.27)), ellipsoid((-0.12, 0, 0), (0.37, 0.27, 0.34))], 0.15)
     well = ellipsoid((0.27, 0, 0.26), (0.15, 0.07, 0.09))
     wheel = ellipsoid((0.27, 0, 0.17), (0.1, 0.045, 0.1))
@@ -225,30 +220,22 @@ def _arms() -> list[Field]:
     return [right_arm, hand, guard, blade, left_arm, cup, hook]
 
 
-OPENINGS = (0.22, 0.5, 0.78)
-"""Heights of the tower's openings, as shares of its height."""
+OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of its height.
 
 
 @shape
-def bridge(
-    span: Length = 30.0,
-    rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13,
-    edge: Length = 0.5,
-) -> Surface:
+def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
     """A deck on an arch with a wall between them, genus 0: along x, as wide as a road, abutments down to z = 0.
-
-    span : between the ends of the deck, metres. rise : of the arch's underside, as a share of the span.
-    """
+    span : between the ends of the deck, metres. rise : of the arch's underside, as a share of the span."""
     crown = rise + 0.075
 
     def deck(P: Floats) -> Floats:
-        return rounded_box((0, 0, 0), (0.5, 0.095, 0.02), 0.016)(P - _upward_vectors(P, crown - 0.16 * P[:, 0] ** 2))
+        return rounded_box((0, 0, 0), (0.5, 0.095, 0.02), 0.016)(P - np.outer(crown - 0.16 * P[:, 0] ** 2, [0, 0, 1.0]))
 
     def arch(P: Floats) -> Floats:
         height = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2
         slope = 2 * (rise + 0.03) * P[:, 0] / 0.45**2
-        across = np.abs(P[:, 1]) - 0.05
-        return np.asarray(_slab((P[:, 2] - height) / np.sqrt(1 + slope**2), across, 0.022, 0.014))
+        return np.asarray(_slab((P[:, 2] - height) / np.sqrt(1 + slope**2), np.abs(P[:, 1]) - 0.05, 0.022, 0.014))
 
     def wall(P: Floats) -> Floats:
         below = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2 - P[:, 2]
@@ -268,10 +255,6 @@ def _rounded_maximum(a: Floats, b: Floats) -> Floats:
     return -smooth_minimum(-a, -b, 0.01)
 
 
-def _upward_vectors(P: Floats, height: Floats) -> Floats:
-    return np.asarray(np.outer(height, [0, 0, 1.0]))
-
-
 def _slab(u: Floats, v: Floats, half: float, rounding: float) -> Floats:
     q = np.stack([np.abs(u) - half, v], axis=1) + rounding
     return np.asarray(np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0) - rounding)
@@ -279,14 +262,9 @@ def _slab(u: Floats, v: Floats, half: float, rounding: float) -> Floats:
 
 @shape
 def twisty_tower(
-    height: Length = 30.0,
-    twist: Annotated[float, Ge(-180), Le(180)] = 120.0,
-    edge: Length = 0.6,
+    height: Length = 30.0, twist: Annotated[float, Ge(-180), Le(180)] = 120.0, edge: Length = 0.6
 ) -> Surface:
-    """A slab that twists as it rises, with three openings through it, one above the other, genus 3, on z = 0.
-
-    twist : degrees between its top and its foot.
-    """
+    """A slab that twists by `twist` degrees as it rises, with three openings, genus 3, on z = 0."""
     slab = rounded_box((0, 0, 0.5), (0.19, 0.12, 0.6), 0.07)
     openings = [limb([(0, -0.5, z), (0, 0.5, z), (0, 0.6, z)], [0.085] * 3) for z in OPENINGS]
     for opening in openings:
@@ -308,8 +286,7 @@ def _twist_solid(field: Field, turn: float) -> Field:
     return field_there
 
 
-LOWEST, HIGHEST = -0.4426307, 2.0
-"""Heights of the lowest points (computed numerically) and of the peak, in the formula's own units."""
+LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of lowest points and peak, in the formula's own units.
 
 
 @shape
@@ -340,12 +317,7 @@ class _Disc:
         w = X[:, 0] + 1j * X[:, 1]
         a = w**6 + np.sqrt(5) * w**3 - 1
         g = np.stack(
-            [
-                -1.5 * (w * (1 - w**4) / a).imag,
-                -1.5 * (w * (1 + w**4) / a).real,
-                ((1 + w**6) / a).imag - 0.5,
-            ],
-            axis=1,
+            [-1.5 * (w * (1 - w**4) / a).imag, -1.5 * (w * (1 + w**4) / a).real, ((1 + w**6) / a).imag - 0.5], axis=1
         )
         P = g / (g**2).sum(axis=1, keepdims=True)
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))

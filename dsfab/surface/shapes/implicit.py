@@ -22,17 +22,12 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
-LONGEST, SHORTEST = 4 / 3, 4 / 5
-"""Multiples of the wanted length above or below which edges are divided or collapsed, so that results are better."""
+LONGEST, SHORTEST = 4 / 3, 4 / 5  # Multiples of the wanted length beyond which edges are divided or collapsed.
 
-ROUNDS, POLISH = 5, 10
-"""Rounds that change the number of vertices, then rounds that only flip towards Delaunay and relax."""
+ROUNDS, POLISH = 5, 10  # Rounds that change the number of vertices, then rounds that flip and relax.
 
-LEAST_TURN_COSINE = 0.3
-"""Cosine of the largest turn of a face in one step, about 70 degrees."""
-
-FOLDED = -0.5
-"""Cosine between the normals of neighbours, about 120 degrees, below which they are a fold."""
+LEAST_TURN_COSINE = 0.3  # Cosine of the largest turn of a face in one step, about 70 degrees.
+FOLDED = -0.5  # Cosine between the normals of neighbours, about 120 degrees, below which they are a fold.
 
 
 class MeshChart(Protocol):
@@ -43,8 +38,7 @@ class MeshChart(Protocol):
         ...
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the coordinates (n, k) of the points moved by about step (n, 3), metres; border stays on the
-        border."""
+        """Return the coordinates (n, k) of points moved by about step (n, 3), metres; border stays on the border."""
         ...
 
 
@@ -55,8 +49,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
     X, F : any oriented manifold mesh of it, in the chart's coordinates; its genus and its boundaries stay.
 
     Raises SurfaceError if the result is no manifold, is folded, or never ends, because the edge is longer than details
-    of
-    the surface.
+    of the surface.
     """
     for round_ in range(ROUNDS):
         before = len(F)
@@ -102,8 +95,7 @@ def _split(chart: MeshChart, X: Floats, F: Ints, longest: float) -> tuple[Floats
         old_count = len(X)
         X, F, _ = halved_edges(X, F, edges, long)
         is_new = np.arange(len(X)) >= old_count
-        border = on_boundary(edge_table(F), len(X))
-        X[is_new] = chart.move(X[is_new], np.zeros((is_new.sum(), 3)), border[is_new])
+        X[is_new] = chart.move(X[is_new], np.zeros((is_new.sum(), 3)), on_boundary(edge_table(F), len(X))[is_new])
     return X, F
 
 
@@ -166,8 +158,7 @@ def _flip_edges(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple
 
 
 def _valence_gain(quad: Ints, edges: EdgeTable, n: int) -> Floats:
-    valence = np.bincount(edges.ends.ravel(), minlength=n)
-    excess = (valence - np.where(on_boundary(edges, n), 4, 6))[quad]
+    excess = (np.bincount(edges.ends.ravel(), minlength=n) - np.where(on_boundary(edges, n), 4, 6))[quad]
     change = np.array([-1, -1, 1, 1])
     return np.asarray(((excess**2) - (excess + change) ** 2).sum(axis=1), dtype=np.float64)
 
@@ -195,8 +186,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     V, edges, n = chart.place(X), edge_table(F), len(X)
     border = on_boundary(edges, n)
     i, j = smoothing_neighbours(edges, n)
-    count = np.bincount(i, minlength=n)
-    mean = group_sums(i, V[j], n) / count[:, None]
+    mean = group_sums(i, V[j], n) / np.bincount(i, minlength=n)[:, None]
     N = group_sums(F.ravel(), np.repeat(area_vectors(V, F), 3, axis=0), n)
     N = N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
     step = mean - V
@@ -204,13 +194,11 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     return chart.move(X, 0.8 * step, border)
 
 
-Field = Callable[[Floats], Floats]
-"""Function of points (q, 3), metres: about the distance to a solid (q,), metres, negative inside."""
+Field = Callable[[Floats], Floats]  # Points (q, 3) -> about the distances (q,) to a solid, negative inside; m.
 
 Point = Sequence[float] | Floats
 
-EDGE_CORRECTION = 0.9
-"""Correction of the edge length, because remeshing gives a longer mean edge."""
+EDGE_CORRECTION = 0.9  # Correction of the edge length, because remeshing gives a longer mean edge.
 
 
 def _norm(Q: Floats) -> Floats:
@@ -224,10 +212,7 @@ def ball(centre: Point, radius: float) -> Field:
 
 
 def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
-    """Return an ellipsoid, with its distance to first order.
-
-    axes : (3, 3) unit vectors of the radii, in rows; by default x, y and z.
-    """
+    """Return an ellipsoid, its distance to first order; axes : (3, 3) units of the radii, in rows, or x, y, z."""
     c, r, R = np.array(centre), np.array(radii), np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -240,9 +225,7 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
     """Return a tube with round ends along a polygon; its radius is linear between the corners.
-
-    soft : the width over which its joints are filled, as a share of the smallest radius.
-    """
+    soft : the width over which its joints are filled, as a share of the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
@@ -263,9 +246,7 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
 
 def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
     """Return a rounded box, a field of P (k, 3), metres.
-
-    halves : half of each side, metres, roundings included.    axes : (3, 3) along its sides, in rows.
-    """
+    halves : half of each side, metres, roundings included.    axes : (3, 3) along its sides, in rows."""
     c, h, R = np.array(centre), np.array(halves) - rounding, np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -276,8 +257,7 @@ def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | No
 
 
 def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
-    """Return the smaller value (k,), rounded where they differ by less than k [polynomial smooth minimum, Quilez
-    2013]."""
+    """Return the smaller value (k,), rounded where they differ by less than k [polynomial, Quilez 2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
@@ -323,8 +303,7 @@ class LevelSet:
         return X
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return X + step (n, 3) after two Newton steps along the same gradient; those of the border (n,) stay on the
-        floor."""
+        """Return X + step (n, 3) after two Newton steps along one gradient; the border (n,) stays on the floor."""
         P = X + step
         down = border & (self.floor is not None)
         if self.floor is not None:

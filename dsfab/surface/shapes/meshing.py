@@ -15,11 +15,8 @@ from dsfab.surface.mesh import Surface
 
 P = ParamSpec("P")
 
-Length = Annotated[float, Gt(0), Le(POSSIBLE_SIZE[1])]
-"""Metres, within the limits of any surface."""
-
-ROW = np.sqrt(3) / 2
-"""Height of an equilateral triangle over its edge."""
+Length = Annotated[float, Gt(0), Le(POSSIBLE_SIZE[1])]  # Metres, within the limits of any surface.
+ROW = np.sqrt(3) / 2  # Height of an equilateral triangle over its edge.
 
 
 def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
@@ -31,8 +28,7 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
 
     @functools.wraps(function)
     def checked_shape(*args: P.args, **kwargs: P.kwargs) -> Surface:
-        arguments = inspect.signature(function).bind(*args, **kwargs).arguments
-        for name, value in arguments.items():
+        for name, value in inspect.signature(function).bind(*args, **kwargs).arguments.items():
             if not np.isfinite(value):
                 raise SurfaceError(f"{function.__name__}: {name} = {value} is not a finite number")
             for bound in bounds[name]:
@@ -105,8 +101,7 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return the positions (k,) of the vertices of each ring, of `counts` (r,), in turns. A ring is shifted by half a
-    step against a ring of the same count."""
+    """Return positions (k,), in turns, of vertices in rings of `counts` (r,); equal rings alternate by half a step."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0

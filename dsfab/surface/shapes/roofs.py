@@ -25,9 +25,7 @@ def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Sur
 @shape
 def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, edge: Length = 0.22) -> Surface:
     """A vault of circular section: length along x, span along y, springing at z = 0, `rise` at the crown.
-
-    Area length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise).
-    """
+    Area length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise)."""
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     half = np.arctan2(span / 2, radius - rise)
     check_density(2 * half * radius * length, edge)
@@ -41,9 +39,7 @@ def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, 
 @shape
 def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surface:
     """A hyperbolic paraboloid over a square: two opposite corners at z = 0, the other two at z = rise.
-
-    z = rise (1/2 + 2 x y / side^2): both sets of rulings are straight.
-    """
+    z = rise (1/2 + 2 x y / side^2): both sets of rulings are straight."""
     if rise > 4 * side:
         raise SurfaceError(f"hypar: rise = {rise:g} m is more than four times its side of {side:g} m; use a lower rise")
     check_density(side**2 * (1 + rise / side), edge)

@@ -77,8 +77,7 @@ def tower(
         raise SurfaceError(f"tower: twist = {twist:g} degrees is too much for a height of {height:g} m; use less")
     z = np.linspace(0, height, 1 + pieces_of(height, ROW * edge, multiple=2, least=4))
     scale = 0.5 * width * (1 + (taper - 1) * z / height)
-    counts = np.array([pieces_of(around * s, edge, multiple=4, least=8) for s in scale])
-    turns = ring_turns(counts)
+    turns = ring_turns(np.array([pieces_of(around * s, edge, multiple=4, least=8) for s in scale]))
     share = np.linspace(0, 1, len(x))
     rings = []
     for t, s, level in zip(turns, scale, z, strict=True):
@@ -90,8 +89,7 @@ def tower(
 
 
 def _superellipse(p: float) -> tuple[Floats, Floats, float]:
-    """Return points at equal arc lengths of |x|^p + |y|^p = 1, from (1, 0) counter-clockwise back to it, and its
-    length."""
+    """Return points at equal arc lengths of |x|^p + |y|^p = 1, once round from (1, 0), and its length."""
     angle = np.linspace(0, 2 * np.pi, 4 * 2048 + 1)
     c, s = np.cos(angle), np.sin(angle)
     r = (np.abs(c) ** p + np.abs(s) ** p) ** (-1 / p)
@@ -116,7 +114,6 @@ def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = Fal
 @shape
 def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
     """A sphere around the origin: an icosahedron with every edge divided in f parts, projected onto the sphere.
-
     Class I subdivision [Clinton 1971] of any frequency f: 10 f^2 + 2 vertices, 20 f^2 faces. A vertex is at each pole.
     """
     area = 4 * np.pi * radius**2
@@ -138,13 +135,11 @@ def _icosahedron() -> tuple[Floats, Ints]:
     V = np.concatenate([[[0, 0, 1.0]], ring[0], ring[1], [[0, 0, -1.0]]])
     a, b, c, d = 1 + k, 1 + (k + 1) % 5, 6 + k, 6 + (k + 1) % 5
     top, bottom = 0 * k, 0 * k + 11
-    F = np.concatenate([np.stack(t, axis=1) for t in ((top, a, b), (a, c, b), (b, c, d), (bottom, d, c))])
-    return V, F
+    return V, np.concatenate([np.stack(t, axis=1) for t in ((top, a, b), (a, c, b), (b, c, d), (bottom, d, c))])
 
 
 def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
-    """Divide every face into f^2 flat triangles; faces share the vertices on their edges. Integer weights on the
-    corners name a vertex, so that equal ones match exactly."""
+    """Divide every face into f^2 flat triangles; vertices of equal integer weights on the corners are one vertex."""
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
     index = np.full((f + 1, f + 1), -1)
@@ -172,9 +167,7 @@ def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
 @shape
 def torus(major: Length = 3.0, minor: Length = 1.2, edge: Length = 0.22) -> Surface:
     """A ring around the z axis: tube of radius `minor` along a circle of radius `major`, normals outward.
-
-    Area 4 pi^2 major minor, volume 2 pi^2 major minor^2. Raises SurfaceError unless major > minor.
-    """
+    Area 4 pi^2 major minor, volume 2 pi^2 major minor^2. Raises SurfaceError unless major > minor."""
     if minor >= 0.95 * major:
         raise SurfaceError(f"torus: minor = {minor:g} m leaves no hole; keep it under 0.95 x major = {major:g} m")
     check_density(4 * np.pi**2 * major * minor, edge)
