@@ -72,8 +72,7 @@ def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Fl
 
 def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
     """Return the sign of an axis: by its third moment, else by its clearest coordinate, because both directions are
-    equal.
-    """
+    equal."""
     if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
         return float(np.sign(third_moment))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
@@ -93,11 +92,8 @@ follow.
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes of one diffusion operator, without the constant ones.
-
-    lam : (k,) eigenvalues, per square metre, ascending.
-    X   : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I.
-    """
+    """Modes of one diffusion operator, without the constant ones. lam : (k,) eigenvalues, per square metre, ascending.
+    X : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I."""
 
     lam: Floats
     X: Floats
@@ -108,9 +104,7 @@ class Modes:
 
     def mode(self, number: int) -> Floats:
         """Return mode `number` (n,); 1 is the first that is not constant, as in the paper's figures.
-
-        Raises PatternError for a number beyond the computed modes.
-        """
+        Raises PatternError for a number beyond the computed modes."""
         if not 1 <= number <= len(self.lam):
             raise PatternError(f"mode {number} does not exist; modes 1 to {len(self.lam)} were computed")
         return np.asarray(self.X[:, number - 1])
@@ -146,11 +140,8 @@ def family_modes(
     axes: Floats | None = None,
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
-    """Return the modes of several operators (n, n) on one surface, each as by `diffusion_modes`, with the same axes
-    (3, 3).
-
-    Operators of one mesh have one pattern: one analysis serves all, and each costs one factorisation of values.
-    """
+    """Return the modes of several operators (n, n) on one surface, each as by `diffusion_modes`, with the same axes (3,
+    3). Operators of one mesh have one pattern: one analysis serves all, and each costs one factorisation of values."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None
@@ -198,11 +189,8 @@ def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """Factorise with PARDISO if installed: it takes half of SuperLU's time with one unknown per point.
-
-    Both are faster than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a
-    surface.
-    """
+    """Factorise with PARDISO if installed: it takes half of SuperLU's time with one unknown per point. Both are faster
+    than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a surface."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
     results = derived_results(surface)  # all operators of a surface have one pattern, and so one order of elimination
@@ -266,9 +254,8 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of `space` (n, c): each vector is a reference field minus its parts along
-    earlier ones.
-    """
+    """Return an M-orthonormal basis of `space` (n, c): each vector is a reference field minus its parts along earlier
+    ones."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

@@ -98,9 +98,7 @@ class Symmetry:
 
 def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Symmetry:
     """Return the group that words generate: `x` mirrors x, `rot:6:z` rotates by a sixth about z, through the centroid.
-
-    Raises PatternError for other words, and if the surface, its supports or one of the loads have another symmetry.
-    """
+    Raises PatternError for other words, and if the surface, its supports or one of the loads have another symmetry."""
     return checked_symmetry(surface, symmetry_group(words), loads, str(list(words)))
 
 
@@ -165,9 +163,7 @@ def _generator(word: str) -> Floats:
 
 def symmetry_group(words: Sequence[str]) -> Floats:
     """Return all products (g, 3, 3) of the named mirrors and rotations, the identity first.
-
-    Raises PatternError for other words.
-    """
+    Raises PatternError for other words."""
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
@@ -236,8 +232,7 @@ def _distance_to_marked(points: Floats, surface: Surface, marked: Bools) -> floa
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
     """Raise PatternError unless forces equal their images: smoothed because meshes are irregular, and in their
-    resultants.
-    """
+    resultants."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):

@@ -19,8 +19,7 @@ TIE = 1e-3
 """Positions along the structure are equal if they differ by less than this share of its size."""
 ROUND, HOLLOW = 0.5, 0.4
 """Members form a ring if their centroids spread in a second direction by more than ROUND times the first, and none is
-nearer to the middle than HOLLOW times the farthest.
-"""
+nearer to the middle than HOLLOW times the farthest."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
@@ -71,10 +70,7 @@ KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
     """Return names, part numbers and components in the order of their names: "A01", "A02a", "A02b", ..., "B01", "rim
-    1".
-
-    surface : its cells are those of the components.
-    """
+    1". surface : its cells are those of the components."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
         groups = _groups(same_kind) if len(letter) == 1 else [[component] for component in same_kind]

@@ -24,11 +24,8 @@ SPECK = 1.0
 
 @dataclass(frozen=True, eq=False)
 class MiddleLine:
-    """A polyline on a surface.
-
-    points : (k, 3) metres; a closed line repeats its first point.    normals : (k, 3) unit normals there.
-    cells  : (k - 1,) cell of each segment.
-    """
+    """A polyline on a surface. points : (k, 3) metres; a closed line repeats its first point. normals : (k, 3) unit
+    normals there. cells : (k - 1,) cell of each segment."""
 
     points: Floats
     normals: Floats
@@ -108,9 +105,8 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """(c, 2) positions of the zeros of offsets (c, 3) on sides (c, 2): 0 at the vertex with the lower number, 1 at
-    the other.
-    """
+    """(c, 2) positions of the zeros of offsets (c, 3) on sides (c, 2): 0 at the vertex with the lower number, 1 at the
+    other."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -175,8 +171,7 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
     """Angles (radians) between the steps (k - 1, 3) of a line in the planes across its normals (k, 3): (k - 2,) at the
-    inner points, or (k - 1,) for a closed line.
-    """
+    inner points, or (k - 1,) for a closed line."""
     before, after = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
     before, after = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (before, after))

@@ -18,14 +18,12 @@ if TYPE_CHECKING:
 
 EXACT = 2.0**-30
 """Smaller offsets (periods or metres) count as this much, with the sign at the edge's first end, so that a crossing on
-an edge is in exactly one of its two cells.
-"""
+an edge is in exactly one of its two cells."""
 
 
 class SharedPatch(NamedTuple):
     """Connected cells (c,) that members a, b share; points (k, 3) at which their middle lines cross there, metres, and
-    the cell of each (k,).
-    """
+    the cell of each (k,)."""
 
     a: int
     b: int
@@ -63,9 +61,7 @@ class _SharedCells:
 
 def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
     """Return every patch of cells that two members share.
-
-    member : (m, f) member of each cell for each field, -1 for none.
-    """
+    member : (m, f) member of each cell for each field, -1 for none."""
     patches = []
     count = member.shape[1]
     for k in range(count):
@@ -114,8 +110,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
     """(q, 2) corners at the ends of two sides (q, 2) of cells F (q, 3), the lower vertex number first, and (q, 2)
-    shares between them at which offsets (q, 3) are 0; equal from both cells at an edge.
-    """
+    shares between them at which offsets (q, 3) are 0; equal from both cells at an edge."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -202,12 +197,8 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
-    """Members and nodes of a design.
-
-    sheet  : the kept sheet, its cells divided along the edges of hidden members too. Every cell is in at least one
-             member.
-    source : (m,) cell of the design's sheet that contains each cell.
-    """
+    """Members and nodes of a design. sheet : the kept sheet, its cells divided along the edges of hidden members too.
+    Every cell is in at least one member. source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
     source: Ints
@@ -237,8 +228,7 @@ class MemberGraph:
     @cached_property
     def owner(self) -> Ints:
         """(m,) number of the member that each cell is counted with: the widest of its members, then the first. The
-        areas of all members add up to that of the sheet.
-        """
+        areas of all members add up to that of the sheet."""
         numbers = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
             numbers[self.members[k].cells] = k
@@ -246,8 +236,7 @@ class MemberGraph:
 
     def bays(self, name: str) -> Floats:
         """Return arc lengths (b,) from node to node along a member (m); the last bay of a closed member ends at its
-        first node.
-        """
+        first node."""
         axis, nodes = self.by_id[name].axis, self.nodes_along[name]
         if axis is None or not nodes:
             return np.empty(0)
@@ -256,10 +245,7 @@ class MemberGraph:
 
     def to_compas(self) -> "compas.datastructures.Graph":
         """Return nodes with x, y, z, metres, and an edge for each bay with its `member` and its `length` along the
-        axis.
-
-        Raises SurfaceError if compas is not installed.
-        """
+        axis. Raises SurfaceError if compas is not installed."""
         return _compas_graph(self)
 
     @cached_property
@@ -348,8 +334,7 @@ class Joints:
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
         """(k, 3) end of a line inside of the material shared with another member, and (k,) its cell: there the members
-        meet, as two edges of a surface do at its corner.
-        """
+        meet, as two edges of a surface do at its corner."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:

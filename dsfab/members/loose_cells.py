@@ -84,8 +84,7 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 FOLLOWS, INTO = 3.0, 1.5
 """A line follows kept material if it runs inside of it over more than FOLLOWS widths of that; a crossing at 20 degrees
-takes 2.9. It ends INTO widths after it enters, beyond the middle, so that both meet.
-"""
+takes 2.9. It ends INTO widths after it enters, beyond the middle, so that both meet."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
@@ -121,9 +120,7 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
     """A line, opened where it is free if closed, and the first and last points of its parts inside of kept material.
-
-    width : (k - 1,) width of the material that hides each segment, metres, or 0.    own_width : of the line's member.
-    """
+    width : (k - 1,) width of the material that hides each segment, metres, or 0. own_width : of the line's member."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

@@ -20,9 +20,7 @@ ALONG = 0.3
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
     """Return vertices (n,) of the boundary along which stripes run, for gradients along g (n, 3).
-
-    shortest : metres; shorter runs do not count, for example across the corner of a plate.
-    """
+    shortest : metres; shorter runs do not count, for example across the corner of a plate."""
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     moment = np.zeros((surface.n, 3, 3))
@@ -170,20 +168,15 @@ FLOOR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class StressDirections:
-    """Stresses that the field follows, on the faces.
-
-    stress    : (m, 2) principal stresses, any unit; major stripes run along the first.
-    direction : (m, 2, 3) their unit directions.
-    """
+    """Stresses that the field follows, on the faces. stress : (m, 2) principal stresses, any unit; major stripes run
+    along the first. direction : (m, 2, 3) their unit directions."""
 
     stress: Floats
     direction: Floats
 
     def confidence(self, areas: Floats) -> Floats:
         """Return D / (D + 0.3 reference) (m,), 0 to 1: D the difference of the stresses, the reference their RMS.
-
-        Raises PatternError if the stress is zero.
-        """
+        Raises PatternError if the stress is zero."""
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
         if not reference > 0:

@@ -80,20 +80,14 @@ class Guidance:
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
         """Return the guidance of each guide with a weight.
-
-        spacing : default reach of curves, metres.
-
-        Raises PatternError for a guide that acts nowhere.
-        """
+        spacing : default reach of curves, metres. Raises PatternError for a guide that acts nowhere."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
         """Return symmetric tensors (n, 3, 3) in space, of trace 0, to compare vertices that lie apart.
-
-        Their size is 1 for a guide that overrules stress: twice the weight then changes the field little.
-        """
+        Their size is 1 for a guide that overrules stress: twice the weight then changes the field little."""
         axis_1, axis_2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = axis_1.transpose(0, 2, 1), axis_2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
@@ -127,9 +121,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return the square (n,), complex, of the nearest piece's direction, less with the distance from the curve.
-
-    Pieces count if they are farther than the nearest by less than a tenth of the reach.
-    """
+    Pieces count if they are farther than the nearest by less than a tenth of the reach."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -168,9 +160,7 @@ ON_EDGE = 1e-9
 @dataclass(frozen=True, eq=False)
 class GuideLine:
     """Points (k, 3) of a curve on a surface, metres, in order, and their faces (k,).
-
-    number : of the guide.    family : that gets the member.
-    """
+    number : of the guide.    family : that gets the member."""
 
     number: int
     family: str
@@ -180,9 +170,7 @@ class GuideLine:
     @classmethod
     def from_guides(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
         """Return the curves of guides that become members, on the surface and within its boundary.
-
-        Raises PatternError for a curve off the surface.
-        """
+        Raises PatternError for a curve off the surface."""
         lines = []
         for k, guide in enumerate(guides):
             if not guide.member:
@@ -198,9 +186,7 @@ class GuideLine:
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
         """Return vertices (v,) of the faces that it passes, and the target phases (v,) there, in periods, -1/2 to 1/2.
-
-        g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre.
-        """
+        g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
         piece_start = np.arange(len(self.points) - 1)
@@ -219,8 +205,7 @@ class GuideLine:
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
         """Return the share of the curve on a centre line, within 5 % of a spacing, of a phase with a line at every
-        `step`.
-        """
+        `step`."""
         F = surface.F[self.faces]
         weight = _barycentric(surface.V[F], self.points)
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], weight)

@@ -18,26 +18,22 @@ EVEN = 0.01
 
 SNAP = 0.05
 """The usual `slicing.snap`: a cut moves vertices onto the edge of a region if they are nearer than this share of the
-growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are halved.
-"""
+growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are halved."""
 
 SHORT = 1 / 16
 """Shorter edges, as a share of the reach, are not halved: two parts of the boundary are equally near there."""
 
 FINEST = 1 / 16
 """Edges shorter than this share of their face's longest side are not halved: much smaller parts make the cut sheet hard
-to solve. Corners of a region are blunt by at most half of this share of a side.
-"""
+to solve. Corners of a region are blunt by at most half of this share of a side."""
 
 NEAR = 0.3
 """Values within this share of the growth of the distance along one of a vertex's edges move onto the edge of the
-region, unless by more than `EVEN`: lines that pass close by a vertex leave needles.
-"""
+region, unless by more than `EVEN`: lines that pass close by a vertex leave needles."""
 
 ASIDE = 0.1
 """Edges are divided at the edge of a region if this crosses them less than this share off their middle; otherwise it
-would pass close by the new vertex.
-"""
+would pass close by the new vertex."""
 
 
 def curve_fields(
@@ -87,9 +83,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
     """Return where to divide edges (e,), from 0 at their first end to 1.
-
-    At the edge of a region if that crosses near the middle (see `ASIDE`), else in the middle; also if several cross.
-    """
+    At the edge of a region if that crosses near the middle (see `ASIDE`), else in the middle; also if several cross."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -167,11 +161,8 @@ def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RegionBand:
-    """A band along the outline of a region, on its inside.
-
-    outline : the edges between faces in the region and outside, as origins of distances.    width : metres.
-    inside  : (n,) 1 in the region, 0 on its outline, -1 outside.
-    """
+    """A band along the outline of a region, on its inside. outline : the edges between faces in the region and outside,
+    as origins of distances. width : metres. inside : (n,) 1 in the region, 0 on its outline, -1 outside."""
 
     outline: Origins
     width: float
@@ -193,9 +184,7 @@ class RegionBand:
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
     """Return the solid regions, each as a field (n,) that is 0 along its outline.
-
-    Raises PatternError for a region off the surface.
-    """
+    Raises PatternError for a region off the surface."""
     half_width = np.full(surface.n, np.inf)
     return [
         Layer("keep", region_sides(surface, faces), np.zeros(1), half_width)
@@ -205,9 +194,7 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
     """Return the bands of regions, by default as wide as the `rim`, metres, or a quarter of half the region's width.
-
-    Raises PatternError for a region off the surface, and for one that covers a piece of it wholly.
-    """
+    Raises PatternError for a region off the surface, and for one that covers a piece of it wholly."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
@@ -257,9 +244,7 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
     """Return the distance (n,), metres, to the span of marked vertices.
-
-    To patches it is straight, to points and curves along the surface, as in `distance_to_boundary`.
-    """
+    To patches it is straight, to points and curves along the surface, as in `distance_to_boundary`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)

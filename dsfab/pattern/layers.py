@@ -36,9 +36,7 @@ class Layer(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ModeFamily:
     """Stripes on a mode x (n,), with the slope and stress that decide their widths.
-
-    slope  : (n,) |grad z|, periods per metre.    stress : (n,) size of the stress along the stripes; any unit.
-    """
+    slope : (n,) |grad z|, periods per metre.    stress : (n,) size of the stress along the stripes; any unit."""
 
     name: str
     stripes: Stripes
@@ -87,11 +85,8 @@ class ModeFamily:
 
 
 class DrawableFamily(Protocol):
-    """A family of stripes, on a mode or evenly spaced.
-
-    density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
-    adds    : order of families in which finer stripes are added.
-    """
+    """A family of stripes, on a mode or evenly spaced. density : (n,) stripes per metre. stress : (n,) size of the
+    stress along the stripes; any unit. adds : order of families in which finer stripes are added."""
 
     @property
     def adds(self) -> int: ...
@@ -158,14 +153,10 @@ first, members become thinner; from the second on they merge. Only for openings 
 """
 FOLLOWING_WIDTHS = (1.15, 1.25)
 """The same if widths follow the stress, which needs material there: with `CLOSING_WIDTHS` a dome at half of its
-material is 5
-% softer.
-"""
+material is 5 % softer."""
 WHOLE = 1.3
 """Mean width over the crowded width at which an opening closes as a whole; the mean of `FOLLOWING_WIDTHS` if widths
-follow the
-stress. With 1.5 the crown of a dome under a point load stays open, and it is 2 % softer.
-"""
+follow the stress. With 1.5 the crown of a dome under a point load stays open, and it is 2 % softer."""
 
 WIDTH_RULES = {
     "solid": SOLID,
@@ -204,11 +195,8 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return d (n,), in periods of the drawn lines.
-
-        Except by the rule `plain`, members that would leave a slit are thinner, or merge if they crowd more or have
-        more stress.
-        """
+        """Return d (n,), in periods of the drawn lines. Except by the rule `plain`, members that would leave a slit are
+        thinner, or merge if they crowd more or have more stress."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
@@ -269,9 +257,7 @@ def _closing_limits(widths: Widths) -> tuple[float, float]:
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
     """Return half-widths (n,) in periods of the finest lines, from local ones in periods of the drawn lines.
-
-    If drawn neighbours touch, all space between the coarsest lines is material.
-    """
+    If drawn neighbours touch, all space between the coarsest lines is material."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
@@ -327,10 +313,7 @@ def _is_drawn(field: CornerField) -> Bools:
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
     """Return the function from layers, which begin with the kept ones, to their share of the surface, by a count of
-    points.
-
-    It is off by a few thousandths, at a tenth of the time of a cut; kept layers are counted once.
-    """
+    points. It is off by a few thousandths, at a tenth of the time of a cut; kept layers are counted once."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 

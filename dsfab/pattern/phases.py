@@ -30,10 +30,7 @@ LOCK = 3.0
 @dataclass(frozen=True, eq=False)
 class Flow:
     """Gradient that the phase of a family follows.
-
-    g       : (n, 3) unit direction of its gradient at the vertices, up to sign.
-    density : (n,) periods per metre.
-    """
+    g : (n, 3) unit direction of its gradient at the vertices, up to sign. density : (n,) periods per metre."""
 
     frames: Frames
     g: Floats
@@ -104,9 +101,7 @@ class Flow:
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
     """Return the result (n,) of 20 inverse iterations with B from start (n,), approximated to 1e-5 by 12 solves.
-
-    The lowest eigenvectors are almost equally good. Pairs of real numbers make conjugation linear.
-    """
+    The lowest eigenvectors are almost equally good. Pairs of real numbers make conjugation linear."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -216,10 +211,8 @@ class CornerPhase:
 
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
-    """Return the phases (n,), in periods, of `Flow.solve` as the faces see them.
-
-    alternative : makes other phases (n,), used if they break off on fewer faces; called if the first break off at all.
-    """
+    """Return the phases (n,), in periods, of `Flow.solve` as the faces see them. alternative : makes other phases (n,),
+    used if they break off on fewer faces; called if the first break off at all."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -227,11 +220,8 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases (n,) as each face sees them by itself.
-
-    From corner to corner a phase grows by the value nearest to `flow.turn`; the face is singular if it does not return
-    to its start, or to its own sign.
-    """
+    """Return phases (n,) as each face sees them by itself. From corner to corner a phase grows by the value nearest to
+    `flow.turn`; the face is singular if it does not return to its start, or to its own sign."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
@@ -255,9 +245,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     """Return the phase with signs and periods of the faces carried from neighbour to neighbour, beginning at one face.
-
-    Seen by the corner where its half-edge starts, the phase of face g is s times that of face f plus q.
-    """
+    Seen by the corner where its half-edge starts, the phase of face g is s times that of face f plus q."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
@@ -311,8 +299,7 @@ def _propagate(
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
     """Return the phase with the value at each vertex as its first face sees it: signs 1 and shifts 0 except along
-    seams.
-    """
+    seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

@@ -58,11 +58,8 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
 
 
 class Halving(NamedTuple):
-    """Number of halvings: at most `most`, and at each vertex the integer below `wish` (n,).
-
-    wish   : in powers of two, 0 to `most`.    free : also under 0 and over `most`.
-    limits : bounds of the logarithm of the density of all lines.
-    """
+    """Number of halvings: at most `most`, and at each vertex the integer below `wish` (n,). wish : in powers of two, 0
+    to `most`. free : also under 0 and over `most`. limits : bounds of the logarithm of the density of all lines."""
 
     most: int
     wish: Floats

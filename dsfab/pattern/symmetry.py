@@ -47,9 +47,7 @@ class Images:
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
         """Return unit tangents (n, 3), up to sign, of the symmetric field nearest to the given tangents.
-
-        The products v v^T of the coordinates, which do not depend on signs, are averaged.
-        """
+        The products v v^T of the coordinates, which do not depend on signs, are averaged."""
         if len(self.maps) == 1:
             return along
         n = len(along)
@@ -81,9 +79,7 @@ class Images:
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
         """Return the maps (n, n) from phases, and from their conjugates, to images.
-
-        growth : (n, 3) gradient of the phase, up to sign, periods per metre.
-        """
+        growth : (n, 3) gradient of the phase, up to sign, periods per metre."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         growth_there, growth_here = growth[row] @ R.T, growth[column]

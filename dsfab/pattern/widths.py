@@ -120,10 +120,7 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
     """Return means (n, ...) of values x (m, ...) of the faces over about a disc of that radius, metres, around each
-    vertex.
-
-    They extend over at least two rings of faces, and along the surface, not through a gap between sheets.
-    """
+    vertex. They extend over at least two rings of faces, and along the surface, not through a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
     # the variance of a round is h^2 / 3 on a regular mesh of width h; that of a disc is R^2 / 4
@@ -142,9 +139,7 @@ def _averaging(surface: Surface) -> csr_array:
 
 def relative_stresses(surface: Surface, principal: Floats) -> Floats:
     """Return sizes of both principal stresses (m, 2) at the vertices, (n, 2), over their common mean over the area.
-
-    Raises PatternError if the stress is zero.
-    """
+    Raises PatternError if the stress is zero."""
     size = vertex_means(surface, np.abs(principal))
     mean = float(surface.vertex_areas @ size.mean(axis=1)) / surface.area
     if not mean > 0:

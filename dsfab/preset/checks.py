@@ -126,16 +126,14 @@ def follow_weights(
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
     """Return the names that a combined pattern follows: the combinations without those for displacements alone (SLS),
-    unless all are such; or the cases if there are no combinations.
-    """
+    unless all are such; or the cases if there are no combinations."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations for a limit state: its own combinations, else those without a limit state,
-    else all.
-    """
+    """Return the cases and combinations for a limit state: its own combinations, else those without a limit state, else
+    all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):

@@ -52,8 +52,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
     """Return `preset` with other values at dotted keys; raises PresetError as `load_preset` does, and for other
-    objects.
-    """
+    objects."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # the other sections have passed their checks
@@ -73,9 +72,7 @@ def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
 
 def parse_override(text: str) -> tuple[str, Any]:
     """Parse 'pattern.major.frequency=12' to (key, 12); values are TOML, and a bare word is text.
-
-    Raises PresetError for text without '='.
-    """
+    Raises PresetError for text without '='."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise PresetError(f"--set {text!r} is not KEY=VALUE; write for instance --set pattern.major.frequency=12")
@@ -149,9 +146,8 @@ def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys. Setting one of two exclusive keys removes the other; a new material removes the values of
-    the old one.
-    """
+    """Set dotted keys. Setting one of two exclusive keys removes the other; a new material removes the values of the
+    old one."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # a later key may reach into this value

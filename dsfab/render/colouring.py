@@ -86,9 +86,7 @@ class ColourBar:
 @dataclass(frozen=True, eq=False)
 class Colouring:
     """Face colours (m, 3) bytes, with their bar if they need it.
-
-    V     : (n, 3) vertices to draw in place of the surface's (m); None for these.    words : for the caption.
-    """
+    V : (n, 3) vertices to draw in place of the surface's (m); None for these.    words : for the caption."""
 
     face: Bytes
     bar: ColourBar | None = None

@@ -1,7 +1,5 @@
 """Light of pictures: a sun with a soft edge, an overcast sky and a faint floor, as many small lamps with shadow maps.
-
-A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows.
-"""
+A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -222,9 +220,7 @@ def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
     """Return the light (k,) on the drawn pixels, and the floor's coarse (h, w) share of its unshaded light.
-
-    The floor is the plane at `level` along `floor`, in scene units; None without a level.
-    """
+    The floor is the plane at `level` along `floor`, in scene units; None without a level."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:
@@ -244,9 +240,7 @@ def pixel_and_floor_light(
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
     """Return points (3, k + spare) of the k drawn pixels in scene units, and normals towards the eye.
-
-    Columns in strips of rows keep neighbours together, which saves two thirds of the time.
-    """
+    Columns in strips of rows keep neighbours together, which saves two thirds of the time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))

@@ -41,9 +41,7 @@ LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
     """Return indices of a few of the points (k, 3), evenly apart, each in the middle of its neighbourhood.
-
-    Farthest points first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982).
-    """
+    Farthest points first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982)."""
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
     while len(chosen_list) < spacing.most:

@@ -87,11 +87,7 @@ def members_picture(
     palette: Palette = PAPER,
 ) -> Bytes:
     """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes.
-
-    Names of wholly hidden members are pale; another view shows them.
-
-    Raises DsfabError if this machine cannot draw.
-    """
+    Names of wholly hidden members are pale; another view shows them. Raises DsfabError if this machine cannot draw."""
     graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
     names = {member.id: _colour(member.kind, member.family, palette) for member in graph.members}

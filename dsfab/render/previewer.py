@@ -218,12 +218,8 @@ class Previewer:
         quality: light.LightQuality = light.FINE,
         words: bool = True,
     ) -> Bytes:
-        """Return the current picture, (height, width, 3) bytes, or (height, width, 4) on transparent ground.
-
-        size: (width, height) in pixels; words: caption and legend.
-
-        Raises PatternError if the pattern leaves no material.
-        """
+        """Return the current picture, (height, width, 3) bytes, or (height, width, 4) on transparent ground. size:
+        (width, height) in pixels; words: caption and legend. Raises PatternError if the pattern leaves no material."""
         if threading.get_ident() != self._thread:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
         view = self._view(size, words)
@@ -318,9 +314,7 @@ def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
 
 class Previewers:
     """Previewers for presets that follow each other; use as `with Previewers(view=..., ...) as previewers`.
-
-    sketched : called with a sketch of each new design (see `Design.sketch`).    options : of `Previewer`, for all.
-    """
+    sketched : called with a sketch of each new design (see `Design.sketch`).    options : of `Previewer`, for all."""
 
     def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
         self._sketched, self._options = sketched, options

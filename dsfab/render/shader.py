@@ -214,9 +214,7 @@ class StripeShader:
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
         """Show walls of a sheet with half its thickness from `eye` (3,), both in scene units, or none without an eye.
-
-        Walls are only a hint: those of a slab in the plane of each triangle, without the surface's rim.
-        """
+        Walls are only a hint: those of a slab in the plane of each triangle, without the surface's rim."""
         walls = eye is not None and half > 0
         self._change_program(walls=walls)
         for uniforms in self._uniforms():

@@ -34,9 +34,7 @@ REGION_REACH = -1e6
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
     """Mesh of the stripes: the uncut surface (n, m), or the chart of evenly spaced stripes (n', m').
-
-    Places, loads and supports always have the numbers of the uncut surface.
-    """
+    Places, loads and supports always have the numbers of the uncut surface."""
 
     uncut: Surface
     even: EvenStripes | None
@@ -122,9 +120,7 @@ class StripedMesh:
 
 def distances(design: Design) -> tuple[Floats, Floats]:
     """Return distances (n,) to loads and supports, and to the boundary (m), as far as a slider or the preset reaches.
-
-    With drawn regions the first is the distance outside of them and of kept material, times `REGION_FACTOR`.
-    """
+    With drawn regions the first is the distance outside of them and of kept material, times `REGION_FACTOR`."""
     return _distances(design)
 
 

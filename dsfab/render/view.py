@@ -15,9 +15,7 @@ VIEW_DEGREES = 24.0
 @dataclass(frozen=True, eq=False)
 class View:
     """Camera at `eye` along `forward`; `right` and `up` span the picture; `slope` is tan(half its angle).
-
-    floor : unit normal of the floor. A plate seen face on (`front`) has a board behind it as its floor.
-    """
+    floor : unit normal of the floor. A plate seen face on (`front`) has a board behind it as its floor."""
 
     eye: Floats
     right: Floats

@@ -74,9 +74,8 @@ def _cell(value: Any) -> Any:
 
 
 def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
-    """Return a document on several designs. rows : see `dsfab.app.compare.SummaryRow`.    folder : where the page will
-    stand.
-    """
+    """Return a document on several designs. rows : see `dsfab.app.compare.SummaryRow`. folder : where the page will
+    stand."""
     compared = [row for row in rows if not row["error"]]
     blocks: list[Block] = [Paragraph(_verdict_counts(rows), "lead")]
     if compared:

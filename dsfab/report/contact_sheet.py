@@ -31,9 +31,7 @@ PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 @dataclass(frozen=True, eq=False)
 class ContactTile:
     """A variant: its number from 1, parameters as (short name, text), command, and picture or error.
-
-    png : the picture as a PNG file, because hundreds of images in memory would take ten times as much.
-    """
+    png : the picture as a PNG file, because hundreds of images in memory would take ten times as much."""
 
     number: int
     parameters: tuple[tuple[str, str], ...]
@@ -78,9 +76,7 @@ def contact_sheet(
     palette: Palette,
 ) -> "Image":
     """Return all tiles on one sheet, each `tile_width` pixels of width to height `aspect`, with a title and a line
-    below
-    it.
-    """
+    below it."""
     from PIL import Image, ImageDraw, ImageFont
 
     tile_height, rows = round(tile_width / aspect), -(-len(tiles) // columns)

@@ -209,9 +209,7 @@ def sweep_summary(folder: SweepFolder) -> str:
 
 def loss_sentence(folder: SweepFolder) -> str:
     """Return a sentence if an alternative is stiffer than the best run of a search; else ''.
-
-    If the runs did not measure it, the best design is made again.
-    """
+    If the runs did not measure it, the best design is made again."""
     ranked = best(folder.rows(), first_metric(folder.plan), folder.plan.limits)
     if not ranked:
         return ""
@@ -228,9 +226,7 @@ def loss_sentence(folder: SweepFolder) -> str:
 
 def missing_runs_line(folder: SweepFolder) -> str:
     """Return a line on the runs without a result, with the numbers of killed ones; '' if none is missing.
-
-    A failed run has a result.
-    """
+    A failed run has a result."""
     rows = folder.rows()
     killed = [row.number for row in rows if row.state == "killed"]
     missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)

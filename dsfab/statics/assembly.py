@@ -99,9 +99,7 @@ class VertexPairs:
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
         """Row pointers and columns of the matrix in blocks, and the number of each block.
-
-        Blocks: p above the diagonal, the same p below it, then n on it.
-        """
+        Blocks: p above the diagonal, the same p below it, then n on it."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # in this order the columns of each row ascend by themselves

@@ -128,9 +128,7 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
 
 def bending_stiffness(surface: Surface, material: Material, thickness: float, elements: Elements = PAPER) -> csr_array:
     """Return K_b, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
-
-    Raises ValueError for elements without bending.
-    """
+    Raises ValueError for elements without bending."""
     if elements.bending == "hinge":
         return zero_padded(hinge_blocks(surface, material, thickness).matrix(), elements.unknowns(surface))
     if elements.bending == "midedge":

@@ -101,10 +101,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r, r the work of unit moments on each
-    hat.
-
-    r is `dsfab.statics.bending.moment_loads` times the unknowns, without forming the 108 numbers of each face.
-    """
+    hat. r is `dsfab.statics.bending.moment_loads` times the unknowns, without forming the 108 numbers of each face."""
     edge, edge_unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))

@@ -182,10 +182,7 @@ def with_springs(K: csr_array, load: LoadCase) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class SpreadLoad:
     """The part of a load that is constant on each face or edge.
-
-    face : (m, 3) force per area on each face, Pa.
-    edge : (e, 3) force per length on each edge, N/m.
-    """
+    face : (m, 3) force per area on each face, Pa. edge : (e, 3) force per length on each edge, N/m."""
 
     face: Floats
     edge: Floats
@@ -218,9 +215,7 @@ class SpreadLoad:
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
         """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on each bubble.
-
-        The integral of 4 phi_j phi_k is A / 3 on a face and 2 l / 3 on its edge.
-        """
+        The integral of 4 phi_j phi_k is A / 3 on a face and 2 l / 3 on its edge."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         in_frame = np.einsum("edx,ex->ed", edge_frames(surface), work)
@@ -233,9 +228,7 @@ class SpreadLoad:
 
 def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
     """Return the part of `loads` on faces and lines; forces on picked vertices are not part of it.
-
-    weight : of the sheet, newtons per square metre, as for `LoadCase.build`.
-    """
+    weight : of the sheet, newtons per square metre, as for `LoadCase.build`."""
     face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
     for load in loads:
         if isinstance(load, Line):

@@ -40,8 +40,7 @@ class ShearRecovery:
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
         """Return the recovery for a surface. linear : whether moments are linear on each face: M is then quadratic,
-        else linear.
-        """
+        else linear."""
         side_a, side_b = _smooth_pairs(surface)
         rim = np.ones(3 * surface.m)
         rim[side_a], rim[side_b] = 0.0, 0.0
@@ -125,9 +124,8 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`: from unknowns on splinters to their neighbours, in proportion to the area
-    around these.
-    """
+    """Return `ShearRecovery.spread`: from unknowns on splinters to their neighbours, in proportion to the area around
+    these."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -161,9 +159,8 @@ CONVENTION = (
 
 
 class PrincipalForces(NamedTuple):
-    """values : (m, 2), the algebraically larger first.    angle : (m,) degrees from local x to the first, towards
-    local y, from -90 to 90.    direction : (m, 3) unit vectors of the first; the second is the normal cross it.
-    """
+    """values : (m, 2), the algebraically larger first. angle : (m,) degrees from local x to the first, towards local y,
+    from -90 to 90. direction : (m, 3) unit vectors of the first; the second is the normal cross it."""
 
     values: Floats
     angle: Floats

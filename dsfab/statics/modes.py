@@ -73,17 +73,13 @@ HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 
 MODE_RESIDUAL = 1e-4
 """Largest accepted relative residual of a mode, in the norm of the stiffness, which bounds its relative error [Parlett
-1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long.
-"""
+1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long."""
 
 
 @dataclass(frozen=True, eq=False)
 class Vibration:
     """Free vibrations.
-
-    hertz  : (k,) natural frequencies, ascending.
-    shapes : (k, n, 3) displacements, the largest of each 1.
-    """
+    hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3) displacements, the largest of each 1."""
 
     hertz: Floats
     shapes: Floats
@@ -95,11 +91,8 @@ class Vibration:
 
 @dataclass(frozen=True, eq=False)
 class Buckling:
-    """Linear buckling.
-
-    factor : (k,) load factors at buckling, ascending; fewer than requested, or none, if few parts are compressed.
-    shapes : (k, n, 3) displacements, the largest of each 1.
-    """
+    """Linear buckling. factor : (k,) load factors at buckling, ascending; fewer than requested, or none, if few parts
+    are compressed. shapes : (k, n, 3) displacements, the largest of each 1."""
 
     factor: Floats
     shapes: Floats
@@ -175,9 +168,7 @@ def buckling(
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
     """Return M (u, u), kg, over the unknowns of `elements`: hats and edge bubbles; rotations have no mass.
-
-    per_area : kg/m2. The sum over x, y and z of the corners' part is three times the mass of the sheet.
-    """
+    per_area : kg/m2. The sum over x, y and z of the corners' part is three times the mass of the sheet."""
     scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
     shapes = np.broadcast_to(per_area * scalar, (surface.m, 6, 6)) * surface.areas[:, None, None]
     return _on_unknowns(surface, shapes, elements)

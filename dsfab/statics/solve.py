@@ -225,9 +225,7 @@ def _solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
     """Return unknowns (N, k) under forces F (N, k) and relative residuals (k,), from one factorisation.
-
-    Unknowns without stiffness stay 0.
-    """
+    Unknowns without stiffness stay 0."""
     U = np.zeros(F.shape)
     if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])

@@ -99,9 +99,8 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Return the factor of K at face scales (m,), with the analysis of an `earlier` one. Raises StaticsError
-        for a mechanism.
-        """
+        """Return the factor of K at face scales (m,), with the analysis of an `earlier` one. Raises StaticsError for a
+        mechanism."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)
@@ -122,9 +121,8 @@ class FaceStiffness:
 def face_blocks(
     surface: Surface, material: Material, thickness: float, law: Law, elements: Elements
 ) -> tuple[Floats, Ints]:
-    """Return the stiffness (m, c, c) of each face, N/m, and its unknowns (m, c): c = 9 in the plane, 12 with
-    mid-edge bending.
-    """
+    """Return the stiffness (m, c, c) of each face, N/m, and its unknowns (m, c): c = 9 in the plane, 12 with mid-edge
+    bending."""
     names = ("rotation",) if elements.bending else ()
     columns = elements.columns(surface, *names)
     blocks = np.zeros((surface.m, columns.shape[1], columns.shape[1]))

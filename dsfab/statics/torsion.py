@@ -39,12 +39,8 @@ class RibShape(NamedTuple):
 
 
 def rib_shape(surface: Surface) -> RibShape:
-    """Return the width of the material around each face and its direction.
-
-    The width is that of the largest disc in the material that touches the border where this is nearest [medial discs,
-    Blum
-    1967].
-    """
+    """Return the width of the material around each face and its direction. The width is that of the largest disc in the
+    material that touches the border where this is nearest [medial discs, Blum 1967]."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])

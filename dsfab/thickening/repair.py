@@ -190,9 +190,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
     """Shorten offsets around the pairs until none remains or none may be shorter; return the best state.
-
-    free : (n,) vertices that may be shortened.
-    """
+    free : (n,) vertices that may be shortened."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

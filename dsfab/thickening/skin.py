@@ -47,11 +47,8 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
 
 
 def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
-    """Return vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet.
-
-    D : (n, 3) half-thickness vectors. shift : as in `Skin`. The mesh is neither proven nor repaired if it crosses
-        itself.
-    """
+    """Return vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet. D : (n, 3)
+    half-thickness vectors. shift : as in `Skin`. The mesh is neither proven nor repaired if it crosses itself."""
     skin = Skin.from_surface(surface, shift)
     return skin.vertices(surface.V, D), skin.faces(skin.shorter_diagonals(surface.V, D))
 

@@ -150,9 +150,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
     """The union with short edges collapsed so that fewest pairs intersect, and these pairs.
-
-    Two surfaces that cross near a vertex have points on their line closer together than single precision resolves.
-    """
+    Two surfaces that cross near a vertex have points on their line closer together than single precision resolves."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -218,9 +216,8 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, and a mask (k,) of those at
-    a vertex.
-    """
+    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, and a mask (k,) of those at a
+    vertex."""
 
     V: Floats
     F: Ints

@@ -61,8 +61,7 @@ class Facets:
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
         """Row of the pair of faces (k,) with the least `size` whose facets do not meet in a point; None without a
-        finite size.
-        """
+        finite size."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break

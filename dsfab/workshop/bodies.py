@@ -37,9 +37,7 @@ class RefoldedStrip:
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
     """Strips or planks of a plan in space, and the deviations (h,) of their joints (m).
-
-    A deviation is the distance of a hole from its bolt's line, or of the two slots at a node.
-    """
+    A deviation is the distance of a hole from its bolt's line, or of the two slots at a node."""
 
     strips: tuple[RefoldedStrip, ...]
     deviations: Floats

@@ -127,11 +127,8 @@ SHARP_SINE = float(np.sin(np.radians(25.0)))
 
 @dataclass
 class PanelParts:
-    """Panels, and counts of their details.
-
-    sharp : names of nodes at which members meet too sharply to be cut.    covered : bays without room for a panel.
-    tabs  : number of tabs.    feet : with the names of their panels.
-    """
+    """Panels, and counts of their details. sharp : names of nodes at which members meet too sharply to be cut. covered
+    : bays without room for a panel. tabs : number of tabs. feet : with the names of their panels."""
 
     parts: list[FlatPart] = field(default_factory=list)
     sharp: list[str] = field(default_factory=list)
@@ -227,9 +224,7 @@ def _crossing_edge(
 @dataclass(frozen=True)
 class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
-
-    tab  : arc lengths and distances to the left (q,) each; empty without a tab.    foot : a tab into the base plate.
-    """
+    tab : arc lengths and distances to the left (q,) each; empty without a tab.    foot : a tab into the base plate."""
 
     right: float
     left: float

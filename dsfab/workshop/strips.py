@@ -273,9 +273,7 @@ UNCERTAIN_WIDTHS = 1.5
 """Length at each end of a member where its fitted curvature is uncertain, over its width."""
 MESH_TOLERANCE = 1 / 40
 """Largest distance of the mesh from the smooth surface, over the bolt diameter: bays are right to about twice that.
-
-Measured on surfaces in closed form: at 0.2 mm distance bays are right to 0.7 mm, at 1.4 mm to 14 mm.
-"""
+Measured on surfaces in closed form: at 0.2 mm distance bays are right to 0.7 mm, at 1.4 mm to 14 mm."""
 LEAST_STRAIN = 5e-6
 """Least strain that a sentence reports; a smaller one would read 0.000 %."""
 
@@ -334,9 +332,7 @@ class StripLimits:
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, bolt: float) -> StripLimits:
     """Return the limits of all strips of a graph on the uncut surface of its pattern.
-
-    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown.
-    """
+    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown."""
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
     bends, shapes, usual = [0.0], [0.0], list[Floats]()

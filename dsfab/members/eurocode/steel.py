@@ -28,9 +28,8 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 
 @dataclass(frozen=True)
 class SteelFactors:
-    """Factors of steel checks. curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].
-    gamma_m0, gamma_m1 : partial factors of sections and members [6.1].    buckling_length : over the distance of nodes.
-    """
+    """Factors of steel checks. curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2]. gamma_m0,
+    gamma_m1 : partial factors of sections and members [6.1]. buckling_length : over the distance of nodes."""
 
     curve: Curve = "c"
     gamma_m0: float = 1.0
@@ -42,9 +41,7 @@ def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
 ) -> CheckRatios:
     """Return force over resistance of bays under forces (b, 5, 6).
-
-    elastic : Young's modulus and the shear modulus, Pa.
-    """
+    elastic : Young's modulus and the shear modulus, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     fy = grade.fy(bays.thickness)
     ratios = section_checks(section, forces, fy / factors.gamma_m0)

@@ -51,9 +51,7 @@ def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> CheckRatios:
     """Return force over resistance of bays under forces (b, 5, 6), for the duration of the shortest load.
-
-    elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2.
-    """
+    elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
     bent = elastic * factors.layer * np.abs(bays.curvature) / 2

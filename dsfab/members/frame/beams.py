@@ -34,9 +34,7 @@ class BeamRow(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Beams:
     """Columns of beams, see `Frame`.
-
-    stout : (b,) width of the member over the length of its bay; 1 beside members that it grazes.
-    """
+    stout : (b,) width of the member over the length of its bay; 1 beside members that it grazes."""
 
     ends: Ints
     normal: Floats
@@ -129,9 +127,8 @@ def _bay(
 
 
 def _sides(member: Member) -> Floats:
-    """(k, 2) widths to the left and right of the axis (m). A disc has material on both sides of its ring and an
-    outline on the outer one only: its width is at least its area over its length.
-    """
+    """(k, 2) widths to the left and right of the axis (m). A disc has material on both sides of its ring and an outline
+    on the outer one only: its width is at least its area over its length."""
     if member.kind != "disc":
         return member.sides
     return np.maximum(member.sides, member.area / member.length / 2)
@@ -167,9 +164,7 @@ def _divide_bay(
 
 @dataclass(frozen=True, eq=False)
 class BeamPlaces:
-    """Places near beams.    beam : (q,) the nearest.    along : (q,) 0 at its first node to 1.    foot : (q, 3)
-    point on it.
-    """
+    """Places near beams. beam : (q,) the nearest. along : (q,) 0 at its first node to 1. foot : (q, 3) point on it."""
 
     beam: Ints
     along: Floats
@@ -227,9 +222,7 @@ class NodeSupports:
 
 def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
     """Return the supports of a sheet, each at the node that is nearest along the nearest beam of nodes (n, 3).
-
-    Where whole faces are fixed, for instance at column heads, the sheet cannot turn, and neither can the node.
-    """
+    Where whole faces are fixed, for instance at column heads, the sheet cannot turn, and neither can the node."""
     V, clamped = surface.V, _clamped_vertices(surface, load)
     vertices = np.flatnonzero(load.supported | clamped)
     places = nearest_beams(V[vertices], points, beams)
@@ -263,8 +256,7 @@ def _clamped_vertices(surface: Surface, load: LoadCase) -> Bools:
 
 def _blocks(load: LoadCase, surface: Surface) -> Floats:
     """(v,) width (m) of the patch of faces around each vertex that are fixed at all corners in all directions; 0
-    without.
-    """
+    without."""
     faces = surface.F[load.fixed[surface.F].all(axis=(1, 2))]
     rows, columns = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))

@@ -15,8 +15,7 @@ from dsfab.surface import Surface
 
 PLANES = 4
 """Planes within one edge of the mesh around a station. Forces are averaged over them, because those of a face are
-constant and only their means are in equilibrium.
-"""
+constant and only their means are in equilibrium."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +87,7 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
     """(c, 2, 3) weights of the corners at both ends of the line where a level (c, 3) is zero on triangles, and (c, 2)
-    their edges, by the corner at which an edge begins.
-    """
+    their edges, by the corner at which an edge begins."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]

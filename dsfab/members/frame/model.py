@@ -22,9 +22,7 @@ SHEAR = 5 / 6
 
 def torsion_constant(width: Floats, thickness: Floats) -> Floats:
     """St. Venant's torsion constant of rectangles, m4, to half a per cent [Roark, table 10.1, case 4].
-
-    width, thickness : (b,) metres, in any order.
-    """
+    width, thickness : (b,) metres, in any order."""
     a, t = np.maximum(width, thickness), np.minimum(width, thickness)
     slim = t / a
     return np.asarray(a * t**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)))
@@ -169,11 +167,8 @@ class FrameAnswer:
 
 
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
-    """Solve a frame for its cases and combinations; return the solutions by name.
-
-    shear : whether sections deform by shear; without it beams are those of Euler and Bernoulli.
-    Raises StaticsError for a frame that is free to move.
-    """
+    """Solve a frame for its cases and combinations; return the solutions by name. shear : whether sections deform by
+    shear; without it beams are those of Euler and Bernoulli. Raises StaticsError for a frame that is free to move."""
     k, turn = local_stiffness(frame, shear), _turn(frame)
     K = _stiffness_matrix(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
     free = ~frame.fixed.ravel()
@@ -325,11 +320,8 @@ def agreement(
     other_energy: Mapping[str, float],
     twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
-    """Compare the solutions of the frame and the sheet for each case and combination of both.
-
-    other_energy : by case, share of the sheet's elastic energy outside of members with an axis.
-    twist        : by case, see `FrameAgreement`.
-    """
+    """Compare the solutions of the frame and the sheet for each case and combination of both. other_energy : by case,
+    share of the sheet's elastic energy outside of members with an axis. twist : by case, see `FrameAgreement`."""
     stout = (frame.member < 0) | (frame.stout > STOUT)
     agreements = []
     for name in (name for name in answers if name in sheet):

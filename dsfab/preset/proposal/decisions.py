@@ -53,9 +53,7 @@ class Proposal:
 
     def text(self, file: Path | None = None) -> str:
         """Return the preset as TOML; for a mesh in Python it names no file.
-
-        file : the mesh relative to the preset's folder; default: the user's path.
-        """
+        file : the mesh relative to the preset's folder; default: the user's path."""
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}
         return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
@@ -92,11 +90,8 @@ def propose(
     max_triangles: int | None = None,
     raw: RawMesh | None = None,
 ) -> Proposal:
-    """Return the proposal with its text and decisions; see `preset_for`.
-
-    max_triangles : limit of a mesh file, which also limits the cost of reading it.
-    raw           : content of the file, if read before.
-    """
+    """Return the proposal with its text and decisions; see `preset_for`. max_triangles : limit of a mesh file, which
+    also limits the cost of reading it. raw : content of the file, if read before."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):

@@ -14,9 +14,8 @@ LINE = 1 / 12
 
 
 def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
-    """Return True if the middle of a surface's plan is outside of all feet, points (k, 3) of each in metres: it
-    would tip.
-    """
+    """Return True if the middle of a surface's plan is outside of all feet, points (k, 3) of each in metres: it would
+    tip."""
     if not feet:
         return False
     middle = surface.areas @ surface.centroids / surface.area
@@ -27,8 +26,7 @@ def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
 
 def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
     """Return True if two feet or more, points (k, 3) each, are in one line about which the surface would turn, as a
-    saddle on two corners.
-    """
+    saddle on two corners."""
     if len(feet) < 2:
         return False
     plan = np.concatenate(feet)[:, :2]
@@ -158,8 +156,7 @@ def _with_higher_feet(
     surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], ground: float, span: float
 ) -> list[Foot]:
     """Add the next higher low points of the outer edges, up to `HIGHEST`, until it does not tip; unchanged without
-    success.
-    """
+    success."""
     height = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
     places = sorted(
@@ -176,8 +173,7 @@ def _with_higher_feet(
 
 def _on_a_slope(surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], span: float) -> list[Foot]:
     """The feet on the plane through the lowest points, if they are more: a shell on four feet on a slope needs the
-    fourth.
-    """
+    fourth."""
     lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in low_feet])
     if len(low_feet) < 3:
         return low_feet
@@ -206,8 +202,7 @@ def _hangs(surface: Surface, loop: int) -> bool:
 
 def _has_sheet_below(surface: Surface, height: float) -> bool:
     """True if all boundary of one piece is above its lowest part, and its lowest boundary below the middle: it neither
-    stands on a hole in its side nor hangs from it.
-    """
+    stands on a hole in its side nor hangs from it."""
     if surface.pieces[0] > 1:
         return False
     lowest = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
@@ -255,8 +250,7 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
 
 def soles(surface: Surface, height: float) -> list[Foot]:
     """Return the lowest parts of a surface, which for a closed one are on the ground, without specks beside larger
-    parts.
-    """
+    parts."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * height
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
@@ -342,8 +336,7 @@ def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
 
 def _widen_stretch(P: Floats, stretch: Bools, shortest: float) -> Ints:
     """Indices of a stretch of a closed line P (k, 3), extended on its lower side until long enough; on both sides at
-    equal heights, so that a mirrored roof stays a mirror image.
-    """
+    equal heights, so that a mirrored roof stays a mirror image."""
     k, z = len(P), P[:, 2]
     tolerance = 1e-4 * float(np.ptp(z))
     begin = int(np.flatnonzero(stretch & ~np.roll(stretch, 1))[0])
@@ -373,9 +366,8 @@ def _kind(surface: Surface, foot: Foot, span: float) -> str:
 
 
 def stems(surface: Surface, stands: Sequence[Foot], span: float) -> tuple[Foot, ...]:
-    """Return the lowest parts of a sheet that hangs from an upper rim, as a funnel or a bowl: it could stand on
-    them instead.
-    """
+    """Return the lowest parts of a sheet that hangs from an upper rim, as a funnel or a bowl: it could stand on them
+    instead."""
     if not stands or not all(foot.name.startswith(RIM) for foot in stands):
         return ()
     x, y = surface.V[:, 0], surface.V[:, 1]

@@ -32,9 +32,8 @@ from dsfab.surface import (
 )
 
 CLEAR_IN = {".3mf": np.inf, ".3dm": np.inf, ".dxf": np.inf, ".glb": np.inf, ".gltf": np.inf}
-"""Least score by which y must beat z, by suffix: infinite where the format or program defines the vertical axis
-(glTF's is z after reading), 0.5 where most files have z up.
-"""
+"""Least score by which y must beat z, by suffix: infinite where the format or program defines the vertical axis (glTF's
+is z after reading), 0.5 where most files have z up."""
 CLEAR_IN |= dict.fromkeys((".stl", ".step", ".stp", ".brep"), 0.5)
 
 SLICE = 0.05
@@ -69,8 +68,7 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
 
 def _stands_on_ground(surface: Surface, up: Up) -> bool:
     """True for a wall or screen: it stands with a long edge on the plane through the origin, and its face crosses or
-    touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it.
-    """
+    touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it."""
     V = upright_vertices(surface.V, up)
     level, through = V[:, 2], V[:, 1]  # the other axis of the two
     tolerance = GROUND * surface.size
@@ -118,9 +116,7 @@ def is_nearly_closed(surface: Surface) -> bool:
 
 def _stability(V: Floats, surface: Surface) -> float:
     """Distance of the centre of mass inside of the base, over the side of a square of the surface's area.
-
-    V : (n, 3) its vertices with z up. Between -0.2, it falls over, and 0.4.
-    """
+    V : (n, 3) its vertices with z up. Between -0.2, it falls over, and 0.4."""
     height = np.ptp(V[:, 2])
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * height, :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
@@ -147,10 +143,8 @@ GUESSED = ("mm", "cm", "m", "in", "ft")
 
 @dataclass(frozen=True)
 class Decision:
-    """A decision.
-
-    topic : a word or two.  choice : the choice and its reason.  change : key of the preset, or option, that changes it.
-    """
+    """A decision. topic : a word or two. choice : the choice and its reason. change : key of the preset, or option,
+    that changes it."""
 
     topic: str
     choice: str
@@ -160,9 +154,7 @@ class Decision:
 @dataclass(frozen=True, eq=False)
 class UserMesh:
     """A mesh as a surface, metres, z up, with the keys of [surface] that produce it.
-
-    repaired : differences from its file.
-    """
+    repaired : differences from its file."""
 
     surface: Surface
     name: str
@@ -228,9 +220,7 @@ def preset_name(mesh: str | Path) -> str:
 
 def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> UserMesh:
     """Return the mesh from Python: a `Surface`, or an object that `Surface.of` takes; metres by default.
-
-    Raises SurfaceError for an invalid mesh.
-    """
+    Raises SurfaceError for an invalid mesh."""
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
     else:
@@ -273,9 +263,8 @@ def _origin(surface: Surface) -> tuple[float, ...]:
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
-    """Return a doubt about the unit for a box of unusual sides (m); '' for usual ones. Mostly the unit is wrong, or
-    the file was scaled twice.
-    """
+    """Return a doubt about the unit for a box of unusual sides (m); '' for usual ones. Mostly the unit is wrong, or the
+    file was scaled twice."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
     doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"
@@ -291,8 +280,7 @@ def _alternative_units(surface: Surface, unit: str) -> str:
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
     """Return '--unit in: 8 m x 6 m x 3 m' for each other unit in which the longest of these sides (m) is in a range
-    (m).
-    """
+    (m)."""
     metres = {name: metres_per(name) / metres_per(unit) for name in GUESSED if name != unit}
     return [
         f"--unit {name}: {' x '.join(length(times * side) for side in sides)}"

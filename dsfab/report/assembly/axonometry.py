@@ -93,8 +93,7 @@ def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
 
 def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     """Return the faces of a plan of planks in their colours: both sides and the upper edge of each plank, and the
-    plates.
-    """
+    plates."""
     assert plan.graph is not None
     assert plan.planks is not None
     graph, stock, built = plan.graph, plan.planks.stock, {part.member for part in plan.parts}

@@ -49,9 +49,7 @@ def draw_structure(
     extent: Floats | None = None,
 ) -> DrawingTransform:
     """Draw members into a box of the page; `colours` replaces the colours of the members that it names.
-
-    extent : (k, 2) region to fit into the box, metres; None fits the members.
-    """
+    extent : (k, 2) region to fit into the box, metres; None fits the members."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
     fitted = DrawingTransform.fit_to_box(extent.min(axis=0), extent.max(axis=0), box)

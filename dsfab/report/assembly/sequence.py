@@ -35,9 +35,7 @@ class AssemblyStep:
 
 def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[AssemblyStep, ...]:
     """Return the steps: every built member once for each of its layers, in the order of `LAYER_RULE`.
-
-    up : (3,) unit vector.
-    """
+    up : (3,) unit vector."""
     return _ordered_steps(graph, up, partial(layer_numbers, layering))
 
 

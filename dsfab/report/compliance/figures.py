@@ -62,11 +62,8 @@ NAMES = {
 
 
 def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
-    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png.
-
-    rows  : at several volumes; a competitor without equilibrium leaves a gap in its line.
-    names : label of each competitor.
-    """
+    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png. rows : at several volumes; a
+    competitor without equilibrium leaves a gap in its line. names : label of each competitor."""
     import matplotlib as mpl
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
@@ -263,8 +260,7 @@ class FindingsPictures:
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
         """Draw the uncut surface with the loads and supports of a case; beside: two pictures share the width of the
-        text.
-        """
+        text."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -327,9 +323,7 @@ class FindingsPictures:
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
     """Return the factor over a preview's letters that makes them `points` high on paper.
-
-    size : pixels.    width : share of the text's width that the picture takes.
-    """
+    size : pixels.    width : share of the text's width that the picture takes."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
 

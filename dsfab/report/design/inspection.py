@@ -72,8 +72,7 @@ def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
 
 def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield a table of the supports, each in its largest case, and a table of the loads; nothing for files without
-    them.
-    """
+    them."""
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         several = len(supports[0]["share"]) > 1
@@ -229,9 +228,7 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield the smallest features, those narrower than the sheet is thick, the pieces, and a table of limits.
-
-    The table lists limits of the preset, and limits that the design misses.
-    """
+    The table lists limits of the preset, and limits that the design misses."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")

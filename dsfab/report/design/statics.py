@@ -50,9 +50,7 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
 
 def uncut_modes(design: "Design") -> "ModeIntervals":
     """Return the lowest buckling factor of each case and the lowest frequency of the uncut sheet, with intervals.
-
-    Finer meshes give the intervals. The design keeps the result.
-    """
+    Finer meshes give the intervals. The design keeps the result."""
     from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
 
     questions = design.preset.statics.analyses
@@ -64,9 +62,8 @@ def uncut_modes(design: "Design") -> "ModeIntervals":
 
 
 def mode_facts(design: "Design") -> dict[str, Any]:
-    """Return `mode_intervals` of `design.json`: values with relative half widths of their intervals; empty without
-    a request.
-    """
+    """Return `mode_intervals` of `design.json`: values with relative half widths of their intervals; empty without a
+    request."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
@@ -102,8 +99,7 @@ def mode_lines(design: "Design") -> list[str]:
 
 def answer_lines(design: "Design") -> list[str]:
     """Return stress, buckling and vibration as lines, for the worst case or combination; without stress of `hinge`
-    elements.
-    """
+    elements."""
     cases = design.statics.cases
     answers_by_case = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
     under = {name: f", {name}" if len(cases) > 1 else "" for name in answers_by_case}

@@ -67,9 +67,7 @@ RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
     """Draw two rows for each member in its case or combination: N, Vy, Vz, and below Mt, My, Mz.
-
-    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes.
-    """
+    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -152,9 +150,7 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
 
 def bay_values(design: Design) -> Floats:
     """(m,) utilisation of the bay that each cell of the sheet of members is nearest to; NaN without a bay.
-
-    At a crossing the larger value counts.
-    """
+    At a crossing the larger value counts."""
     graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
@@ -239,9 +235,7 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
 
 def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
     """Divisor, unit and decimals for all forces or all moments, so that columns can be compared.
-
-    The largest value has four digits; each has two decimals at least.
-    """
+    The largest value has four digits; each has two decimals at least."""
     largest = max(float(np.abs(values).max()), 1e-9)
     factor, name = prefixed_unit(largest, unit)
     return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
@@ -332,9 +326,7 @@ STRUCTURE_FILE = "structure.html"
 
 def member_report(design: Design, command: str) -> Document:
     """Return the report on the utilisation of members. command : the command line that makes it again.
-
-    Raises StaticsError without a code or strength of the material, or if nothing carries the loads.
-    """
+    Raises StaticsError without a code or strength of the material, or if nothing carries the loads."""
     utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),

@@ -47,9 +47,7 @@ class Holes:
 @dataclass(frozen=True)
 class Trim:
     """`kind = "trim"`: cut off material beyond a plane, or outside a box, or both.
-
-    point, normal : of the plane; material on the side of the normal is cut off.    low, high : corners of the box.
-    """
+    point, normal : of the plane; material on the side of the normal is cut off.    low, high : corners of the box."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     point: Vector | None = None

@@ -18,9 +18,7 @@ from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole,
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 """Bolt diameters from the clear end of a bar to its bolts, between bolts, and to the end of the plate.
-
-The first of these that fits is used.
-"""
+The first of these that fits is used."""
 LEG_NAME = "ground"
 """Name of a plate's leg, in place of a bar's name."""
 

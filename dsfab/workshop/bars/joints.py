@@ -57,9 +57,7 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Supports (q, 3) of a structure (m), unit vector `up` (3,), and diameter of anchors (m).
-
-    reach : distance of a support from a node, in addition to member widths (m).
-    """
+    reach : distance of a support from a node, in addition to member widths (m)."""
 
     supports: Floats
     up: Floats
@@ -175,11 +173,8 @@ class BarEnd:
 
 @dataclass(frozen=True, eq=False)
 class LatticeBar:
-    """Straight bar of a bay.
-
-    points : (2, 3) roots (m).    normals : (2, 3) of the bar at both ends.
-    sagitta : largest distance of the member's axis from the bar (m).
-    """
+    """Straight bar of a bay. points : (2, 3) roots (m). normals : (2, 3) of the bar at both ends. sagitta : largest
+    distance of the member's axis from the bar (m)."""
 
     bay: Bay
     ends: tuple[BarEnd, BarEnd]

@@ -85,9 +85,7 @@ def _box_columns(size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
     """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, half of the gap beyond it.
-
-    Sides move by the corners of a regular polygon around the circle of half the gap.
-    """
+    Sides move by the corners of a regular polygon around the circle of half the gap."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count

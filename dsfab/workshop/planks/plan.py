@@ -139,9 +139,7 @@ def _reachable_crossings(
 @dataclass(frozen=True, eq=False)
 class PlankPlan:
     """Planks, their stock, and all parts: planks, cover plates, and plates on the planks.
-
-    limit : strain at the material's strength; 0 if the preset has none.
-    """
+    limit : strain at the material's strength; 0 if the preset has none."""
 
     planks: PlankParts
     stock: PlankStock

@@ -23,9 +23,7 @@ EdgeStations = tuple[tuple[float, float], tuple[float, float]]
 @dataclass(frozen=True)
 class PlankStock:
     """Thickness and depth of planks, bolt diameter of splices, and largest heights of letters (m).
-
-    splice : "cover", "scarf" or "none".
-    """
+    splice : "cover", "scarf" or "none"."""
 
     thickness: float
     depth: float

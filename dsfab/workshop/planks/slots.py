@@ -22,9 +22,7 @@ from dsfab.workshop.parts import FlatPart
 
 SLIDE_ANGLE = float(np.radians(10.0))
 """Largest angle (radians) between the assembly direction of a piece and the normals at its nodes.
-
-Slots open by this angle; planks are spliced where they would need more.
-"""
+Slots open by this angle; planks are spliced where they would need more."""
 
 
 def largest_deviation(normals: Floats) -> float:
@@ -79,9 +77,7 @@ class Crossing:
 @dataclass(frozen=True)
 class Slot:
     """Slot at an arc length: half its width, the height `y` of its bottom over the axis (m), and its open side.
-
-    lean : length along the plank by which the mouth opens to a side, for a metre of depth.
-    """
+    lean : length along the plank by which the mouth opens to a side, for a metre of depth."""
 
     node: str
     s: float

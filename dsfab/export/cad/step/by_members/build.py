@@ -35,11 +35,8 @@ CUT_COUNT = len(use_check.PLANES)
 
 @dataclass(frozen=True, eq=False)
 class MemberFile:
-    """Checked file of a part by members.
-
-    solids, faces, trimmed : numbers.    gap : widest, mm.    there, back : distances from the mesh and back, mm.
-    volume : mm3.    used : result of OCCT's trial cuts, as text.
-    """
+    """Checked file of a part by members. solids, faces, trimmed : numbers. gap : widest, mm. there, back : distances
+    from the mesh and back, mm. volume : mm3. used : result of OCCT's trial cuts, as text."""
 
     text: str
     solids: int
@@ -116,11 +113,8 @@ def _tried(part: Part, plan: SmoothPlan, fine: bool) -> MemberFile:
 
 @dataclass(frozen=True, eq=False)
 class _TriangleReport:
-    """Report on OCCT's triangles.
-
-    there, back : distances from the mesh and back.    fault : reason why they bound no solid, or why that is unknown.
-    shape : OCCT's binary shape.
-    """
+    """Report on OCCT's triangles. there, back : distances from the mesh and back. fault : reason why they bound no
+    solid, or why that is unknown. shape : OCCT's binary shape."""
 
     there: MeshDistances
     back: MeshDistances

@@ -79,11 +79,8 @@ SAMPLES_PER_EDGE = 2
 
 @dataclass(frozen=True, eq=False)
 class SampledChain:
-    """Chain on the skins. Q : (k, 6) points on the outer and the inner skin, mm.    outline : True if VOID is beyond
-    it.
-
-    chord : the mesh's least chord error along it, millimetres.
-    """
+    """Chain on the skins. Q : (k, 6) points on the outer and the inner skin, mm. outline : True if VOID is beyond it.
+    chord : the mesh's least chord error along it, millimetres."""
 
     Q: Floats
     outline: bool
@@ -124,10 +121,8 @@ class SampledChain:
 
 @dataclass(frozen=True, eq=False)
 class ChainCurve:
-    """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1.    spans : (k, 4, 6) Bezier poles between them, mm.
-
-    off : largest distance from the chain's samples.
-    """
+    """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1. spans : (k, 4, 6) Bezier poles between them, mm.
+    off : largest distance from the chain's samples."""
 
     breaks: Floats
     spans: Floats
@@ -182,10 +177,7 @@ def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list
 
 def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
     """Move curves onto the skins between their ends; `vectors_to_skins` returns the vectors from points (k, 6) to the
-    skins.
-
-    A curve may be off its samples by a tolerance, but a face strays if its edges are off the skins.
-    """
+    skins. A curve may be off its samples by a tolerance, but a face strays if its edges are off the skins."""
     if not curves:
         return []
     inner = [InnerSpline.from_breaks(curve.breaks) for curve in curves]
@@ -258,9 +250,7 @@ def as_parabolas(P: Floats, axis: int) -> Floats:
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
     """Lower patches (ku, kv, 4, 4, 6) of a region to degree 2 in directions in which the sides are parabolas.
-
-    No pole moves by more than a share of `distance`, millimetres; the sides stay.
-    """
+    No pole moves by more than a share of `distance`, millimetres; the sides stay."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
             Q = as_parabolas(P, axis)

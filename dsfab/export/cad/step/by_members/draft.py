@@ -184,9 +184,7 @@ class NetWriter:
 
 def bezier(poles: list[int]) -> str:
     """Format a Bezier curve through numbered points as a spline with one span.
-
-    Lines too, because a polyline under an edge has at least three points (ISO 10303-511, advanced_face).
-    """
+    Lines too, because a polyline under an edge has at least three points (ISO 10303-511, advanced_face)."""
     k = len(poles)
     return (
         f"B_SPLINE_CURVE_WITH_KNOTS('',{k - 1},{references(poles)},.UNSPECIFIED.,.F.,.F.,({k},{k}),(0.,1.),"

@@ -41,9 +41,7 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
     """(2, 2, 2) ends of curves (4, 6) in parameters of a patch, if they run along a side; else None.
-
-    edge : (4, 6) the part on the side.    share : (2,) of its parameter by which the curves extend before and after it.
-    """
+    edge : (4, 6) the part on the side. share : (2,) of its parameter by which the curves extend before and after it."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -160,10 +158,7 @@ def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
     """Extend surfaces as seams continue; return the model, the faces, and the extended seams with their neighbours by
-    edge.
-
-    A seam that leaves one of its faces stays as it is.
-    """
+    edge. A seam that leaves one of its faces stays as it is."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)

@@ -94,9 +94,7 @@ def turn_at(three: Floats) -> float:
 
 def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:
     """Give crossings those parts of their round corners that lie in outlines of members.
-
-    Such a part is a short chain beside an arc; no border ends between them, and the wall of the member continues it.
-    """
+    Such a part is a short chain beside an arc; no border ends between them, and the wall of the member continues it."""
     work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
     for arc in arcs:
         for direction in (-1, 1):

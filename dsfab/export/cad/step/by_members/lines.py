@@ -174,9 +174,7 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 def with_twins(lines: NetLines) -> NetLines:
     """Unite the curves on both sides of a seam: the outer poles of one are the inner poles of the other.
-
-    Raises ExportError if the chains on both sides differ.
-    """
+    Raises ExportError if the chains on both sides differ."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
     for points, i in seam.items():
@@ -192,9 +190,7 @@ def with_twins(lines: NetLines) -> NetLines:
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
     """Points (6,) of nodes inside lines.
-
-    The ends of a line move nodes that lie on it, and these nodes may be ends of further lines: a linear system.
-    """
+    The ends of a line move nodes that lie on it, and these nodes may be ends of further lines: a linear system."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -433,9 +429,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
     """Arc between two points (6,) with directions (6,); None if it would turn too far.
-
-    Handles are those of the cubic nearest to a circle with this chord and turn: chord / (3 cos^2(turn/4)).
-    """
+    Handles are those of the cubic nearest to a circle with this chord and turn: chord / (3 cos^2(turn/4))."""
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
     if min(float(direction @ chord) for direction in directions) < WIDEST_COSINE * long:

@@ -37,11 +37,8 @@ class NetWall:
 
 @dataclass(frozen=True, eq=False)
 class NetPatch:
-    """Four-sided face on each skin.
-
-    loop   : edges counter-clockwise from outside, one or several along each side.    poles : (4, 4, 6).
-    within : True if the surface extends beyond an edge.
-    """
+    """Four-sided face on each skin. loop : edges counter-clockwise from outside, one or several along each side. poles
+    : (4, 4, 6). within : True if the surface extends beyond an edge."""
 
     loop: ChainLoop
     poles: Floats
@@ -102,11 +99,8 @@ def net_model(
     covering: PatchBuilder,
     patched: Collection[int] = (),
 ) -> NetModel:
-    """Build the model of a net.
-
-    covering : builds patches; a region whose patches are bad is trimmed.    patched : quads that are divided into
-    patches, whatever their number.
-    """
+    """Build the model of a net. covering : builds patches; a region whose patches are bad is trimmed. patched : quads
+    that are divided into patches, whatever their number."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     compact = frozenset(
         quad.region

@@ -306,9 +306,7 @@ class LineFits:
 
     def _halve_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
         """Halve cubics that would leave the skins between the places where they are moved onto them.
-
-        A mesh point was 1.5 mm off such a patch where 1.49 are allowed, with the skin 0.8 mm off that point.
-        """
+        A mesh point was 1.5 mm off such a patch where 1.49 are allowed, with the skin 0.8 mm off that point."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -367,9 +365,7 @@ class _Turns:
 
 def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
     """Pair chain ends that form one line: inside a side of a region, and along outlines that only continue.
-
-    Arcs continue outlines, but not borders between members.
-    """
+    Arcs continue outlines, but not borders between members."""
     smooth = 10.0  # degrees that an outline may turn where two of its chains become one line
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:

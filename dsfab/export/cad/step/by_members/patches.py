@@ -14,9 +14,7 @@ from dsfab.export.splines import bernstein
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """(k, 2) parameters of points (k, 3) over a surface with poles (p + 1, p + 1, 3).
-
-    The poles lie evenly over a parallelogram in the plane of the first two axes.
-    """
+    The poles lie evenly over a parallelogram in the plane of the first two axes."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
@@ -129,9 +127,7 @@ FOLD_PLACES = np.linspace(0, 1, 5)
 
 def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_poles: Floats) -> Floats:
     """(ku, kv, 4, 4, d) poles of Coons patches between spans.
-
-    bottom_poles, top_poles : (ku, 4, d) from left to right.    left_poles, right_poles : (kv, 4, d) upwards.
-    """
+    bottom_poles, top_poles : (ku, 4, d) from left to right.    left_poles, right_poles : (kv, 4, d) upwards."""
     b, t = bottom_poles[:, None, :, None, :], top_poles[:, None, :, None, :]
     lt, rt = left_poles[None, :, None, :, :], right_poles[None, :, None, :, :]
     u = _shares(bottom_poles, top_poles)[:, None, :, None, None]
@@ -146,9 +142,7 @@ def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_pol
 
 def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
     """Move the insides of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and cells remain continuous.
-
-    vectors_to_skins : returns the vectors from points (k, d) to the skins.
-    """
+    vectors_to_skins : returns the vectors from points (k, d) to the skins."""
     spline_pairs = [
         (
             InnerSpline.from_breaks(_break_shares(P[:, 0, :, 0], P[:, -1, :, -1])),
@@ -207,9 +201,7 @@ TEST_PLACES = np.linspace(0, 1, 7)
 
 class PatchBuilder:
     """Builder of patches, memoised by region and its curves, because a net changes several times in few places.
-
-    away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits their middles.
-    """
+    away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits their middles."""
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.away, self.limits = away, limits
@@ -217,9 +209,7 @@ class PatchBuilder:
 
     def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
         """Return poles (ku, kv, 4, 4, 6) for each region, or None if its patches are folded or too far off.
-
-        sides : bottom, right, top and left of each, see `coons`.
-        """
+        sides : bottom, right, top and left of each, see `coons`."""
         poles = [[side.tobytes() for side in four] for four in sides]
         changed = [
             i for i, (r, now) in enumerate(zip(regions, poles, strict=True)) if self.known.get(r, ((),))[0] != now
@@ -263,9 +253,7 @@ def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
     """(k,) excess of patches over the allowed distance from the mesh; -inf if unlimited.
-
-    Beside a crease one patch met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed.
-    """
+    Beside a crease one patch met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])

@@ -115,9 +115,7 @@ def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
     """Return the connected region (m,) of each cell, with one label each, and the loose regions.
-
-    apart : (i,) True for pairs of neighbours with a crease between them.
-    """
+    apart : (i,) True for pairs of neighbours with a crease between them."""
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
@@ -315,10 +313,7 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
     """Remove regions of two chains narrower than `width`: each joins the region beyond an inner chain. P (p, 3) net
-    points.
-
-    A straightened chain could otherwise run along or beyond the other one, with no face between them.
-    """
+    points. A straightened chain could otherwise run along or beyond the other one, with no face between them."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:

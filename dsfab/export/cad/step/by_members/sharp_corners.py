@@ -28,9 +28,7 @@ class MovedRim:
 
 class Rims:
     """Rims of a model, that can move onto the faces beside them.
-
-    pieces : rim edges at sharp corners.    ends : edges by vertex.
-    """
+    pieces : rim edges at sharp corners.    ends : edges by vertex."""
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
         self.model, self.edges, self.vertices = model, list(model.edges), list(model.vertices)
@@ -53,9 +51,7 @@ class Rims:
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
         """Return the changes that put the pieces around a face onto it; None if it has no such pieces.
-
-        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too.
-        """
+        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too."""
         around = _edges_of_face(face)
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -270,9 +266,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
     """(k,) movement of pole heights that brings the surface onto the first points and near to the third.
-
-    rows : basis (., k) for each kind of points.    distances : from the surface.
-    """
+    rows : basis (., k) for each kind of points.    distances : from the surface."""
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), MOVE_WEIGHT * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([HELD_WEIGHT * distances[0], distances[2], np.zeros(sum(map(len, still)))])

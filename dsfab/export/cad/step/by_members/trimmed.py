@@ -63,10 +63,7 @@ class FaceDomain:
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Return two right-handed directions (2, 2) out of `ways` (k, 2) for the parallelogram that least leaves the
-        box.
-
-        Its corners count, at the heights of a quadric through all points.
-        """
+        box. Its corners count, at the heights of a quadric through all points."""
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
@@ -179,9 +176,7 @@ def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
     """Fit the faces of a region with inner points (k, 6); raises ExportError if no plane sees it as one outline.
-
-    part : True if the points are those of a larger region, which may bend away.
-    """
+    part : True if the points are those of a larger region, which may bend away."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
@@ -305,10 +300,7 @@ def _chords(model: NetModel, loop: ChainLoop) -> Floats:
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """(k,) distance in mm of a closed line (k, 6) from one surface near it and near inner points (j, 6); maximum of
-    both skins.
-
-    Infinite if no plane sees all points.
-    """
+    both skins. Infinite if no plane sees all points."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -344,9 +336,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """(3, 3) axes, turned about the last one if the rectangle around a line (k, 3) becomes far smaller.
-
-    A fuller rectangle leaves fewer poles without points.
-    """
+    A fuller rectangle leaves fewer poles without points."""
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))

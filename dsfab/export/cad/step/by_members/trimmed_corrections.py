@@ -106,10 +106,7 @@ HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
     """Move the widest gap of each seam that ends at an outline to a sample of OCCT, so that the measured tolerance is
-    right.
-
-    A face stays if that opens a gap above `SPLIT`, or moves its inside by more.
-    """
+    right. A face stays if that opens a gap above `SPLIT`, or moves its inside by more."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -141,9 +138,7 @@ def _with_peaks(
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
     """One surface of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
-
-    seams : (e, k, 3) along seams.    held : (h, 6, 3) along edges that may be exact.    edges : (j, 3) along all edges.
-    """
+    seams : (e, k, 3) along seams. held : (h, 6, 3) along edges that may be exact. edges : (j, 3) along all edges."""
 
     poles: Floats
     axes: Floats

@@ -44,9 +44,7 @@ POINTS = 8
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
     """Outline of a region in halves of its edges. A place is the index of a half.
-
-    poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop.
-    """
+    poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop."""
 
     poles: Floats
 
@@ -135,9 +133,7 @@ def divided_faces(
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
     """Divide the faces whose edges no cut could split; adds the edges between the parts to the model.
-
-    inside : returns (k, 6) inner points of regions.    away : returns the vectors from points to both skins.
-    """
+    inside : returns (k, 6) inner points of regions.    away : returns the vectors from points to both skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
@@ -158,9 +154,7 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
 
 class _FaceDivision:
     """Division of regions, one after another.
-
-    halves : new edges of each halved edge.    times : factor of the number of tried seams.
-    """
+    halves : new edges of each halved edge.    times : factor of the number of tried seams."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
