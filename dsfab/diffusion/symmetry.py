@@ -330,9 +330,7 @@ class _QuickCheck:
         if largest_distance(self.surface, self._tree, self._sample @ R.T + self.centre) > LENIENT * OFF_SURFACE * edge:
             return False
         reach = LENIENT * OFF_SUPPORT * edge
-        return all(
-            float(np.max(held_tree.query(held_sample @ R.T)[0])) < reach for held_sample, held_tree in self._held_points
-        )
+        return all(float(np.max(tree.query(P @ R.T)[0])) < reach for P, tree in self._held_points)
 
     def checked(self, group: Floats) -> Symmetry:
         """Return the group after checks everywhere. Raises PatternError if the surface does not have it."""
@@ -367,17 +365,13 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]
     outer_tree, edge = cKDTree(outer), surface.mean_edge
 
-    normals = far_directions(x, surface.size)[:samples]
-    images = np.concatenate([outer @ mirror(normal).T for normal in normals])
-    misfit = np.square(outer_tree.query(images)[0]).reshape(len(normals), -1).sum(axis=1) / edge**2
-    vertices_on_mirror = sum(
-        (1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (normals, np.cross(axis, normals))
-    )
+    N = far_directions(x, surface.size)[:samples]
+    images = np.concatenate([outer @ mirror(normal).T for normal in N])
+    misfit = np.square(outer_tree.query(images)[0]).reshape(len(N), -1).sum(axis=1) / edge**2
+    on_mirror = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (N, np.cross(axis, N)))
     # rank by distance of images from vertices, then by the number of vertices on the mirror
-    ranks = zip(
-        np.round(misfit, 6).tolist(), (-np.round(vertices_on_mirror, 6)).tolist(), range(len(normals)), strict=True
-    )
-    return np.asarray(normals[min(ranks)[2]])
+    ranks = zip(np.round(misfit, 6).tolist(), (-np.round(on_mirror, 6)).tolist(), range(len(N)), strict=True)
+    return np.asarray(N[min(ranks)[2]])
 
 
 def _turn(axis: Floats, parts: int) -> Floats:

@@ -73,26 +73,22 @@ def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tupl
     1". surface : its cells are those of the components."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
-        groups = _groups(same_kind) if len(letter) == 1 else [[component] for component in same_kind]
+        groups = _groups(same_kind) if len(letter) == 1 else [[c] for c in same_kind]
         places = np.array([_place(surface, group) for group in groups]).reshape(-1, 3)
-        lengths = np.array(
-            [sum(component.line.length if component.line else 0.0 for component in group) for group in groups]
-        )
+        lengths = np.array([sum(c.line.length if c.line else 0.0 for c in group) for group in groups])
         digits = len(str(max(len(groups), 10)))
         for number, k in enumerate(along_structure(places, lengths, surface.size).tolist(), 1):
             group = groups[k]
             label = f"{letter}{number:0{digits}d}" if len(letter) == 1 else f"{letter} {number}"
-            for part, component in enumerate(group, 1):
-                listed.append((label + (_letters(part) if len(group) > 1 else ""), part, component))
+            for part, c in enumerate(group, 1):
+                listed.append((label + (_letters(part) if len(group) > 1 else ""), part, c))
     return listed
 
 
 def _kinds(pieces: Sequence[Component]) -> list[tuple[str, list[Component]]]:
-    strips = [component for component in pieces if component.kind == "strip"]
-    families = [
-        (letter, [component for component in strips if component.family == name]) for name, letter in FAMILIES.items()
-    ]
-    return families + [(kind, [component for component in pieces if component.kind == kind]) for kind in KINDS]
+    strips = [c for c in pieces if c.kind == "strip"]
+    families = [(letter, [c for c in strips if c.family == name]) for name, letter in FAMILIES.items()]
+    return families + [(kind, [c for c in pieces if c.kind == kind]) for kind in KINDS]
 
 
 def _groups(pieces: list[Component]) -> list[list[Component]]:

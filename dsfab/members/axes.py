@@ -172,12 +172,10 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
     """Angles (radians) between the steps (k - 1, 3) of a line in the planes across its normals (k, 3): (k - 2,) at the
     inner points, or (k - 1,) for a closed line."""
-    before, after = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
+    a, b = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
-    before, after = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (before, after))
-    return np.asarray(
-        np.arctan2(np.einsum("ki,ki->k", np.cross(before, after), N), np.einsum("ki,ki->k", before, after))
-    )
+    a, b = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (a, b))
+    return np.asarray(np.arctan2(np.einsum("ki,ki->k", np.cross(a, b), N), np.einsum("ki,ki->k", a, b)))
 
 
 def _corner(line: MiddleLine, begin: float, end: float) -> int:

@@ -256,17 +256,15 @@ class MemberGraph:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on stubs and grazing members, to read before building."""
-        sentences = []
+        lines = []
         stubs, grazing = self._of_kind("stub"), [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
-            sentences.append(
+            lines.append(
                 f"{len(stubs)} stubs, under twice as long as they are wide, hold {self.stub_share:.1%} of the sheet"
             )
         if grazing:
-            sentences.append(
-                f"{len(grazing)} overlaps are no nodes: members graze there, and their middles do not meet"
-            )
-        return tuple(sentences)
+            lines.append(f"{len(grazing)} overlaps are no nodes: members graze there, and their middles do not meet")
+        return tuple(lines)
 
     def _of_kind(self, kind: Kind) -> list[Member]:
         return [member for member in self.members if member.kind == kind]

@@ -96,13 +96,11 @@ def _cut_edges(surface: Surface, singular: Bools) -> Bools:
     meeting = np.flatnonzero(reached & (end_f != end_g))
     meeting = meeting[np.argsort(steps_from[f[meeting]] + steps_from[g[meeting]], kind="stable")]
     low, high = np.minimum(end_f, end_g)[meeting], np.maximum(end_f, end_g)[meeting]
-    _, shortest = np.unique(low * (name.max() + 1) + high, return_index=True)
+    _, least = np.unique(low * (name.max() + 1) + high, return_index=True)
     steps = steps_from[f[meeting]] + steps_from[g[meeting]] + 1
     count = int(name.max()) + 1
-    tree = minimum_spanning_tree(
-        coo_array((steps[shortest], (low[shortest], high[shortest])), shape=(count, count)).tocsr()
-    )
-    number = csr_array((shortest + 1, (low[shortest], high[shortest])), shape=(count, count))
+    tree = minimum_spanning_tree(coo_array((steps[least], (low[least], high[least])), shape=(count, count)).tocsr())
+    number = csr_array((least + 1, (low[least], high[least])), shape=(count, count))
     predecessor = preceding.astype(np.int64)
     for pair in meeting[np.asarray(number[tree.nonzero()]).ravel() - 1].tolist():
         is_cut[edge[pair]] = True

@@ -88,12 +88,10 @@ class Guidance:
     def tensors(self, frames: Frames) -> Floats:
         """Return symmetric tensors (n, 3, 3) in space, of trace 0, to compare vertices that lie apart.
         Their size is 1 for a guide that overrules stress: twice the weight then changes the field little."""
-        axis_1, axis_2 = frames.t1[:, :, None], frames.t2[:, :, None]
-        x, y = axis_1.transpose(0, 2, 1), axis_2.transpose(0, 2, 1)
+        e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
+        x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
-        tensor = strength.real[:, None, None] * (axis_1 * x - axis_2 * y) + strength.imag[:, None, None] * (
-            axis_1 * y + axis_2 * x
-        )
+        tensor = strength.real[:, None, None] * (e1 * x - e2 * y) + strength.imag[:, None, None] * (e1 * y + e2 * x)
         return np.asarray(tensor / np.sqrt(2))
 
 
@@ -189,10 +187,8 @@ class GuideLine:
         g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
-        piece_start = np.arange(len(self.points) - 1)
-        nearest_points = nearest_places(
-            surface.V[vertices], self.points, np.stack([piece_start, piece_start + 1], axis=1)
-        )
+        begin = np.arange(len(self.points) - 1)
+        nearest_points = nearest_places(surface.V[vertices], self.points, np.stack([begin, begin + 1], axis=1))
         piece = nearest_points.simplex
         left_direction = np.cross(frames.normal[vertices], unit_vectors(np.diff(self.points, axis=0))[piece])
         away = dots(surface.V[vertices] - nearest_points.place, left_direction) * np.where(

@@ -48,21 +48,18 @@ def curve_fields(
     """
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
-        distances_of = [
+        fields = [
             geodesic_distances(divided.surface, divided.origins_on_parts(origins), reach) for origins, reach in regions
         ]
-        marks = _edges_to_halve(divided, distances_of, reaches)
+        marks = _edges_to_halve(divided, fields, reaches)
         if not (rounds_left and marks.any()) or divided.surface.m > surface.m + most_parts:
             break
-        divided = divided.with_halved_edges(marks, _crossings(divided.surface, distances_of, reaches))
+        divided = divided.with_halved_edges(marks, _crossings(divided.surface, fields, reaches))
     if divided.surface is surface:
-        return [
-            _undivided_field(surface, region, distances)
-            for region, distances in zip(regions, distances_of, strict=True)
-        ]
+        return [_undivided_field(surface, region, d) for region, d in zip(regions, fields, strict=True)]
     return [
-        DividedField(divided, -_snapped_distances(divided.surface, _finite_distances(distances.vertex, reach), reach))
-        for reach, distances in zip(reaches, distances_of, strict=True)
+        DividedField(divided, -_snapped_distances(divided.surface, _finite_distances(d.vertex, reach), reach))
+        for reach, d in zip(reaches, fields, strict=True)
     ]
 
 

@@ -648,10 +648,8 @@ class Preset(Section):
         changes = dict[str, Any]()
         for name, keys in lists.items():
             section = getattr(self, name)
-            entries = {key: tuple(_with_curves(entry) for entry in getattr(section, key)) for key in keys}
-            if any(
-                new is not old for key in keys for new, old in zip(entries[key], getattr(section, key), strict=True)
-            ):
+            entries = {k: tuple(_with_curves(entry) for entry in getattr(section, k)) for k in keys}
+            if any(new is not old for k in keys for new, old in zip(entries[k], getattr(section, k), strict=True)):
                 changes[name] = section.model_copy(update=entries)
         return self.model_copy(update=changes) if changes else self
 

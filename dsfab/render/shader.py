@@ -199,9 +199,7 @@ class StripeShader:
 
     def set(self, settings: StripeSettings) -> None:
         """Replace the numbers, in microseconds unless the program changes for widths or reaches."""
-        shown_widths = [
-            d if is_shown > 0.5 else 0.0 for d, is_shown in zip(settings.half_width, settings.shown, strict=True)
-        ]
+        shown_widths = [d if s > 0.5 else 0.0 for d, s in zip(settings.half_width, settings.shown, strict=True)]
         widths, reads_kept = min(shown_widths) < 0, max(settings.reach) > NO_REACH
         self._change_program(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if reads_kept else ())))
         for uniforms in self._uniforms():
@@ -240,8 +238,4 @@ class StripeShader:
 
     def _uniforms(self) -> list[Any]:
         codes = [part["actor"].GetShaderProperty() for part in self._parts]
-        return [
-            uniforms
-            for code in codes
-            for uniforms in (code.GetVertexCustomUniforms(), code.GetFragmentCustomUniforms())
-        ]
+        return [uniforms for c in codes for uniforms in (c.GetVertexCustomUniforms(), c.GetFragmentCustomUniforms())]

@@ -156,14 +156,12 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
     low, high = points.min(axis=0), points.max(axis=0)
     middle, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     distance, centre = 2 * reach / slope, middle
-    left_edge, right_edge, bottom, top = box
+    left_x, right_x, bottom, top = box
     for _ in range(30):
         view = View(centre + distance * towards, right, vertical, forward, slope, side.floor, side.front)
         x, y, _ = view.page_coordinates(points).T
-        scale = max(np.ptp(x) / (right_edge - left_edge), np.ptp(y) / (top - bottom))
-        shift = (x.min() + x.max() - left_edge - right_edge) / 2 * right + (
-            y.min() + y.max() - bottom - top
-        ) / 2 * vertical
+        scale = max(np.ptp(x) / (right_x - left_x), np.ptp(y) / (top - bottom))
+        shift = (x.min() + x.max() - left_x - right_x) / 2 * right + (y.min() + y.max() - bottom - top) / 2 * vertical
         centre = centre + shift * slope * distance
         distance *= scale
         if abs(scale - 1) < 1e-4 and np.linalg.norm(shift) < 1e-4:

@@ -28,14 +28,10 @@ def write_results(
     """
     from dsfab.preset.file import preset_toml
 
-    rows = [{"volume": share, **row} for share, compared in comparisons for row in compared.record()["competitors"]]
+    rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]
     origin = {"name": preset.name, "command": command, "versions": versions(), "preset": preset_toml(preset)}
-    design_comparison = next((compared for share, compared in comparisons if share is None), None)
-    alternatives = (
-        {"alternatives": [compared.record() for compared in design_comparison.alternatives]}
-        if design_comparison
-        else {}
-    )
+    comparison = next((a for share, a in comparisons if share is None), None)
+    alternatives = {"alternatives": [a.record() for a in comparison.alternatives]} if comparison else {}
     document = json.dumps({**origin, **_verdict_facts(comparisons), **alternatives, "competitors": rows}, indent=2)
     (folder / "results.json").write_text(document + "\n", encoding="utf-8")
     (folder / "results.csv").write_text(_csv(rows), encoding="utf-8", newline="")

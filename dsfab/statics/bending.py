@@ -145,13 +145,11 @@ def hinge_blocks(surface: Surface, material: Material, thickness: float) -> Pair
     *directions* but does not converge to Kirchhoff's plate on general meshes: at 80 x 80 cells the centre of a clamped
     plate moves by 0.56 (one diagonal) to 1.21 (crossed) of the exact value.
     """
-    hinge = hinges(surface)
-    gradients, weight = angle_gradients(surface, hinge)
+    h = hinges(surface)
+    gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)
-    pairs = vertex_pairs(surface, hinge)
+    pairs = vertex_pairs(surface, h)
     lower, upper = ([pair[k] for pair in CORNERS] for k in (0, 1))
-    ascending = (hinge[:, lower] < hinge[:, upper]).T
+    ascending = (h[:, lower] < h[:, upper]).T
     u, v = (x.reshape(3, -1) for x in ascending_pairs(g[:, lower], g[:, upper], ascending))
-    return PairBlocks.without_shifts(
-        pairs, summed_blocks(u, v, pairs.of_hinge(surface, hinge).ravel(), len(pairs.ends))
-    )
+    return PairBlocks.without_shifts(pairs, summed_blocks(u, v, pairs.of_hinge(surface, h).ravel(), len(pairs.ends)))

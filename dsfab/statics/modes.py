@@ -51,10 +51,8 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
     except StaticsError:
         edges = surface.edges
         upright = edges.boundary & held_vertices[edges.ends].all(axis=1)
-        clamped_edges = all_clamped(load)
-        return ModeSupports(
-            replace(across, clamped=upright if clamped_edges is None else upright | clamped_edges), UPRIGHT
-        )
+        clamped = all_clamped(load)
+        return ModeSupports(replace(across, clamped=upright if clamped is None else upright | clamped), UPRIGHT)
     return ModeSupports(across, HELD_ACROSS)
 
 

@@ -44,17 +44,15 @@ def rib_shape(surface: Surface) -> RibShape:
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
-    points, half_edge = _border_points(surface, border)
+    points, h = _border_points(surface, border)
     begin, end = half_edges(surface.F)
-    direction = surface.V[end[border]] - surface.V[begin[border]]
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    d = surface.V[end[border]] - surface.V[begin[border]]
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
     tree = cKDTree(points)
     small = float(np.median(surface.edge_lengths))
-    radius = _disc_radii(
-        tree, points, np.cross(surface.normals[border // 3], direction)[half_edge], small, surface.size
-    )
+    radius = _disc_radii(tree, points, np.cross(surface.normals[border // 3], d)[h], small, surface.size)
     nearest = np.asarray(tree.query(surface.centroids)[1])
-    along = direction[half_edge[nearest]]
+    along = d[h[nearest]]
     along -= np.einsum("mx,mx->m", along, surface.normals)[:, None] * surface.normals
     return RibShape(2 * radius[nearest], along / np.linalg.norm(along, axis=1, keepdims=True))
 

@@ -105,10 +105,8 @@ class Skin:
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
         first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))
-        second_triangle = np.where(
-            across, np.stack([p, below_p, below_q], axis=1), np.stack([q, below_p, below_q], axis=1)
-        )
-        return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second_triangle])
+        second = np.where(across, np.stack([p, below_p, below_q], axis=1), np.stack([q, below_p, below_q], axis=1))
+        return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second])
 
     def walls(self, faces: Ints) -> Ints:
         """(k,) the walls of faces (f,) of the solid, each once."""

@@ -274,11 +274,9 @@ class _MemberPanels:
             if self.course.closed and side == -1:
                 return self._splice_end(s)
             return _PanelEnd(s, s)
-        right_width, left_width = self._sides(edge.s)
-        shoulders = edge.stations(side, edge.half, np.array([-right_width, left_width]))
-        y = np.array(
-            [-ROOT_SHARE * right_width, -TIP_SHARE * right_width, TIP_SHARE * left_width, ROOT_SHARE * left_width]
-        )
+        w_right, w_left = self._sides(edge.s)
+        shoulders = edge.stations(side, edge.half, np.array([-w_right, w_left]))
+        y = np.array([-ROOT_SHARE * w_right, -TIP_SHARE * w_right, TIP_SHARE * w_left, ROOT_SHARE * w_left])
         away = edge.half * np.array([1.0, TAB_GAP_SHARE, TAB_GAP_SHARE, 1.0])
         tab = np.array([float(edge.stations(side, a, np.array([b]))[0]) for a, b in zip(away, y, strict=True)])
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
@@ -300,11 +298,9 @@ class _MemberPanels:
 
     def _splice_end(self, s: float) -> _PanelEnd:
         """Return an end with a tab beneath the next panel of the same member, as long as it is wide."""
-        right_width, left_width = self._sides(s)
-        y = np.array(
-            [-ROOT_SHARE * right_width, -TIP_SHARE * right_width, TIP_SHARE * left_width, ROOT_SHARE * left_width]
-        )
-        return _PanelEnd(s, s, (s + (right_width + left_width) * np.array([0.0, 1.0, 1.0, 0.0]), y))
+        w_right, w_left = self._sides(s)
+        y = np.array([-ROOT_SHARE * w_right, -TIP_SHARE * w_right, TIP_SHARE * w_left, ROOT_SHARE * w_left])
+        return _PanelEnd(s, s, (s + (w_right + w_left) * np.array([0.0, 1.0, 1.0, 0.0]), y))
 
     def _pieces(
         self,

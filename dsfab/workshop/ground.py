@@ -260,14 +260,12 @@ def _lines_inside(lines: list[Floats], box: Floats) -> list[Floats]:
 
 def _support_marks(ground: BasePlane, surface: Surface) -> list[Floats]:
     support_places = {tuple(place) for place in ground.supports.tolist()}
-    is_support = np.array([tuple(place) in support_places for place in surface.V.tolist()])
+    support = np.array([tuple(place) in support_places for place in surface.V.tolist()])
     ends = surface.edges.ends[surface.edges.boundary]
-    ends = ends[is_support[ends].all(axis=1)]
-    alone = is_support.copy()
+    ends = ends[support[ends].all(axis=1)]
+    alone = support.copy()
     alone[np.unique(ends)] = False
-    alone &= (
-        np.bincount(surface.edges.ends[is_support[surface.edges.ends].all(axis=1)].ravel(), minlength=surface.n) == 0
-    )
+    alone &= np.bincount(surface.edges.ends[support[surface.edges.ends].all(axis=1)].ravel(), minlength=surface.n) == 0
     arms = 0.002 * np.array([[[-1, 0], [1, 0]], [[0, -1], [0, 1]]])
     lines = [ground.plan_view(surface.V[pair]) for pair in ends]
     return lines + [place + arm for place in ground.plan_view(surface.V[alone]) for arm in arms]

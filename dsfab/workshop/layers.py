@@ -164,13 +164,10 @@ def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, fl
 
 def _neighbours(ends: Sequence[_StripEnd]) -> list[set[_StripEnd]]:
     neighbours = [set[_StripEnd]() for _ in ends]
-    for (i, end_a), (j, end_b) in combinations(enumerate(ends), 2):
-        if (
-            end_a.name != end_b.name
-            and np.linalg.norm(end_a.places[0] - end_b.places[0]) < (end_a.width + end_b.width) / 2
-        ):
-            neighbours[i].add(end_b)
-            neighbours[j].add(end_a)
+    for (i, a), (j, b) in combinations(enumerate(ends), 2):
+        if a.name != b.name and np.linalg.norm(a.places[0] - b.places[0]) < (a.width + b.width) / 2:
+            neighbours[i].add(b)
+            neighbours[j].add(a)
     return neighbours
 
 

@@ -303,31 +303,29 @@ class StripLimits:
     @property
     def lines(self) -> tuple[str, ...]:
         """Sentences on what can be built and what cannot."""
-        sentences = []
+        lines = []
         bending_text = (
             f"layers of {length(self.thickness)} are bent to a strain of {self.bending:.2%} ({self.member} most)"
         )
         if not self.limit:
-            sentences.append(f"{bending_text}; name a material or set statics.strength to have that judged")
+            lines.append(f"{bending_text}; name a material or set statics.strength to have that judged")
         elif self.bending > self.limit:
-            sentences.append(
+            lines.append(
                 f"NOT POSSIBLE: {bending_text}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at "
                 "which the "
                 f"strength is reached; the thickest layer that can be bent is {length(self.thickest)}: set "
                 f"workshop.thickness to {np.floor(1e4 * self.thickest) / 1e4:g} or less"
             )
         else:
-            sentences.append(
-                f"{bending_text}, of {self.limit:.2%} allowed; up to {length(self.thickest)} could be bent"
-            )
+            lines.append(f"{bending_text}, of {self.limit:.2%} allowed; up to {length(self.thickest)} could be bent")
         if self.shape >= LEAST_STRAIN:
-            sentences.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
+            lines.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
         if self.edge > self.wanted_edge * 1.05:
-            sentences.append(
+            lines.append(
                 f"NOT TO DRILL FROM: edges of {length(self.edge)} are too coarse a mesh, holes may be centimetres off; "
                 f"set surface.edge to {self.wanted_edge:.2g} or less"
             )
-        return tuple(sentences)
+        return tuple(lines)
 
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, bolt: float) -> StripLimits:
@@ -342,17 +340,13 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         kn = np.abs(member.axis.kn[calm])
         usual.append(kn)
         bends.append(float(kn.max(initial=0.0)))
-        nearest_faces = np.asarray(tree.query(member.axis.P[calm])[1])
-        shapes.append(
-            float(np.median(np.abs(K[nearest_faces]))) * member.mean_width**2 / 12 if len(nearest_faces) else 0.0
-        )
+        nearest = np.asarray(tree.query(member.axis.P[calm])[1])
+        shapes.append(float(np.median(np.abs(K[nearest]))) * member.mean_width**2 / 12 if len(nearest) else 0.0)
     worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # the first of members that mirror each other
     bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # rare peaks do not judge a mesh
-    wanted_edge = float(np.sqrt(8 * MESH_TOLERANCE * bolt / bend)) if bend > 0 else np.inf
+    edge = float(np.sqrt(8 * MESH_TOLERANCE * bolt / bend)) if bend > 0 else np.inf
     name = strips[worst - 1].id if worst else "none"
-    return StripLimits(
-        thickness, thickness * max(bends) / 2, name, max(shapes), limit, float(surface.mean_edge), wanted_edge
-    )
+    return StripLimits(thickness, thickness * max(bends) / 2, name, max(shapes), limit, float(surface.mean_edge), edge)
 
 
 def calm_stations(member: Member) -> Ints:

@@ -131,11 +131,9 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
 
 def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
     """(c, 2) position in `edges.of` of the edge that begins at each corner (c, 2)."""
-    side_vertices = np.sort(
-        np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1)
-    )
+    ends = np.sort(np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1))
     edge_vertices = np.sort(surface.edges.ends[surface.edges.of[face]], axis=-1)
-    return np.asarray((side_vertices[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
+    return np.asarray((ends[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
 
 
 def _corner(surface: Surface, face: Ints, which: Ints) -> Ints:

@@ -43,15 +43,12 @@ def mast_corners(P: Floats, arm: float, height: float) -> Ints:
     saddle's is straight in plan.
     arm : metres along the edge for measuring a corner's directions.     height : of the whole sheet, metres.
     """
-    corners = _corners(P, arm)
-    if len(corners) < 3:
-        return corners[:0]
-    middle = P[corners].mean(axis=0)
-    arcs = [
-        P[np.arange(a, b + 1) % len(P)]
-        for a, b in zip(corners, np.append(corners[1:], corners[0] + len(P)), strict=True)
-    ]
-    return corners if all(_masts_hangs(arc, middle, height) for arc in arcs) else corners[:0]
+    c = _corners(P, arm)
+    if len(c) < 3:
+        return c[:0]
+    middle = P[c].mean(axis=0)
+    arcs = [P[np.arange(a, b + 1) % len(P)] for a, b in zip(c, np.append(c[1:], c[0] + len(P)), strict=True)]
+    return c if all(_masts_hangs(arc, middle, height) for arc in arcs) else c[:0]
 
 
 def _masts_hangs(arc: Floats, middle: Floats, height: float) -> bool:
@@ -157,15 +154,13 @@ def _with_higher_feet(
 ) -> list[Foot]:
     """Add the next higher low points of the outer edges, up to `HIGHEST`, until it does not tip; unchanged without
     success."""
-    height = float(np.ptp(surface.V[:, 2]))
+    h = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
-    places = sorted(
-        {float(P[valley, 2]) for k, P in lines.items() if outer[k] for valley in _valleys(P[:, 2], DIP * height)}
-    )
+    places = sorted({float(P[v, 2]) for k, P in lines.items() if outer[k] for v in _valleys(P[:, 2], DIP * h)})
     for z in places:
-        if ground + LOW * height < z <= ground + HIGHEST * height:
-            highest = z + LEVEL * height
-            more_feet = [foot for k, P in lines.items() for foot in _stretches(k, P, height, highest, span)]
+        if ground + LOW * h < z <= ground + HIGHEST * h:
+            highest = z + LEVEL * h
+            more_feet = [foot for k, P in lines.items() for foot in _stretches(k, P, h, highest, span)]
             if not tips(surface, [foot.points for foot in more_feet]):
                 return more_feet
     return low_feet

@@ -70,14 +70,12 @@ def _stands_on_ground(surface: Surface, up: Up) -> bool:
     """True for a wall or screen: it stands with a long edge on the plane through the origin, and its face crosses or
     touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it."""
     V = upright_vertices(surface.V, up)
-    level, through = V[:, 2], V[:, 1]  # the other axis of the two
-    tolerance = GROUND * surface.size
-    if abs(level.min()) > tolerance or not (
-        through.min() < -tolerance < tolerance < through.max() or np.ptp(through) < tolerance
-    ):
+    level, y = V[:, 2], V[:, 1]  # the other axis of the two
+    limit = GROUND * surface.size
+    if abs(level.min()) > limit or not (y.min() < -limit < limit < y.max() or np.ptp(y) < limit):
         return False
     ends = surface.edges.ends[surface.edges.boundary]
-    on_ground = (np.abs(level[ends]) <= tolerance).all(axis=1)
+    on_ground = (np.abs(level[ends]) <= limit).all(axis=1)
     length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
     return bool(length[on_ground].sum() > 0.7 * np.ptp(V[:, 0]))
 

@@ -100,11 +100,9 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
         competitor_rows = sorted((row for row in rows if row["name"] == name), key=lambda row: float(row["volume"]))
         mass = [full_mass * row["volume"] for row in competitor_rows]
         ratio = [_number(row["ratio_to_full"]) for row in competitor_rows]
-        line_width = 2.4 if name == "design" else 1.5
+        width = 2.4 if name == "design" else 1.5
         label = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
-        axes.plot(
-            mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=line_width, label=label
-        )
+        axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=width, label=label)
         if name == "isotropic" and label == names[name]:
             low, high = (
                 [_ratio_to_full_sheet(row, f"variants_{key}") for row in competitor_rows] for key in ("best", "worst")

@@ -188,9 +188,7 @@ def ordered_cases(findings: Findings) -> list[str]:
 def acting_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Loads and supports of the preset."""
     surface = findings.task.preset.surface
-    rows = [
-        (load.name or "Load", load.case, load.kind.replace("_", " "), _settings_words(load)) for load in surface.load
-    ]
+    rows = [(x.name or "Load", x.case, x.kind.replace("_", " "), _settings_words(x)) for x in surface.load]
     rows += [
         (
             support.name or f"Support {k}",

@@ -148,9 +148,7 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     for name in ("major", "minor"):
         if not facts[name].get("drawn", True):
             continue
-        opening, spacing = (
-            [facts[name][key][quantile] for quantile in QUANTILES] for key in ("clear_opening_m", "spacing_m")
-        )
+        opening, spacing = ([facts[name][key][q] for q in QUANTILES] for key in ("clear_opening_m", "spacing_m"))
         if not opening[2] > 0:
             yield f"{name} members: no opening between them"
             continue

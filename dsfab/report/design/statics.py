@@ -101,16 +101,14 @@ def answer_lines(design: "Design") -> list[str]:
     """Return stress, buckling and vibration as lines, for the worst case or combination; without stress of `hinge`
     elements."""
     cases = design.statics.cases
-    answers_by_case = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
-    under = {name: f", {name}" if len(cases) > 1 else "" for name in answers_by_case}
+    answers = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
+    under = {name: f", {name}" if len(cases) > 1 else "" for name in answers}
     lines = []
-    worst = max(answers_by_case, key=lambda name: answers_by_case[name].stress.peak.stress)
-    if answers_by_case[worst].elements.bending != "hinge":
-        lines.append(_largest_stress_line(design, answers_by_case[worst], under[worst]))
+    worst = max(answers, key=lambda name: answers[name].stress.peak.stress)
+    if answers[worst].elements.bending != "hinge":
+        lines.append(_largest_stress_line(design, answers[worst], under[worst]))
     factors = {
-        name: a.buckling.factor
-        for name, a in answers_by_case.items()
-        if a.buckling is not None and len(a.buckling.factor)
+        name: a.buckling.factor for name, a in answers.items() if a.buckling is not None and len(a.buckling.factor)
     }
     if factors:
         worst = min(factors, key=lambda name: float(factors[name][0]))
@@ -119,7 +117,7 @@ def answer_lines(design: "Design") -> list[str]:
             f"uncut sheet{under[worst]}: buckles at {listed} x the load (linear, perfect shape; real shells at a fifth "
             "to a half)"
         )
-    if (vibration := answers_by_case[worst].vibration) is not None:
+    if (vibration := answers[worst].vibration) is not None:
         hertz = ", ".join(f"{value:.3g}" for value in vibration.hertz)
         several = len(vibration.hertz) > 1
         lines.append(f"uncut sheet: lowest {'frequencies' if several else 'frequency'} {hertz} Hz")

@@ -201,19 +201,17 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure, number: Cap
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
     """The most used members, with the decisive clause and forces."""
-    worst_bays = utilisation.worst_bays(WORST_COUNT)
+    bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
-    for bay in worst_bays:
+    for bay in bays:
         check, case, _ = utilisation.governing(bay)
         share = percent(float(utilisation.largest[bay]))
         words = check.name, check.clause, case
         decisive.append((utilisation.bays.member[bay], utilisation.bays.name[bay], *map(escaped_text, words), share))
     head = ("Member", "Bay", "Check", "Clause and formula", "Case", "Utilisation")
     caption = number.table("The worst bay of each of the worst members.")
-    worst_table = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
-    return ReportSection(
-        "The worst members", [worst_table, _decisive_forces_table(utilisation, worst_bays, number)], own_page=True
-    )
+    table = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
+    return ReportSection("The worst members", [table, _decisive_forces_table(utilisation, bays, number)], own_page=True)
 
 
 def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], number: CaptionNumbers) -> Table:
@@ -226,11 +224,9 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
         numbers = [f"{x / factor:.{decimals}f}" for x, (factor, _, decimals) in zip(row, scale, strict=True)]
         rows.append((bays.member[bay], section, length_or_na(float(bays.length[bay])), *numbers))
     heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
-    caption = number.table("The same: section, length from node to node, and forces where that check decides.")
+    title = number.table("The same: section, length from node to node, and forces where that check decides.")
     note = "N positive is tension. My bends with the surface and stretches the side of its normal, Mz bends in it."
-    return Table(
-        caption, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS))
-    )
+    return Table(title, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS)))
 
 
 def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
@@ -244,9 +240,7 @@ def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
 def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
     """Diagrams of the same members."""
     utilisation = design.member_utilisation
-    rows = [
-        (utilisation.bays.member[bay], utilisation.governing(bay)[1]) for bay in utilisation.worst_bays(WORST_COUNT)
-    ]
+    rows = [(utilisation.bays.member[b], utilisation.governing(b)[1]) for b in utilisation.worst_bays(WORST_COUNT)]
     several = len(utilisation.bays.forces) > 1
     case_note = (
         "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""

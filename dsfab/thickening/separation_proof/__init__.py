@@ -74,26 +74,24 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
     for corner in uncut.F.T:
         arm = lengths(uncut.V.take(corner, axis=0) - middle)
         np.maximum(reach, arm + size[corner] + error, out=reach)
-    low, extent = (np.array([box_of_face(column) for column in middle.T]) for box_of_face in (np.min, np.ptp))
+    low, extent = (np.array([box(column) for column in middle.T]) for box in (np.min, np.ptp))
     box_limit = 2e7  # boxes of the grid, empty ones too
     least_widths = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
     width = max(2.1 * reach.max(), *least_widths)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
     shape = place.max(axis=0) + REACH + 1
     flat = np.ravel_multi_index(tuple(place.T), tuple(shape))
-    order, begins, box_of_face = equal_key_groups(flat)
+    order, begins, box = equal_key_groups(flat)
     key = flat[order[begins]]
     grid = np.full(shape, -1)
     grid.ravel()[key] = np.arange(len(key))
-    centre: Floats = (
-        np.stack([np.bincount(box_of_face, column) for column in middle.T], axis=1) / np.bincount(box_of_face)[:, None]
-    )
-    axis: Floats = np.stack([np.bincount(box_of_face, column) for column in uncut.normals.T], axis=1).astype(np.float64)
+    centre: Floats = np.stack([np.bincount(box, column) for column in middle.T], axis=1) / np.bincount(box)[:, None]
+    axis: Floats = np.stack([np.bincount(box, column) for column in uncut.normals.T], axis=1).astype(np.float64)
     axis = unit_vectors(axis)
     radius = np.zeros(len(key))
-    np.maximum.at(radius, box_of_face, lengths(middle - centre.take(box_of_face, axis=0)) + reach)
+    np.maximum.at(radius, box, lengths(middle - centre.take(box, axis=0)) + reach)
     places = np.stack(np.unravel_index(key, tuple(shape)), axis=1)
-    return Boxes(box_of_face, places, centre, axis, radius, grid, key)
+    return Boxes(box, places, centre, axis, radius, grid, key)
 
 
 def block_steps() -> list[Ints]:

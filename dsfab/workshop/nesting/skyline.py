@@ -113,17 +113,14 @@ def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Float
     j = np.clip(np.searchsorted(corner, q[:, 0], side="left") - 1, i, len(extremes) - 1)
     column_counts = j - i + 1
     segment = np.repeat(np.arange(len(p)), column_counts)
-    column = (
+    k = (
         np.repeat(i, column_counts)
         + np.arange(column_counts.sum())
         - np.repeat(np.cumsum(column_counts) - column_counts, column_counts)
     )
     (x, low), high, slim = p[segment].T, (q[:, 1] - p[:, 1])[segment], wide[segment]
-    ends = (
-        low + np.minimum(np.maximum((column_edges[column] - x) / slim, 0), 1) * high
-        for column_edges in (corner[:-1], corner[1:])
-    )
-    f.at(extremes, column, f(*ends))
+    ends = (low + np.minimum(np.maximum((edges[k] - x) / slim, 0), 1) * high for edges in (corner[:-1], corner[1:]))
+    f.at(extremes, k, f(*ends))
     return extremes
 
 

@@ -101,20 +101,12 @@ def plank_parts(
     by_name = {plank.member.id: plank for plank in planks}
     for plank in planks:
         plank.divide(parts.crossings.crossings, room, ground, parts)
-    for crossing in parts.crossings.crossings:
-        lower, upper = (by_name[name] for name in crossing.members)
-        leans = (
-            crossing.slot_leans(direction)
-            if (direction := upper.direction_at(crossing.at[1])) is not None
-            else (0.0, 0.0)
-        )
-        half = slot_width(stock.thickness, crossing.angle) / 2 + SLOT_CLEARANCE
-        lower.slots.append(
-            Slot(crossing.node, crossing.at[0], (crossing.rise - SLOT_CLEARANCE) / 2, half, leans[0], above=True)
-        )
-        upper.slots.append(
-            Slot(crossing.node, crossing.at[1], (SLOT_CLEARANCE - crossing.rise) / 2, half, leans[1], above=False)
-        )
+    for x in parts.crossings.crossings:
+        lower, upper = (by_name[name] for name in x.members)
+        leans = x.slot_leans(direction) if (direction := upper.direction_at(x.at[1])) is not None else (0.0, 0.0)
+        half = slot_width(stock.thickness, x.angle) / 2 + SLOT_CLEARANCE
+        lower.slots.append(Slot(x.node, x.at[0], (x.rise - SLOT_CLEARANCE) / 2, half, leans[0], above=True))
+        upper.slots.append(Slot(x.node, x.at[1], (SLOT_CLEARANCE - x.rise) / 2, half, leans[1], above=False))
     for plank in planks:
         plank.add_parts(parts)
     return parts

@@ -195,9 +195,7 @@ class Plank:
 
     def direction_at(self, s: float) -> Floats | None:
         """Return the assembly direction of the piece at an arc length; None where slots stay as narrow as possible."""
-        return next(
-            (direction for direction, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None
-        )
+        return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
         layer, (a, b) = Development(self.course, 0.0), self._lapped_span((begin, end))

@@ -60,12 +60,10 @@ def _not_ending(net: ChainNet, steps: ChainLoop, chain: Ints) -> Bools:
 def _distances(lines: list[Floats], point_numbers: Ints) -> Floats:
     """(c, k) distances of the points `point_numbers` (c,) of closed lines (., 2) from their k segments."""
     a = np.concatenate(lines)
-    directions = np.concatenate([np.roll(line, -1, axis=0) for line in lines]) - a
+    ways = np.concatenate([np.roll(line, -1, axis=0) for line in lines]) - a
     offsets = a[point_numbers][:, None] - a
-    share = np.clip(
-        np.einsum("cki,ki->ck", offsets, directions) / np.maximum((directions**2).sum(axis=1), 1e-300), 0, 1
-    )
-    return np.asarray(np.linalg.norm(offsets - share[..., None] * directions, axis=2))
+    share = np.clip(np.einsum("cki,ki->ck", offsets, ways) / np.maximum((ways**2).sum(axis=1), 1e-300), 0, 1)
+    return np.asarray(np.linalg.norm(offsets - share[..., None] * ways, axis=2))
 
 
 def _samples(curves: Mapping[int, ChainCurve], loop: ChainLoop, fine: int) -> Floats:

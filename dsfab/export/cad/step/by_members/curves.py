@@ -112,11 +112,9 @@ class SampledChain:
 
     def point(self, x: float) -> Floats:
         """(6,) point at a share of the length below 1."""
-        lengths, to = self.lengths, x * self.lengths[-1]
-        i = int(lengths.searchsorted(to, side="right"))
-        return np.asarray(
-            (self.Q[i] - self.Q[i - 1]) / (lengths[i] - lengths[i - 1]) * (to - lengths[i - 1]) + self.Q[i - 1]
-        )
+        s, to = self.lengths, x * self.lengths[-1]
+        i = int(s.searchsorted(to, side="right"))
+        return np.asarray((self.Q[i] - self.Q[i - 1]) / (s[i] - s[i - 1]) * (to - s[i - 1]) + self.Q[i - 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,14 +178,12 @@ def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], 
     skins. A curve may be off its samples by a tolerance, but a face strays if its edges are off the skins."""
     if not curves:
         return []
-    inner = [InnerSpline.from_breaks(curve.breaks) for curve in curves]
-    all_vectors = vectors_to_skins(
-        np.concatenate([curve(spline.places) for curve, spline in zip(curves, inner, strict=True)])
-    )
+    inner = [InnerSpline.from_breaks(f.breaks) for f in curves]
+    all_vectors = vectors_to_skins(np.concatenate([f(spline.places) for f, spline in zip(curves, inner, strict=True)]))
     curve_vectors = np.split(all_vectors, np.cumsum([len(spline.places) for spline in inner])[:-1])
     return [
-        replace(curve, spans=curve.spans + spline.poles @ vectors)
-        for curve, spline, vectors in zip(curves, inner, curve_vectors, strict=True)
+        replace(f, spans=f.spans + spline.poles @ vectors)
+        for f, spline, vectors in zip(curves, inner, curve_vectors, strict=True)
     ]
 
 

@@ -100,10 +100,9 @@ class NetWriter:
         if isinstance(skin, TrimmedFace):
             digits = EDGE_DIGITS + 1 if skin.exact else EDGE_DIGITS - 1
             return [self._surface(self._grid(poles, digits)) for poles in (skin.outer, skin.inner)]
-        pole_pair = np.split(fewest_poles(fewest_poles(skin.poles, 0), 1), 2, axis=2)
+        pair = np.split(fewest_poles(fewest_poles(skin.poles, 0), 1), 2, axis=2)
         return [
-            self._surface(self._grid(poles, EDGE_DIGITS + 1) if skin.within else self._rows(poles))
-            for poles in pole_pair
+            self._surface(self._grid(poles, EDGE_DIGITS + 1) if skin.within else self._rows(poles)) for poles in pair
         ]
 
     def _add_edges(self, seams: Mapping[int, LongSeam], surfaces: Mapping[int, list[int]]) -> None:

@@ -174,9 +174,7 @@ def with_long_seams(
             patches[i] = replace(patches[i], poles=_reparametrised(patches[i].poles, box[0]), within=True)
         else:
             face = faces[i - len(patches)]
-            outer, inner = (
-                _reparametrised(poles, part) for poles, part in zip((face.outer, face.inner), box, strict=True)
-            )
+            outer, inner = (_reparametrised(P, part) for P, part in zip((face.outer, face.inner), box, strict=True))
             faces[i - len(patches)] = replace(face, outer=outer, inner=inner, exact=True)
     moved = {
         e: replace(seam, on={i: (uv - boxes[i][:, :1]) / np.diff(boxes[i], axis=1) for i, uv in seam.on.items()})
@@ -344,9 +342,7 @@ def _stops(
     without a corner.
     """
     exact = 1e-6  # millimetres of a gap that OCCT ignores
-    thick, long = (
-        float(np.linalg.norm(vector)) for vector in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3])
-    )
+    thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
     clear_start, clear_end = (CLEAR_EDGE * share * half for half in corners)
     between = (clear_start < DENSE) & (clear_end < DENSE[::-1]) & (DENSE > 0) & (DENSE < 1)

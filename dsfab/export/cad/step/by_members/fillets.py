@@ -216,17 +216,15 @@ class _Fillets:
         ]
         if any(border < 0 for border, _, _ in moves):
             return False
-        crossing_steps = [
-            (k, not ahead) for (k, ahead), neighbour in zip(inner, neighbours, strict=True) if neighbour == crossing
-        ]
-        first_step = crossing_steps[0] if crossing_steps else self._leaving(moves[0][0], moves[0][1])
+        steps = [(k, not ahead) for (k, ahead), r in zip(inner, neighbours, strict=True) if r == crossing]
+        first_step = steps[0] if steps else self._leaving(moves[0][0], moves[0][1])
         loop = next((candidate for candidate in self.loops[crossing] if first_step in candidate), None)
         if loop is None:
             return False
         position = loop.index(first_step)
         points = np.concatenate([self._points(step)[:-1] for step in arc] + [self._points(arc[-1])[-1:]])
         self.chains[self.free] = Chain(points, crossing, VOID)
-        loop[position : position + len(crossing_steps)] = [(self.free, True)]
+        loop[position : position + len(steps)] = [(self.free, True)]
         self.arcs.append(self.free)
         self.free += 1
         self.moved |= {(border, c): end for border, c, end in moves}
@@ -255,12 +253,7 @@ class _Fillets:
         if len(adjacent) == 1:
             small, large = sorted(neighbours, key=self._border_length)
             return small if self._border_length(small) < smaller * self._border_length(large) else None
-        behind = [
-            ({c.left, c.right} - {neighbour})
-            for c in adjacent
-            for neighbour in neighbours
-            if neighbour in (c.left, c.right)
-        ]
+        behind = [({c.left, c.right} - {r}) for c in adjacent for r in neighbours if r in (c.left, c.right)]
         is_common = len(adjacent) == 2 and len(behind) == 2 and behind[0] == behind[1] and VOID not in behind[0]
         return behind[0].pop() if is_common else None
 

@@ -40,21 +40,17 @@ class ChainLine:
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
         """Return pairs of parameters where VOID is on one side; the material is on the left from the first to the
         second."""
-        intervals = list[tuple[float, float]]()
+        pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
                 continue
             if ahead:
-                start, intervals = (
-                    (intervals[-1][0], intervals[:-1]) if intervals and intervals[-1][1] == a else (a, intervals)
-                )
-                intervals.append((start, b))
+                start, pairs = (pairs[-1][0], pairs[:-1]) if pairs and pairs[-1][1] == a else (a, pairs)
+                pairs.append((start, b))
             else:
-                end, intervals = (
-                    (intervals[-1][1], intervals[:-1]) if intervals and intervals[-1][0] == a else (a, intervals)
-                )
-                intervals.append((b, end))
-        return intervals
+                end, pairs = (pairs[-1][1], pairs[:-1]) if pairs and pairs[-1][0] == a else (a, pairs)
+                pairs.append((b, end))
+        return pairs
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
         """Divide its cubics until all poles lie in a box (2, 3), because CAD programs draw boxes around poles."""
@@ -126,9 +122,7 @@ class NetLines:
     def _spans(self) -> tuple[Floats, Ints, Floats, Floats]:
         curves = [line.curve for line in self.lines]
         line = np.repeat(np.arange(len(curves)), [len(curve.spans) for curve in curves])
-        starts, stops = (
-            np.concatenate([curve.breaks[selection] for curve in curves]) for selection in (np.s_[:-1], np.s_[1:])
-        )
+        starts, stops = (np.concatenate([curve.breaks[part] for curve in curves]) for part in (np.s_[:-1], np.s_[1:]))
         return np.concatenate([curve.spans for curve in curves]), line, starts, stops
 
     def curve(self, k: int) -> ChainCurve:
@@ -158,16 +152,14 @@ class NetLines:
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
     """Move ends of lines onto the lines on which they end."""
-    node_points = _points_on(lines)
+    points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
         nodes, curve = ends_of(lines.net, line), line.curve
-        if node_points.keys().isdisjoint(nodes):
+        if points.keys().isdisjoint(nodes):
             moved.append(line)
             continue
-        start, end = (
-            node_points.get(node, pole) for node, pole in zip(nodes, curve.spans[[0, -1], [0, -1]], strict=True)
-        )
+        start, end = (points.get(node, pole) for node, pole in zip(nodes, curve.spans[[0, -1], [0, -1]], strict=True))
         moved.append(replace(line, curve=curve.with_ends(start, end)))
     return NetLines(lines.net, moved)
 
@@ -304,9 +296,7 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
     """Return outline chains with a bent vertex inside, and chords of arcs within tolerances (mm, by chain)."""
     nodes = _nodes(net, ends_at(net))
-    angles = dict(
-        zip(nodes, _turns([(chains[before], chains[after]) for before, after in nodes.values()]), strict=True)
-    )
+    angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
     bent = dict(zip(outlines, _bends([chains[k] for k in outlines]), strict=True))
     round_numbers = set[int]()
@@ -378,14 +368,12 @@ class _Corners:
         way_before, way_after = self._end_ways(before, after)
         if _mean_direction(way_before) @ _mean_direction(way_after) < np.cos(CORNER_ANGLE):
             return None
-        direction = way_after if before in self.round else way_before
+        d = way_after if before in self.round else way_before
         if before in self.round and after in self.round:
-            direction = self._on_circle(before, after)
+            d = self._on_circle(before, after)
         seams = [(k, end) for k, end in self.ends[node] if self.net.chains[k].right != VOID]
-        steep = all(
-            abs(_mean_direction(direction) @ self._seam_way(seam, end)) < FLATTEST_COSINE for seam, end in seams
-        )
-        return direction if steep else None
+        steep = all(abs(_mean_direction(d) @ self._seam_way(seam, end)) < FLATTEST_COSINE for seam, end in seams)
+        return d if steep else None
 
     def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
         """(6,) twice: directions of two chains where the second begins."""

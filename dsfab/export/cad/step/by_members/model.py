@@ -284,13 +284,11 @@ def filled_corners(model: NetModel) -> list[FilledCorner]:
     result = list[FilledCorner]()
     for v, ((e, end), *further) in seam_ends.items():
         half, before, after = corners[v]
-        way_before, way_after = _end_direction(model, before, False), _end_direction(model, after, True)
+        way_a, way_b = _end_direction(model, before, False), _end_direction(model, after, True)
         across = model.vertices[v][:3] - model.vertices[v][3:]
-        if not further and np.cross(way_before, way_after) @ across < 0:
+        if not further and np.cross(way_a, way_b) @ across < 0:
             seam = _end_direction(model, (e, not end), True)
-            straight = [
-                step[0] for step, w in ((before, way_before), (after, -way_after)) if seam @ w > STRAIGHT_COSINE
-            ]
+            straight = [step[0] for step, w in ((before, way_a), (after, -way_b)) if seam @ w > STRAIGHT_COSINE]
             wall_edges = before[0], after[0]
             result.append(FilledCorner(v, e, end, half, wall_edges, straight[0] if straight else None))
     return result

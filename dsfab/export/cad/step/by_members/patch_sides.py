@@ -59,10 +59,8 @@ def _quad(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain
     if corners is None:
         return None
     stops = [*corners.tolist(), int(corners[0]) + len(loop)]
-    first_side, second_side, third_side, fourth_side = (
-        [loop[i % len(loop)] for i in range(a, b)] for a, b in pairwise(stops)
-    )
-    return Quad(region, (first_side, second_side, third_side, fourth_side))
+    side_1, side_2, side_3, side_4 = ([loop[i % len(loop)] for i in range(a, b)] for a, b in pairwise(stops))
+    return Quad(region, (side_1, side_2, side_3, side_4))
 
 
 def _corners(angle: Floats) -> Ints | None:
@@ -277,15 +275,10 @@ class LineFits:
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
         """Return whether each line is one chain, or close to its chains with fewer spans than they have alone."""
-        maybe = [line for line in lines if len(line.curve.spans) > 1 and self._is_near(net, line)]
-        alone = iter(self._fits(net, chains, [[step] for line in maybe for step in line.steps]))
-        fewer = {
-            id(line): len(line.curve.spans) < sum(len(next(alone).curve.spans) for _ in line.steps) for line in maybe
-        }
-        return [
-            len(line.steps) == 1 or fewer.get(id(line), len(line.curve.spans) == 1 and self._is_near(net, line))
-            for line in lines
-        ]
+        maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
+        runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
+        fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
+        return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
         least_distance = 0.1  # least distance of chain ends from breaks, as a share of a span
@@ -310,16 +303,15 @@ class LineFits:
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
-        spans = np.concatenate([curve.spans for curve in curves])
-        vectors = self.away((bernstein(TEST_PLACES) @ spans).reshape(-1, 6)).reshape(len(spans), -1, 3)
-        long = np.linalg.norm(spans[:, 3, :3] - spans[:, 0, :3], axis=1) > np.linalg.norm(
-            spans[:, 0, :3] - spans[:, 0, 3:], axis=1
+        poles = np.concatenate([curve.spans for curve in curves])
+        vectors = self.away((bernstein(TEST_PLACES) @ poles).reshape(-1, 6)).reshape(len(poles), -1, 3)
+        long = np.linalg.norm(poles[:, 3, :3] - poles[:, 0, :3], axis=1) > np.linalg.norm(
+            poles[:, 0, :3] - poles[:, 0, 3:], axis=1
         )
         is_far = long & (np.linalg.norm(vectors, axis=2).max(axis=1) > OUTLINE_SHARE * self.distance)
-        line_flags = np.split(is_far, np.cumsum([len(curve.spans) for curve in curves])[:-1])
+        marks = np.split(is_far, np.cumsum([len(curve.spans) for curve in curves])[:-1])
         return [
-            line.with_halved_spans(flags) if flags.any() else line
-            for line, flags in zip(lines, line_flags, strict=True)
+            line.with_halved_spans(flags) if flags.any() else line for line, flags in zip(lines, marks, strict=True)
         ]
 
 

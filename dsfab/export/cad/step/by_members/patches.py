@@ -95,9 +95,7 @@ def largest_excess(
     unlimited."""
     if beyond_mesh is None:
         return -np.inf
-    inside = [
-        places_inside(*surface, outlines) for surface, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)
-    ]
+    inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
     return float(beyond_mesh(np.concatenate(inside)).max(initial=-np.inf))
 
 
@@ -143,7 +141,7 @@ def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_pol
 def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
     """Move the insides of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and cells remain continuous.
     vectors_to_skins : returns the vectors from points (k, d) to the skins."""
-    spline_pairs = [
+    splines = [
         (
             InnerSpline.from_breaks(_break_shares(P[:, 0, :, 0], P[:, -1, :, -1])),
             InnerSpline.from_breaks(_break_shares(P[0, :, 0], P[-1, :, -1])),
@@ -151,15 +149,13 @@ def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats
         for P in grids
     ]
     place_points = list[Floats]()
-    for P, (u, v) in zip(grids, spline_pairs, strict=True):
+    for P, (u, v) in zip(grids, splines, strict=True):
         along = np.tensordot(u.hats, P, axes=([1, 2], [0, 2]))
         place_points.append(np.tensordot(v.hats, along, axes=([1, 2], [1, 2])))
     all_vectors = vectors_to_skins(np.concatenate([points.reshape(-1, points.shape[2]) for points in place_points]))
     ends = np.cumsum([points.shape[0] * points.shape[1] for points in place_points])
     result = list[Floats]()
-    for P, (u, v), points, vectors in zip(
-        grids, spline_pairs, place_points, np.split(all_vectors, ends[:-1]), strict=True
-    ):
+    for P, (u, v), points, vectors in zip(grids, splines, place_points, np.split(all_vectors, ends[:-1]), strict=True):
         along = np.tensordot(u.poles, vectors.reshape(points.shape), axes=([2], [1]))
         result.append(P + np.tensordot(v.poles, along, axes=([2], [2])).transpose(2, 0, 3, 1, 4))
     return result

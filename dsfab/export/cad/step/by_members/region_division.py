@@ -182,27 +182,25 @@ class _BendSeams:
     def _halve_chains(self, region: int) -> bool:
         few = 8  # a chain longer than an eighth of the outline is long
         long = {k: self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0]}
-        long_chains = [
-            k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2
-        ]
-        for k in long_chains:
+        longest = [k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
+        for k in longest:
             chain, added_chain = self.net.chains[k], max(self.net.chains) + 1
             half = len(chain.points) // 2
             first_half, second_half = (
-                replace(chain, points=long_chains) for long_chains in (chain.points[: half + 1], chain.points[half:])
+                replace(chain, points=points) for points in (chain.points[: half + 1], chain.points[half:])
             )
             two = {(k, True): [(k, True), (added_chain, True)], (k, False): [(added_chain, False), (k, False)]}
             neighbours = {r: self.net.loops[r] for r in {chain.left, chain.right} - {VOID}}
             loops = {
-                r: [[part for step in loop for part in two.get(step, [step])] for loop in long_chains]
-                for r, long_chains in neighbours.items()
+                r: [[part for step in loop for part in two.get(step, [step])] for loop in loops]
+                for r, loops in neighbours.items()
             }
             self.net = replace(
                 self.net,
                 chains={**self.net.chains, k: first_half, added_chain: second_half},
                 loops={**self.net.loops, **loops},
             )
-        return len(long_chains) > 0
+        return len(longest) > 0
 
     def _length(self, points: Ints) -> float:
         P = self.net.weights[points] @ self.skins.points

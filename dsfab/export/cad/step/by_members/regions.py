@@ -263,8 +263,7 @@ def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
     degree[list(net.twins)] = 0  # chains on both sides of a seam stay apart
     chains = dict(net.chains)
     loops = {
-        region: [_joined_loop(loop, chains, P, N, degree) for loop in region_loops]
-        for region, region_loops in net.loops.items()
+        region: [_joined_loop(loop, chains, P, N, degree) for loop in group] for region, group in net.loops.items()
     }
     return replace(net, chains=chains, loops=loops)
 
@@ -303,11 +302,9 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
     3)."""
     if len(line) < 5:
         return True
-    directions = np.diff(line, axis=0)
-    before, at_middle, after = turns(directions[:-1], directions[1:], N[1:-1])
-    sharp = directions[1] @ directions[2] < CORNER_COSINE * np.linalg.norm(directions[1]) * np.linalg.norm(
-        directions[2]
-    )
+    d = np.diff(line, axis=0)
+    before, at_middle, after = turns(d[:-1], d[1:], N[1:-1])
+    sharp = d[1] @ d[2] < CORNER_COSINE * np.linalg.norm(d[1]) * np.linalg.norm(d[2])
     return bool(sharp or (at_middle < ROUND_COSINE and max(before, after) >= ROUND_COSINE))
 
 
@@ -324,11 +321,9 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
         inner = [i for i in (0, 1) if beyond[i] not in (VOID, region)]
         if not inner or region in beyond or mean_width(P[np.concatenate([p[:-1] for p in sides])]) >= width:
             continue
-        (gone, ahead), kept_step, neighbour = steps[inner[0]], steps[1 - inner[0]], beyond[inner[0]]
-        loops[neighbour] = [
-            [kept_step if step == (gone, not ahead) else step for step in loop] for loop in loops[neighbour]
-        ]
-        chains[kept_step[0]] = chains[kept_step[0]].with_region(neighbour, kept_step[1])
+        (gone, ahead), rest, neighbour = steps[inner[0]], steps[1 - inner[0]], beyond[inner[0]]
+        loops[neighbour] = [[rest if step == (gone, not ahead) else step for step in loop] for loop in loops[neighbour]]
+        chains[rest[0]] = chains[rest[0]].with_region(neighbour, rest[1])
         del chains[gone], loops[region]
         loose.discard(region)
         cell[cell == region] = neighbour

@@ -179,14 +179,12 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
     if change is None or np.abs(moves).max() > SPLIT:
         return None
     moved_model = replace(rims.model, edges=[change.edges.get(e, edge) for e, edge in enumerate(rims.edges)])
-    piece_poles = {e: change.edges[e].poles for e in change.pieces}
-    distance = float(
-        np.abs(face.gaps(np.concatenate([bernstein(TEST_PLACES) @ P for P in piece_poles.values()]))).max()
-    )
+    pieces = {e: change.edges[e].poles for e in change.pieces}
+    distance = float(np.abs(face.gaps(np.concatenate([bernstein(TEST_PLACES) @ P for P in pieces.values()]))).max())
     gap = float(np.abs(face.gaps(np.concatenate([loop_samples(moved_model, loop) for loop in face.loops]))).max())
     result = replace(face, exact=True, gap=gap)
     if distance > FLUSH_TOLERANCE:
-        result = _flush_face(result, moved_model, {**seams, **piece_poles})
+        result = _flush_face(result, moved_model, {**seams, **pieces})
     if (distance > FLUSH_TOLERANCE and result.outer is face.outer) or result.gap > max(SPLIT, face.gap):
         return None
     rims.take(change)

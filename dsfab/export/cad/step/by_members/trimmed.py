@@ -193,14 +193,10 @@ def trimmed_face(
     ways = np.concatenate([_chords(model, loop) for loop in loops])
     skins = (np.s_[:, :3], np.s_[:, 3:])
     surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in skins]
-    (outer, outer_axes, *outer_distances), (inner, inner_axes, *inner_distances) = surfaces
-    gap, inner_distance = np.maximum(outer_distances, inner_distances).tolist()
-    astray = largest_excess(
-        ((outer, outer_axes), (inner, inner_axes)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh
-    )
-    return TrimmedFace(
-        [loops[i] for i in order], outer, inner, (outer_axes, inner_axes), gap, inner_distance, astray=astray
-    )
+    (outer, A, *outer_distances), (inner, B, *inner_distances) = surfaces
+    gap, distance = np.maximum(outer_distances, inner_distances).tolist()
+    astray = largest_excess(((outer, A), (inner, B)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh)
+    return TrimmedFace([loops[i] for i in order], outer, inner, (A, B), gap, distance, astray=astray)
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
@@ -312,10 +308,8 @@ def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
     axes = axes_of(mean)
     seen = (_skin_normals(allowed) @ mean).min() >= LEAST_NORMAL_COSINE and signed_area(line[:, :3] @ axes[:2].T) > 0
     for s in (0, 3):
-        distances = (
-            _misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) if seen else np.full(len(line), np.inf)
-        )
-        yield distances
+        gaps = _misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) if seen else np.full(len(line), np.inf)
+        yield gaps
 
 
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
