@@ -68,8 +68,7 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
     if level == 0:
-        fields = np.stack([x, np.full(len(x), -2.0)], axis=1)
-        return "plate", DrawnBand(name, fields, zero, NOWHERE, hides=True)
+        return "plate", DrawnBand(name, np.stack([x, np.full(len(x), -2.0)], axis=1), zero, NOWHERE, hides=True)
     reach = -level
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 

@@ -195,16 +195,14 @@ class GuideLine:
             dots(left_direction, g[vertices]) < 0, -1.0, 1.0
         )
         F = surface.F[self.faces[piece]]
-        shares = _barycentric(surface.V[F], self.points[piece])
-        phase = away * np.einsum("vc,vc->v", density[F], shares)
+        phase = away * np.einsum("vc,vc->v", density[F], _barycentric(surface.V[F], self.points[piece]))
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
         """Return the share of the curve on a centre line, within 5 % of a spacing, of a phase with a line at every
         `step`."""
         F = surface.F[self.faces]
-        weight = _barycentric(surface.V[F], self.points)
-        z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], weight)
+        z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))
         return float(((distance < 0.05) & ~phase.singular[self.faces]).mean())
 

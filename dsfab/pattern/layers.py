@@ -142,8 +142,7 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
         means = [surface.vertex_areas @ family.half_widths(free, factor) for family in families]
         return float(2 * sum(means) / (len(families) * surface.area))
 
-    target = float(np.mean([2 * family.stripes.half_width for family in families]))
-    return solved_factor(duty, target, 1e-9)
+    return solved_factor(duty, float(np.mean([2 * family.stripes.half_width for family in families])), 1e-9)
 
 
 CLOSING_WIDTHS = (1.45, 1.55)

@@ -262,8 +262,7 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     signs, shifts = np.ones(surface.m), np.zeros(surface.m)
     unvisited = ~phase.singular
     while unvisited.any():
-        root = int(np.argmax(unvisited))
-        order, predecessor = breadth_first_order(link, root, directed=False)
+        order, predecessor = breadth_first_order(link, int(np.argmax(unvisited)), directed=False)
         unvisited[order] = False
         _propagate(link, order.astype(np.int64), predecessor.astype(np.int64), s, q, signs, shifts)
     shift_all = signs[:, None] * phase.shift + shifts[:, None]

@@ -224,8 +224,7 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
 def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Floats) -> MarkMesh:
     """Return copies of a template of length 1 along x, from `start` (k, 3) along unit vectors, `long` (k,) metres."""
     vertices, faces = template
-    helper = np.eye(3)[np.argmin(np.abs(along), axis=1)]
-    second = np.cross(along, helper)
+    second = np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)])
     second /= np.linalg.norm(second, axis=1, keepdims=True)
     frame = np.stack([along, second, np.cross(along, second)], axis=1) * long[:, None, None]
     copies = np.einsum("vi,kij->kvj", vertices, frame) + start[:, None]

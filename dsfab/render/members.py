@@ -52,8 +52,7 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
 def _places(member: "Member", centroids: Floats) -> tuple[Floats, float]:
     if member.axis:
         count = int(np.clip(np.ceil(member.length / (0.5 * member.mean_width)), 2, 400))
-        P = member.axis.frames_at(np.linspace(0, member.length, count))[0]
-        return P, float(np.max(member.width)) / 2
+        return member.axis.frames_at(np.linspace(0, member.length, count))[0], float(np.max(member.width)) / 2
     points = centroids[member.cells[:: max(1, len(member.cells) // 60)]]
     return points, float(np.sqrt(member.area / (np.pi * len(points)))) * 2
 
@@ -174,8 +173,7 @@ def _plates(
     """Yield names with their possible places, best first; look : size, colours by name, and palette."""
     size, names, palette = look
     for member in (member for member in graph.members if member.id in names):
-        points = _points(graph, member, stage.view)
-        seen = stage.view.page_coordinates(points)
+        seen = stage.view.page_coordinates(_points(graph, member, stage.view))
         pixels = np.stack([size[0] / 2 + seen[:, 0] * size[1] / 2, size[1] / 2 - seen[:, 1] * size[1] / 2], axis=1)
         column, row = (np.clip(FINER * pixels[:, k], 0, FINER * size[k] - 1).astype(int) for k in (0, 1))
         visible = np.asarray(depth[row, column] > seen[:, 2] - 0.02 * stage.radius)

@@ -222,8 +222,7 @@ class Previewer:
         (width, height) in pixels; words: caption and legend. Raises PatternError if the pattern leaves no material."""
         if threading.get_ident() != self._thread:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
-        view = self._view(size, words)
-        stage = replace(self._stage, view=view)
+        stage = replace(self._stage, view=self._view(size, words))
         image = render_stage(self._scene, stage, self._palette, size, quality, self._clear)
         release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
         alone = len(stage.bodies) == 1  # then the eye's picture shows whether material is left

@@ -69,8 +69,7 @@ class SheetDrawer:
 
         sheet = design.sheet.surface
         stage = self._empty_stage(design)
-        body = Body(sheet.V, sheet.F, MEMBERS, casts=True)
-        stage = replace(stage, bodies=[body])
+        stage = replace(stage, bodies=[Body(sheet.V, sheet.F, MEMBERS, casts=True)])
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             picture: Image.Image = render_stage(scene, stage, PAPER, self.size, light.QUICK)
         file = io.BytesIO()

@@ -86,8 +86,7 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     A basis of shifts and rotations, each named by its largest part.
     clamped : (k, 2) ends of the edges that do not rotate: a rotation about w rotates edge t by w . t.
     """
-    motion = rigid_motions(V[vertices])
-    at_supports = motion[fixed[vertices]]  # (number of fixed freedoms, 6)
+    at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (number of fixed freedoms, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])

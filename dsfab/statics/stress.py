@@ -26,8 +26,7 @@ def stress(
     bubbles : (e, 2) metres, `Equilibrium.bubbles`: with them it is the mean on each face of the linear stress of
               `quadratic` elements; None for constant strain.
     """
-    strain = mean_strain(surface, u, bubbles)
-    return tensors_in_space(surface, strain @ material.membrane(law).T)
+    return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
 
 def tensors_in_space(surface: Surface, planar: Floats) -> Floats:

@@ -104,8 +104,7 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
 def _averages(surface: Surface) -> csr_array:
     """(n, n) the mean over the neighbours of each vertex, along the boundary for boundary vertices."""
     i, j = smoothing_neighbours(surface.edges, surface.n)
-    count = np.bincount(i, minlength=surface.n)
-    return csr_array((1 / count[i], (i, j)), shape=(surface.n,) * 2)
+    return csr_array((1 / np.bincount(i, minlength=surface.n)[i], (i, j)), shape=(surface.n,) * 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +152,7 @@ def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = N
         union = prism_union(surface, corners, skin, pairs)
         if union is not None and len(union.pairs) < len(pairs):
             return RepairedSkin(V, D, backslash, union.pairs, pair_count, crosses, union)
-    every = np.ones(surface.n, dtype=bool)
-    D, pairs = _thin_offsets(skin, V, D, backslash, pairs, every)
+    D, pairs = _thin_offsets(skin, V, D, backslash, pairs, np.ones(surface.n, dtype=bool))
     if not crosses:
         V, D, pairs = flatten_contacts(surface, skin, D, backslash, pairs)
     return RepairedSkin(V, D, backslash, pairs, pair_count, crosses)

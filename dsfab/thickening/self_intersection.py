@@ -123,8 +123,7 @@ def _angles_overlap(S: Floats, A: Floats, B: Floats, C: Floats, D: Floats) -> Bo
 def _over_edges(V: Floats, F: Ints) -> Ints:
     """Pairs that share an edge and are folded flat onto each other."""
     p, q, apex = F.ravel(), np.roll(F, -1, axis=1).ravel(), np.roll(F, 1, axis=1).ravel()
-    n = len(V)
-    order = sorted_order(np.minimum(p, q) * n + np.maximum(p, q))
+    order = sorted_order(np.minimum(p, q) * len(V) + np.maximum(p, q))
     h, g = order[:-1], order[1:]
     twins = (p[h] == q[g]) & (q[h] == p[g])
     h, g = h[twins], g[twins]

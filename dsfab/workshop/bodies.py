@@ -76,8 +76,7 @@ def _refolded_strip(part: FlatPart, layer: Development) -> RefoldedStrip:
     along += float(np.interp(part.span[0], course.s, layer.length))
     outline = part.outline.reshape(2, len(part.axis), 2)
     right_rim, left_rim = outline[0], outline[1, ::-1]
-    s = np.interp(along, layer.length, course.s)
-    P, _, B, N = layer.frame(s)
+    P, _, B, N = layer.frame(np.interp(along, layer.length, course.s))
     y = np.stack([-np.linalg.norm(right_rim - part.axis, axis=1), np.linalg.norm(left_rim - part.axis, axis=1)], axis=1)
     holes = np.array([hole.at for hole in part.holes]).reshape(-1, 2)
     places, aside = _line_coordinates(part.axis, along, holes)

@@ -41,8 +41,7 @@ class StripFoot:
     def cap(self, layer: Development) -> Floats:
         """Return the developed outline (6, 2) of the end, counter-clockwise around the part."""
         s = np.concatenate([self.shoulders[:2], self.tips, self.shoulders[2:]])
-        y = np.concatenate([self.sides[:2], self.sides[1:3], self.sides[2:]])
-        cap = layer.to_plane(s, y)
+        cap = layer.to_plane(s, np.concatenate([self.sides[:2], self.sides[1:3], self.sides[2:]]))
         return cap if self.at_end else cap[::-1]
 
 
@@ -232,8 +231,7 @@ def base_parts(
         name = "base" if nx * ny == 1 else f"base {i + 1}-{j + 1}"
         outline = np.array([[box[x, 0], box[y, 1]] for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
         inside = [clipped for slot in slots if len(clipped := clipped_polygon(slot, box)) > 2]
-        title = label(name, box.mean(axis=0), 0.0, 3 * NAME_HEIGHT)
-        marks = [*_lines_inside(engraved, box), *title]
+        marks = [*_lines_inside(engraved, box), *label(name, box.mean(axis=0), 0.0, 3 * NAME_HEIGHT)]
         plates.append(FlatPart(name, "", (0.0, 0.0), outline, slots=tuple(inside), marks=tuple(marks)))
     return plates
 

@@ -96,8 +96,7 @@ def _farthest_clear(nodes: Floats, clear: float, least: float, limit: float) -> 
 
 
 def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
-    inner = nodes[(nodes > least) & (nodes < limit)]
-    ends = np.concatenate([[least], inner, [limit]])
+    ends = np.concatenate([[least], nodes[(nodes > least) & (nodes < limit)], [limit]])
     candidates = np.concatenate([(ends[1:] + ends[:-1]) / 2, [least, limit]])
     away = np.abs(candidates[:, None] - nodes[None]).min(axis=1, initial=np.inf)
     return float(candidates[away.argmax()])

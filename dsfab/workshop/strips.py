@@ -188,8 +188,7 @@ class _StripLayer:
             parts.covers.append(self._part(cover, f"{self.name}.c{k}", span, joint_bolts, parts.missing_holes))
 
     def _splice_bolts(self, joint: float, number: int) -> Iterator[StripBolt]:
-        width = float(self.course.width(np.array([joint]))[0])
-        for x, y in self.layering.splice_bolts(width):
+        for x, y in self.layering.splice_bolts(float(self.course.width(np.array([joint]))[0])):
             P, T, N = (row[0] for row in self.course.frame_at(np.array([joint + x])))
             yield StripBolt(f"{self.name}.c{number}", P + y * np.cross(N, T), N, joint + x)
 

@@ -73,8 +73,7 @@ def beams_along(joints: AxisJoints) -> Beams:
     """Return beams along all axes, and links; the nodes within bays are added to the joints."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
-        stations = _stations(joints, member)
-        for begin, end in pairwise(stations):
+        for begin, end in pairwise(_stations(joints, member)):
             rows += _bay(joints, member, number, begin, end)
     for node_a, node_b, width in joints.links:
         rows.append(BeamRow((node_a, node_b), joints.normal_at(node_a), width, 0.0, -1, 0.0))
@@ -175,8 +174,7 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
     count = 9  # points along each beam, which select six candidates
-    t = np.linspace(0, 1, count)
-    samples = (a[:, None] + t[:, None] * (b - a)[:, None]).reshape(-1, 3)
+    samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a
     along = (

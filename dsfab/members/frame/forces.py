@@ -46,8 +46,7 @@ class Sections:
 
 def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) -> Sections:
     """Return the lines in which planes at arc lengths (k,) of an axis cut the cells (c,) of a member; metres."""
-    edge = surface.mean_edge
-    offsets = edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
+    offsets = surface.mean_edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
     lengths = (stations[:, None] + offsets).ravel()
     P = axis.frames_at(lengths % axis.length if axis.closed else np.clip(lengths, 0, axis.length))[0]
     s = _places(surface, cells, axis)
@@ -235,8 +234,7 @@ def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGrap
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))
     m = np.einsum("ck,cka->ca", cut.end_weight, section_forces.corner_moments[source])
-    twist = np.einsum("ca,ca->c", s, _times(m, v))
-    return np.asarray(twist[:, None] * normals[cut.end_face] / PLANES)
+    return np.asarray(np.einsum("ca,ca->c", s, _times(m, v))[:, None] * normals[cut.end_face] / PLANES)
 
 
 def _times(tensor: Floats, v: Floats) -> Floats:

@@ -227,8 +227,7 @@ def _stiffness_matrix(frame: Frame, k: Floats) -> csr_array:
 
 def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Floats]:
     """Return a function from loads to displacements, both (6 n,)."""
-    matrix = csr_array(K + diags_array(frame.spring.ravel()))
-    inside = csc_array(matrix[free][:, free])
+    inside = csc_array(csr_array(K + diags_array(frame.spring.ravel()))[free][:, free])
     scale = 1 / np.sqrt(np.maximum(inside.diagonal(), np.finfo(float).tiny))
     try:
         factor = splu(csc_array(diags_array(scale) @ inside @ diags_array(scale)), options={"SymmetricMode": True})

@@ -67,8 +67,7 @@ def _masts_hangs(arc: Floats, middle: Floats, height: float) -> bool:
 
 def _corners(P: Floats, arm: float) -> Ints:
     """(k,) sharpest vertices of a closed line P (n, 3) that turn by 45 degrees in plan, within an arm's length (m)."""
-    step = lengths(np.roll(P, -1, axis=0) - P)
-    along = np.concatenate([[0], np.cumsum(step)])
+    along = np.concatenate([[0], np.cumsum(lengths(np.roll(P, -1, axis=0) - P))])
     total, n = float(along[-1]), len(P)
     before, after = (np.searchsorted(along, (along[:-1] + shift) % total) % n for shift in (-arm, arm))
     p, q = (P - P[before])[:, :2], (P[after] - P)[:, :2]

@@ -96,8 +96,7 @@ def _standing(surface: Surface, up: Up) -> float:
     stability = _stability(V, surface)
     if is_nearly_closed(surface):
         return stability
-    k = "xyz".index(up[-1])
-    plan = float(surface.areas @ np.abs(surface.normals[:, k]) / surface.area)
+    plan = float(surface.areas @ np.abs(surface.normals[:, "xyz".index(up[-1])]) / surface.area)
     ends = surface.edges.ends[surface.edges.boundary]
     length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
     z = V[ends, 2].mean(axis=1)
@@ -115,8 +114,7 @@ def is_nearly_closed(surface: Surface) -> bool:
 def _stability(V: Floats, surface: Surface) -> float:
     """Distance of the centre of mass inside of the base, over the side of a square of the surface's area.
     V : (n, 3) its vertices with z up. Between -0.2, it falls over, and 0.4."""
-    height = np.ptp(V[:, 2])
-    base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * height, :2]
+    base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     try:
         plane = ConvexHull(base_points).equations  # a point is inside where all of them are negative

@@ -64,8 +64,7 @@ def proposal_text(
     marks : marks of the file, which take the place of proposed feet."""
     surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # a drawing in a file is about that file's origin
-    mark_lines = mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge)
-    tables = list(mark_lines)
+    tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
         _entry("name", user_mesh.name),

@@ -59,8 +59,7 @@ class MemberFaces:
 
 def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> list[MemberFaces]:
     """Return the faces of all members but fills, in their colours, each in its uppermost layer; metres."""
-    V = graph.sheet.surface.V
-    piece = float(np.linalg.norm(np.ptp(V, axis=0))) / DRAWN_PIECES
+    piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / DRAWN_PIECES
     faces = []
     for member in graph.members:
         if member.kind != "fill":
@@ -87,8 +86,7 @@ def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     """Return the faces of all members of a plan of panels, in one skin."""
     assert plan.graph is not None
     built = {part.member for part in plan.parts}
-    faces = member_faces(plan.graph, palette, Layering(0.0, 2, 0.0))
-    return [face for face in faces if face.id in built]
+    return [face for face in member_faces(plan.graph, palette, Layering(0.0, 2, 0.0)) if face.id in built]
 
 
 def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:

@@ -113,8 +113,7 @@ def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> s
     template = files("dsfab.report.assembly").joinpath("page.html").read_text(encoding="utf-8")
     text = json.dumps(facts, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     title = escape(f"{preset.name}: {'structure' if judged else 'workshop'}")
-    head = template.replace("{{title}}", title).replace("{{style}}", page_style())
-    return head.replace("{{facts}}", text)
+    return template.replace("{{title}}", title).replace("{{style}}", page_style()).replace("{{facts}}", text)
 
 
 def _clickable_faces(plan: WorkshopPlan) -> list[MemberFaces]:

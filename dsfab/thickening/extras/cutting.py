@@ -107,8 +107,7 @@ class SplitBodies:
         return solid
 
     def _levels(self, low: float, high: float, bed: float) -> Floats:
-        count = int(np.ceil((high - low) / bed - 1e-9))
-        return np.asarray(np.linspace(low, high, count + 1))
+        return np.asarray(np.linspace(low, high, int(np.ceil((high - low) / bed - 1e-9)) + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
         """Drills for each part of a face cut square to an axis whose middle is as far inside as the dowel is thick."""

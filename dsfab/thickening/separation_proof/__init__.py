@@ -72,8 +72,7 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
     size = lengths(layer.D) * (1 + abs(layer.shift))
     reach = np.zeros(uncut.m)
     for corner in uncut.F.T:
-        arm = lengths(uncut.V.take(corner, axis=0) - middle)
-        np.maximum(reach, arm + size[corner] + error, out=reach)
+        np.maximum(reach, lengths(uncut.V.take(corner, axis=0) - middle) + size[corner] + error, out=reach)
     low, extent = (np.array([box(column) for column in middle.T]) for box in (np.min, np.ptp))
     box_limit = 2e7  # boxes of the grid, empty ones too
     least_widths = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
@@ -90,8 +89,7 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
     axis = unit_vectors(axis)
     radius = np.zeros(len(key))
     np.maximum.at(radius, box, lengths(middle - centre.take(box, axis=0)) + reach)
-    places = np.stack(np.unravel_index(key, tuple(shape)), axis=1)
-    return Boxes(box, places, centre, axis, radius, grid, key)
+    return Boxes(box, np.stack(np.unravel_index(key, tuple(shape)), axis=1), centre, axis, radius, grid, key)
 
 
 def block_steps() -> list[Ints]:

@@ -62,8 +62,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
     inner = begin_bolts.max(initial=low) + stock.bolt, L - end_bolts.max(initial=high) - stock.bolt
     marks = tuple(_bar_marks(bar, nodes, inner, min(stock.letters, 0.6 * half)))
     axis = np.array([[low, 0.0], [L - high, 0.0]])
-    part = FlatPart(bar.bay.id, bar.bay.member, bar.bay.span, P, tuple(holes), marks=marks, axis=axis)
-    return part.along_x()
+    return FlatPart(bar.bay.id, bar.bay.member, bar.bay.span, P, tuple(holes), marks=marks, axis=axis).along_x()
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:

@@ -138,8 +138,7 @@ def stack_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
     """Nest parts by piling alone, faster than `nest_parts`; None for more than `limit` sheets."""
-    grid = column_grid(stock, gap, grain)
-    return _fill_sheets(parts, False, stock, grid, limit)
+    return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 
 def _box_area(parts: Sequence[FlatPart], gap: float) -> float:

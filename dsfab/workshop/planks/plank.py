@@ -56,8 +56,7 @@ def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
     """Return arc lengths at the right and left edge of a level end at a support; None for others and flat ends."""
-    point = layer.course.frame_at(np.array([station]))[0][0]
-    height = ground.support_height(point, depth)
+    height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
         return None

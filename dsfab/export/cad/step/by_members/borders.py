@@ -295,11 +295,9 @@ class _BorderEnds:
 
     def _next(self, k: int, i: int) -> int:
         """Return the outline's next chain if only these two meet and it turns a little; otherwise -1."""
-        node = int(self.chains[k].points[i])
-        if self.degree.get(node) != 2:
+        if self.degree.get(int(self.chains[k].points[i])) != 2:
             return -1
-        region = self.chains[k].left
-        loop = next(loop for loop in self.loops[region] if (k, True) in loop)
+        loop = next(loop for loop in self.loops[self.chains[k].left] if (k, True) in loop)
         j = loop[(loop.index((k, True)) + (1 if i else -1)) % len(loop)][0]
         if len(loop) < 4 or j == k or self.chains[j].right != VOID or j in self.changed:
             return -1

@@ -54,8 +54,7 @@ def _quad(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain
     if len(loops) != 1 or len(loops[0]) < 4:
         return None
     loop = loops[0]
-    angle = _angles(loop, chains, reach)
-    corners = _corners(angle)
+    corners = _corners(_angles(loop, chains, reach))
     if corners is None:
         return None
     stops = [*corners.tolist(), int(corners[0]) + len(loop)]
@@ -247,8 +246,7 @@ class LineFits:
         turns, self.within = _Turns(chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
-        links = _links(net, quads, turns, rounded)
-        todo, accepted = _rows(net.chains, links), list[ChainLine]()
+        todo, accepted = _rows(net.chains, _links(net, quads, turns, rounded)), list[ChainLine]()
         while todo:
             lines = self._fits(net, chains, todo)
             todo = []

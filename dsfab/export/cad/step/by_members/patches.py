@@ -186,8 +186,7 @@ def least_jacobian(P: Floats) -> float:
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
     dv = np.einsum("xa,yb,kabi->kxyi", B, C, np.diff(P, axis=2))
     N = cross(du.reshape(-1, 3), dv.reshape(-1, 3)).reshape(du.shape)
-    mean = N.mean(axis=(1, 2))
-    along = np.einsum("kxyi,ki->kxy", N, mean)
+    along = np.einsum("kxyi,ki->kxy", N, N.mean(axis=(1, 2)))
     return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
 
 

@@ -56,8 +56,7 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
         loops[region] = [member]
     if not lines:
         return net
-    rows = lifting.weights_at(np.concatenate(lines))
-    weights = csr_array(vstack([net.weights, rows], format="csr"))
+    weights = csr_array(vstack([net.weights, lifting.weights_at(np.concatenate(lines))], format="csr"))
     return replace(net, weights=weights, chains=chains, loops=loops, parent=cell)
 
 

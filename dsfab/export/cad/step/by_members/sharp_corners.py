@@ -139,8 +139,7 @@ def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMode
     for e, edge in enumerate(model.edges):
         halves = corners.get(edge.start, 0.0), corners.get(edge.end, 0.0)
         if any(halves):
-            stops = _stops(edge.poles, halves)
-            work.cut(e, True, stops, False)
+            work.cut(e, True, _stops(edge.poles, halves), False)
             parts = [k for k, _ in work.loop([(e, True)])]
             held_edges |= {k for k, half in ((parts[0], halves[0]), (parts[-1], halves[1])) if half}
     cut_model = work.model(model.walls)
