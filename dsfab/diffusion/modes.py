@@ -86,8 +86,7 @@ VISIBLE = 1e-2
 
 SPARE = 2
 """Pairs computed beyond those requested, so that a repeated eigenvalue at the end is mostly complete; else more
-follow.
-"""
+follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,10 +200,8 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
     """Return the smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b.
-
     Four vectors for each pair give few restarts: 33 solves for five simple modes, 52 for pairs. Tolerance 0, because
-    copies of a repeated eigenvalue grow from rounding.
-    """
+    copies of a repeated eigenvalue grow from rounding."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # fixed: the same surface gives the same modes
     try:

@@ -84,10 +84,8 @@ class Symmetry:
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
         """Return the modes of X (n, k) that are equal at all images: eigenvalues, and M-orthonormal modes.
-
         The means of the modes over the group span them: their singular values are 1 or 0 on a symmetric mesh. In that
-        space L is diagonalised again (Rayleigh and Ritz).
-        """
+        space L is diagonalised again (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # squared singular values, near 0 or 1
@@ -113,11 +111,8 @@ def checked_symmetry(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
     """Return the symmetry of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
-
     tree : `face_tree` of the surface, if it exists.
-
-    Raises PatternError, with `words` as their name, if the surface, its supports or one of the loads do not have it.
-    """
+    Raises PatternError, with `words` as their name, if the surface, its supports or one of the loads do not have it."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // SAMPLE_POINTS, 1)]
@@ -178,10 +173,8 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
     """Return the largest distance of points (p, 3) from the surface, and the interpolation (p, n) at the nearest ones.
-
     Coordinates within a thousandth of a vertex are on it, because files round them: then fields of a symmetric mesh are
-    equal at all images to the last digit, and so are all decisions by them.
-    """
+    equal at all images to the last digit, and so are all decisions by them."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
@@ -356,10 +349,8 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the mirror, through one of the farthest points or across it, that suits the mesh best.
-
     The surface is round, its mesh is not: this choice does not depend on the numbering. The best mirror maps vertices
-    best on vertices, by at least this number of outermost `samples`.
-    """
+    best on vertices, by at least this number of outermost `samples`."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

@@ -129,10 +129,8 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 def spherical_normals(surface: Surface) -> Floats:
     """(n, 3) unit normals at the vertices, exact on a sphere [Max 1999].
-
     Each face counts by the cross product of its two edges over their squared lengths. Area-weighted normals have an
-    error of first order where edges differ in length, and so have the twists of members.
-    """
+    error of first order where edges differ in length, and so have the twists of members."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

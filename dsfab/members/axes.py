@@ -121,10 +121,8 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """Divide a line where it turns back in the surface.
-
     Turns are measured over 1.5 times the member's `width` or one `edge` of the mesh (m). Short parts at the ends are
-    dropped, because around the end of a kept support the line runs square to the rim.
-    """
+    dropped, because around the end of a kept support the line runs square to the rim."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)

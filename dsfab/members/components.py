@@ -154,10 +154,8 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
     """Detect connected cells (c,) beside the middle of their band that are shorter than the band's width.
-
     Snapping and rounding of walls leave such pieces of millimetres at a vertex of their stripe; an axis along them is
-    meaningless.
-    """
+    meaningless."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False

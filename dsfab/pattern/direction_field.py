@@ -40,10 +40,8 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
     """Return vertices (n,) where the other family continues in the direction along (n, 3), a unit tangent up to sign.
-
     In a region the direction rotates by less than 45 degrees from vertex to vertex. The largest region keeps its name,
-    and its neighbours change theirs. A curve that ends inside the surface bounds no region.
-    """
+    and its neighbours change theirs. A curve that ends inside the surface bounds no region."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -147,8 +145,7 @@ def _propagated_signs(surface: Surface, against: Bools, crossed: Bools) -> Float
 
 def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     """Return products (k,) of the signs of links along the paths of a search; each round halves the paths to its
-    root.
-    """
+    root."""
     parent = predecessor[order[1:]]
     sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
     place = np.empty(len(predecessor), dtype=np.int64)

@@ -43,8 +43,7 @@ class TwistedFactors:
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
         """Return the same for a matrix with coupling (e,) from the second end of each edge to the first, diagonal
-        (n,).
-        """
+        (n,)."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
         )
@@ -141,8 +140,7 @@ class Frames:
     @cached_property
     def turning(self) -> Floats:
         """Angle r (e,): a direction at angle a in the frame of the second end is at angle a + r in that of the
-        first.
-        """
+        first."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]

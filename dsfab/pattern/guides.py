@@ -69,10 +69,8 @@ class Guide:
 @dataclass(frozen=True, eq=False)
 class Guidance:
     """The term of a guide in the minimisation of a cross field z: weight |z^2 - square / weight|^2.
-
     weight : (n,) at the vertices.    square : (n,) complex, in their frames: weight times the square of the direction
-    of the major stripes.
-    """
+    of the major stripes."""
 
     weight: Floats
     square: Complexes

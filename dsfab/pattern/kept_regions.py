@@ -102,8 +102,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
     """Return distances (n,), moved onto the reach if close to it (see `NEAR`), except at faces with all corners
-    close.
-    """
+    close."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -147,8 +146,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
 
 def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
     """Return the straight distance (n,), metres, to the nearest of faces, edges and vertices, given by their
-    corners.
-    """
+    corners."""
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -167,10 +165,8 @@ class RegionBand:
 
     def layer(self, field: Floats | DividedField) -> Layer:
         """Return the layer of minus the distance (n,) from the outline, metres: the region without its middle.
-
         Two fields with a level at 0: material is where the first exceeds it and the second does not (see
-        `dsfab.slicing.cutting.cut`).
-        """
+        `dsfab.slicing.cutting.cut`)."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -249,10 +245,8 @@ def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.in
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
     """Return the marked vertices (n,) that faces connect; the rest are points and curves.
-
     Three vertices of the boundary mark no face, and two of them no inner edge: only the mesh decides how far these
-    extend beyond the intended curve.
-    """
+    extend beyond the intended curve."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))

@@ -55,8 +55,7 @@ class ModeFamily:
         radius: float = 0.0,
     ) -> "ModeFamily":
         """Return the family, with its slope averaged over a radius in metres; the default stress (n,) is 1
-        everywhere.
-        """
+        everywhere."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
@@ -132,10 +131,8 @@ def stripe_layers(
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
     """Return the factor at which families of graded width keep the mean duty of their thresholds.
-
     One factor for all: the family with the larger stress gets the larger share. Bounds in metres apply afterwards.
-    Raises PatternError if too little of the surface is stressed for that.
-    """
+    Raises PatternError if too little of the surface is stressed for that."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
@@ -148,8 +145,7 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 CLOSING_WIDTHS = (1.45, 1.55)
 """Widths over the crowded width between which an opening closes gradually: members crowd around a load. Up to the
 first, members become thinner; from the second on they merge. Only for openings that do not close as a whole
-(`Layer.closed`).
-"""
+(`Layer.closed`)."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
 """The same if widths follow the stress, which needs material there: with `CLOSING_WIDTHS` a dome at half of its
 material is 5 % softer."""

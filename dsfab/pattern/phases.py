@@ -21,8 +21,7 @@ FLOW = 0.25
 """Length of a round: 1 / tau, tau = this share of (2 pi / spacing)^2."""
 LOCKED_PHASE = 0.05
 """Largest miss, in periods, of a locked phase that is rounded to its target: edges of a surface get straight
-members.
-"""
+members."""
 LOCK = 3.0
 """Weight of a locked phase, over (2 pi / spacing)^2."""
 
@@ -120,10 +119,8 @@ def _complex_numbers(x: Floats) -> Complexes:
 @one_blas_thread()  # hundreds of products of vectors: on two busy cores, threads took three times as long
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """Return B^power x, of length 1 in the mass (N,), from the Krylov space of `products` products with a linear B.
-
     Arnoldi's method [Saad 1992]: B as a small matrix H on an orthonormal basis of B x, B B x, ..., and powers of that.
-    With as many products as powers it is exact.
-    """
+    With as many products as powers it is exact."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
@@ -152,10 +149,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
     """Return phases (n,), in periods, shifted by half a period if more weight (n,) is then on lines.
-
     `Flow.solve` does not distinguish the two, nor do signs and images of phases: 1/2 and -1/2 are equal. A mean cosine
-    within 2 % of 0 does not decide.
-    """
+    within 2 % of 0 does not decide."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -274,10 +269,8 @@ def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
     """Set signs and shifts (m,) of the faces in the order of a search, each from the face before it.
-
     Each face has its step from an earlier one, and in every round the earlier one's step is put before it: paths to the
-    root are halved.
-    """
+    root are halved."""
     child = order[1:]
     if not len(child):
         return

@@ -78,10 +78,8 @@ class Stripes:
 
     def levels(self, x: Floats) -> Floats:
         """Return ascending values (k,) of the mode at the edges of material, over the range of x (n,).
-
         In phase z = frequency x + phase material is |z - k| < d for integers k, so it begins at every k - d and ends at
-        every k + d: an odd number of levels lies below material.
-        """
+        every k + d: an odd number of levels lies below material."""
         d = half_width(self.threshold)
         if d == 0:
             return np.empty(0)

@@ -39,9 +39,7 @@ class Images:
     def marked_in_any(self, marked: Bools) -> Bools:
         """Return faces (m,) with a marked image, because a singular point at a vertex lies in one of its faces by
         chance.
-
-        On a mesh that is less symmetric than its surface, images of faces are no faces, and marks stay unchanged.
-        """
+        On a mesh that is less symmetric than its surface, images of faces are no faces, and marks stay unchanged."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 

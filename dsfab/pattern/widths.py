@@ -200,8 +200,7 @@ def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
     """Return an interval around the solution, or the solution twice, by secants from 1; None if they do not
-    converge.
-    """
+    converge."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:

@@ -105,8 +105,7 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
     """Return True if the pattern follows a sum of stress magnitudes rather than the stress of one case or
-    combination.
-    """
+    combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
@@ -114,10 +113,8 @@ def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
     """Return the stresses that the pattern follows, as name -> weight: one name, or the combined names.
-
     Combined are the combinations, or the cases of a preset without combinations. The default weight is 1; names of
-    weight 0 are left out.
-    """
+    weight 0 are left out."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)

@@ -92,10 +92,8 @@ def require_mesh(preset: Preset) -> None:
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset, defaults included, as TOML that builds the same design again.
-
     A material has its name, and only those values that differ from its own.
-    for_people : replaces the numbers of a mesh from Python by its size.
-    """
+    for_people : replaces the numbers of a mesh from Python by its size."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"

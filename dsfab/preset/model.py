@@ -65,15 +65,13 @@ class Statics(Section):
     """plane_stress (a thin sheet) or stvk (the paper to the letter)."""
     membrane: Membrane = "constant"
     """constant strain (the paper), or quadratic or hybrid: accurate for slender parts too, at several times the
-    cost.
-    """
+    cost."""
     bending: Bending = "hinge"
     """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
     """Stress that the pattern follows: membrane, of the middle surface (the paper; of the lower side for a flat sheet
     that only bends, because its middle surface has none); layers, of all layers, with bending; auto: layers where
-    bending stores at least half of the energy.
-    """
+    bending stores at least half of the energy."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
     """Pa, for comparison with the largest stress (steel S235: 235e6); 0: no comparison."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0
@@ -148,8 +146,7 @@ class Diffusion(Section):
     """Modes computed per family."""
     follow: str | None = None
     """A case or combination; or combined, the sum of the magnitudes of their stresses: the default with several
-    cases.
-    """
+    cases."""
     weights: dict[str, float] = Field(default_factory=dict)
     """combined: weight of each combination (each case, without combinations) in the sum; default 1."""
     symmetry: tuple[str, ...] = ()
@@ -258,8 +255,7 @@ class Width(Section):
     min_width: LeastWidth = AUTO
     """Least width of members, metres. 0 sets no limit. auto: for evenly spaced members of graded width the thickness,
     or half of the constant width if that is less; for stressed width with pattern.workshop half of the thickness, or
-    the same; otherwise no limit.
-    """
+    the same; otherwise no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0 sets no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -319,8 +315,7 @@ class Pattern(Section):
     """stripes: end every second stripe on a crossing member where stripes crowd; false keeps all."""
     families: Literal["both", "major", "minor"] = "both"
     """Families of stripes. A single one has no crossings: it is neither halved nor tidied, and rim and keep connect
-    it.
-    """
+    it."""
     symmetry: Literal["auto", "none"] = "auto"
     """stripes: use the mirrors and turns that surface, supports and loads share, or none."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
@@ -336,8 +331,7 @@ class Pattern(Section):
     """stripes: curves and regions that direct them."""
     region: tuple[PatternRegion, ...] = ()
     """Doors, oculi, solid bands: parts of the surface that are solid, void, or have a solid band inside of their
-    edge.
-    """
+    edge."""
     major: Family = Family()
     minor: Family = Family()
     width: Width = Width()
@@ -446,16 +440,14 @@ class Slicing(Section):
     min_opening: Annotated[float, Ge(0)] | None = None
     """Metres; smaller openings are filled. 0 fills none. Default: none on modes; between evenly spaced stripes those
     under 15 % of their spacing; of tidied stripes, which have no opening narrower than the members beside it, those
-    also narrower than the sheet is thick. Of both also openings under 35 % of the usual size.
-    """
+    also narrower than the sheet is thick. Of both also openings under 35 % of the usual size."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Metres; with pattern.workshop narrower openings are bridged, and their narrower tips filled. 0 leaves them.
     Default: a quarter of the thickness, or 3 mm if that is more (of small things a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
     """Metres; members of tidied stripes between openings with round corners are widened where they are narrower, and
     narrower than 0.8 of the usual width. With pattern.workshop all members are, up to half of the thickness, or the
-    limit of [pattern.width] if that is less (none by its min_width = 0), which is the default. 0 widens none.
-    """
+    limit of [pattern.width] if that is less (none by its min_width = 0), which is the default. 0 widens none."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -471,8 +463,7 @@ class Thickening(Section):
     """Refuse a solid with a smaller share of the thickness left at sharp curvature."""
     side: Side = "mid"
     """Position of the sheet: mid (around the surface), out (on the side of its normals; outside of closed ones) or
-    in.
-    """
+    in."""
     strict: bool = False
     """Refuse a solid whose faces still intersect after all repairs, instead of reporting the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()

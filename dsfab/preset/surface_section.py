@@ -184,8 +184,7 @@ class FileSurface(OwnSurface):
 
     def read(self) -> SurfaceInFile:
         """Return the surface with the record of reading and repairs; raises PresetError if the user has to supply
-        it.
-        """
+        it."""
         if self.waits:
             raise PresetError(
                 f"this preset needs a mesh of yours in place of {self.file.name}: write "
@@ -288,10 +287,8 @@ def plain(value: Any) -> Any:
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
     """Return `surface` of Python code as a table, with `lists` in place of its own lists.
-
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
-    Raises SurfaceError for an invalid mesh.
-    """
+    Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
     elif isinstance(surface, SurfaceSection | Mapping):

@@ -240,11 +240,8 @@ BAR_LENGTH, BAR_WIDTH = 0.8, 0.09
 
 def crosses(design: "Design", palette: Palette) -> Body:
     """Return bars along the two directions of diffusion at evenly spaced places, except in isotropic faces.
-
     Blue and red are compression and tension. For combined cases, whose stress has no sign, red is the first direction.
-
-    Raises DsfabError if no face has a direction: at r = 1, or without a stress.
-    """
+    Raises DsfabError if no face has a direction: at r = 1, or without a stress."""
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"

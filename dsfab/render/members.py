@@ -98,10 +98,8 @@ def rated_members_picture(
     design: "Design", band: Ints, count: int, names: Sequence[str], *, size: tuple[int, int], palette: Palette = PAPER
 ) -> Bytes:
     """Return a picture of a design's sheet in colour bands, with the names of chosen members, (height, width, 3) bytes.
-
     band : (m,) band of each cell of the members' sheet, 0 to `count` - 1 (see `band_colours`); -1 for none.
-    Raises DsfabError if this machine cannot draw.
-    """
+    Raises DsfabError if this machine cannot draw."""
     table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
     ink = dict.fromkeys(names, palette.text)
     return _MembersDrawing(design, size, "iso", "paper", palette).picture(table[band], ink, "", ())

@@ -376,10 +376,8 @@ def panels(
     **options: Any,
 ) -> PanelsPicture:
     """Return one picture with those of all `names`, each of a size in pixels; `options` are those of `Previewer`.
-
     If loads have their own picture, the others have no arrows, unless the options have `marks`.
-    A picture without a result in this design is omitted and reported. Raises DsfabError if none is left.
-    """
+    A picture without a result in this design is omitted and reported. Raises DsfabError if none is left."""
     pictures, refused = [], []
     alone = "marks" not in options and "loads" in names
     for name in names:

@@ -248,10 +248,8 @@ class Pixels:
 
 class Scene:
     """Bodies on the graphics side, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
-
     Inside, `centre` is the origin and `radius` (of a ball around all shadow-casting bodies) the unit of length, so that
-    millimetres and kilometres look alike. Create, use and close it in one thread.
-    """
+    millimetres and kilometres look alike. Create, use and close it in one thread."""
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius
@@ -349,10 +347,8 @@ class Scene:
 
     def lamp(self, frame: Floats, side: int) -> Floats32:
         """Return the depth (s, s) of the first body seen by a lamp, with s = `side`.
-
         It is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, 1 where it is empty.
-        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
-        """
+        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i)."""
         self.window.resize(side, side)
         camera = self.window.camera
         camera.SetParallelProjection(True)

@@ -92,10 +92,8 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 @dataclass(frozen=True)
 class StripeSettings:
     """Numbers of a pattern for the major and the minor family.
-
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
-    reach      : distances around loads and supports, and at the rim, that stay material (m), or `NO_REACH`.
-    """
+    reach      : distances around loads and supports, and at the rim, that stay material (m), or `NO_REACH`."""
 
     frequency: tuple[float, float] = (1.0, 1.0)
     phase: tuple[float, float] = (0.0, 0.0)
@@ -111,10 +109,8 @@ ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.
 @dataclass(frozen=True)
 class ShaderProgram:
     """Parts of the shader's program; software rendering pays for each further number per triangle.
-
     vary : names of `FIELDS` that it reads at the vertices, with modes.
-    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints.
-    """
+    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints."""
 
     vary: tuple[str, ...] = ("modes",)
     walls: bool = False

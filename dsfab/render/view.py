@@ -95,10 +95,8 @@ NAMED_ANGLES = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
 
 def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
     """Return the side of V (n, 3) for a name: iso, top, front, side, or 'azimuth,elevation' in degrees.
-
     iso is `best_side`. Azimuth turns from the front to the right, elevation starts at the ground.
-    Raises DsfabError for other names.
-    """
+    Raises DsfabError for other names."""
     if name == "iso":
         return best_side(V, up)
     azimuth, elevation = NAMED_ANGLES[name] if name in NAMED_ANGLES else _angles(name)

@@ -24,8 +24,7 @@ def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
     """Write results.csv and results.json, and return the text of the latter; `verdict` is the full check of the
-    design.
-    """
+    design."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]

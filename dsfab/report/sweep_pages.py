@@ -56,10 +56,8 @@ def require_view(name: str) -> None:
 @dataclass(frozen=True)
 class SheetDrawer:
     """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. It can be pickled.
-
     The uncut surface fills the page, so that designs of one surface can be overlaid.
-    Raises DsfabError if this machine cannot draw, and for unknown views.
-    """
+    Raises DsfabError if this machine cannot draw, and for unknown views."""
 
     size: tuple[int, int]
     view: str

@@ -141,11 +141,8 @@ def solve_statics(
     sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
     """Return displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
-
     A flat sheet loaded in its plane is solved in 2D, without bending.    spread : see `equilibrium`.
-
-    Raises StaticsError for mechanisms and for loads that act on nothing.
-    """
+    Raises StaticsError for mechanisms and for loads that act on nothing."""
     spreads = None if spread is None else {"load": spread}
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
 

@@ -121,10 +121,8 @@ class VertexPairs:
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
     """A stiffness as 3 x 3 blocks on pairs of vertices; stiffnesses on the same pairs are added before assembly.
-
     between : (9, p) the blocks of `pairs.ends`, row by row, smaller vertex first, N/m.
-    own     : (9, n) the blocks on the diagonal, symmetric.
-    """
+    own     : (9, n) the blocks on the diagonal, symmetric."""
 
     pairs: VertexPairs
     between: Floats

@@ -42,8 +42,7 @@ def curvatures(surface: Surface) -> Floats:
 
 def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
     """Return lengths (m, 3) of half-edges, and their direction t and outward normal m in the face's frame, (m, 3,
-    2).
-    """
+    2)."""
     frame = tangents(surface)
     P = surface.V[surface.F]
     edge = np.einsum("mck,mak->mca", np.roll(P, -1, axis=1) - P, frame)
@@ -54,10 +53,8 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
-
     D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. Converges to Kirchhoff's plate on every mesh,
-    from the soft side: a plate of 16 x 16 cells sags 1.3 % (simply supported) to 8 % (clamped) too much.
-    """
+    from the soft side: a plate of 16 x 16 cells sags 1.3 % (simply supported) to 8 % (clamped) too much."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
@@ -103,10 +100,8 @@ def moment_loads(surface: Surface) -> Floats:
 
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
-
     D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. The *decoupled* form: the bubble along an edge's
-    mean normal bends the faces, the other two stretch them; coupling all three locks on coarse thin curved meshes.
-    """
+    mean normal bends the faces, the other two stretch them; coupling all three locks on coarse thin curved meshes."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)

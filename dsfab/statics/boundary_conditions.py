@@ -82,10 +82,8 @@ def _merge_hint(surface: Surface) -> str:
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
     """Return names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops.
-
     A basis of shifts and rotations, each named by its largest part.
-    clamped : (k, 2) ends of the edges that do not rotate: a rotation about w rotates edge t by w . t.
-    """
+    clamped : (k, 2) ends of the edges that do not rotate: a rotation about w rotates edge t by w . t."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (number of fixed freedoms, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
@@ -169,8 +167,7 @@ def all_clamped(load: LoadCase) -> Bools | None:
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
     """Return K (u, u), N/m, with the springs of `load` on the diagonal of its first 3 n unknowns; K itself without
-    any.
-    """
+    any."""
     if not load.spring.any():
         return K
     springs = np.zeros(K.shape[0])

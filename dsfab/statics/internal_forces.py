@@ -59,10 +59,8 @@ class ShearRecovery:
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
-
         moments : (m, 3 corners, 3) newtons, of the elements, in `SheetStress.frame`.
-        twist   : the same, whose m_nt counts on free edges and folds.
-        """
+        twist   : the same, whose m_nt counts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
         if nodes == 6:  # from hats and bubbles to functions that are 1 at one node

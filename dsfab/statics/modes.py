@@ -212,10 +212,8 @@ def _largest_eigenpairs(
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
-
     Lanczos on K^-1 A in the product of K [Lehoucq et al. 1998, ARPACK]: K is positive on held sheets whatever A is, and
-    only its factor is needed. As in `equilibrium`, the diagonal of K scales the unknowns.
-    """
+    only its factor is needed. As in `equilibrium`, the diagonal of K scales the unknowns."""
     clamped = all_clamped(load)
     require_clampable(surface, elements, clamped)
     turning = clamped if "rotation" in elements.on_edges else None

@@ -37,10 +37,8 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques.
-
     The torque of an edge goes to the supports that clamp it. If none does, and yet it cannot rotate, it goes to the
-    supports of its ends. Together they balance the loads, unless edges are clamped away from all supports.
-    """
+    supports of its ends. Together they balance the loads, unless edges are clamped away from all supports."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))

@@ -263,6 +263,5 @@ def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
 
 def _mean_product(a: Floats, b: Floats) -> Floats:
     """Return exact means (m,) over each face of a . b, both linear on it, from their corner values (m, 3 corners,
-    3).
-    """
+    3)."""
     return np.asarray((np.einsum("mci,mci->m", a, b) + np.einsum("mi,mi->m", a.sum(axis=1), b.sum(axis=1))) / 12)

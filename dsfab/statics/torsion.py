@@ -20,10 +20,8 @@ one side [Ma, Bae and Choi 2012]."""
 
 def torsion_share(ratio: Floats) -> Floats:
     """Return the torsional stiffness of a rectangle over G w h^3 / 3 of a thin strip; ratio : w / h, (...).
-
     1 - .63 h / w (1 - h^4 / 12 w^4) if it is wider than thick, else the same with w and h exchanged, times w^2 / h^2
-    [Saint-Venant 1855; Timoshenko and Goodier 1970, 109].
-    """
+    [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # narrower ribs make equations that no solver can solve
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)

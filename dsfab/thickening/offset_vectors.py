@@ -182,8 +182,7 @@ class Offsets:
 
     def at_corners(self, F: Ints) -> Floats:
         """(m, 3, 3) D at the corners of the faces F (m, 3), on the side of each face: input of
-        `Sheet.carry_corners`.
-        """
+        `Sheet.carry_corners`."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 

@@ -25,10 +25,8 @@ class UnfoldedSheet:
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
     """Smooth small folds of a sheet away, up to twice its thickness in size. D (n, 3): its half thickness, metres.
-
     Such a fold, of a few faces as a rule, is a fault of the mesh that no offset can pass: prisms over it turn over
-    however thin they are. Larger folds are intended: there the surface crosses itself.
-    """
+    however thin they are. Larger folds are intended: there the surface crosses itself."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -52,10 +50,8 @@ def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
     """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
-
     Faces that meet become thinner, to a film if necessary. If an offset hardly sees a face around its vertex,
-    shortening does not help: both then move half of the way to the mean of the neighbours. Returns the best state.
-    """
+    shortening does not help: both then move half of the way to the mean of the neighbours. Returns the best state."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # at half of that rounding to single precision would show
     result = V, D, pairs
@@ -128,10 +124,8 @@ class RepairedSkin:
 
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
-
     Thinning does not help a sheet that crosses itself: it is cut into patches, whose solids are united.
-    among : faces of the skin that may intersect, with these offsets and any diagonals; default all.
-    """
+    among : faces of the skin that may intersect, with these offsets and any diagonals; default all."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)

@@ -31,10 +31,8 @@ def rounding_step(V: Floats, D: Floats) -> float:
 
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Collapse short edges and flat neighbours of a closed mesh V (n, 3), F (m, 3), which stays closed and oriented.
-
     tolerance : in the unit of V, for each collapse; the sum may move 1.5 to 3 times as far.
-    Raises SolidError when manifold3d rejects the mesh, or nothing is left of it.
-    """
+    Raises SolidError when manifold3d rejects the mesh, or nothing is left of it."""
     import manifold3d
 
     solid = manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64)))

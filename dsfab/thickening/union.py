@@ -30,10 +30,8 @@ class Overlap:
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return the parts of each colour (m,); lower colours extend into higher ones, except where they would meet.
-
     clashes : (k, 2) faces of the sheet whose prisms meet.
-    Near a seam parts are thinner, by 1 % one vertex away and 2 % on it, and half as much again for every colour.
-    """
+    Near a seam parts are thinner, by 1 % one vertex away and 2 % on it, and half as much again for every colour."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -98,10 +96,8 @@ THINNEST = 0.3
 @dataclass(frozen=True, eq=False)
 class PrismUnion:
     """A closed mesh V (n, 3), F (m, 3), the pairs of faces in it that still intersect (k, 2), and its pieces.
-
     share  : (n',) of the input offset that remains at each vertex of the sheet.
-    places : number of separate lines along which the sheet crosses itself.
-    """
+    places : number of separate lines along which the sheet crosses itself."""
 
     V: Floats
     F: Ints

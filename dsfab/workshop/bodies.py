@@ -21,10 +21,8 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
     """Part of a member in space, station by station.
-
     edges : (k, 2, 3) right and left edge (m).    normals : (k, 3) unit normals of its face.
-    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes.
-    """
+    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes."""
 
     id: str
     member: str

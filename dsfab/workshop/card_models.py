@@ -179,10 +179,8 @@ def panel_parts(
     ground: BasePlane | None = None,
 ) -> PanelParts:
     """Return the panels of all strips of a graph at model size.
-
     letters : largest height of names (m).    room : lengths and widths (m) that parts may have on the stock.
-    ground  : base plate for feet with tabs; None leaves the ends as they are.
-    """
+    ground  : base plate for feet with tabs; None leaves the ends as they are."""
     members = [member for member in graph.members if is_strip(member)]
     widest = max((member.mean_width for member in members), default=0.0)
     courses = {member.id: member_course(graph, member, 0.0, 6 * widest) for member in members}

@@ -48,10 +48,8 @@ class StripFoot:
 @dataclass(frozen=True, eq=False)
 class BasePlane:
     """Upper face of the base plate, through a point (3,) in metres, with the unit normal `up` (3,).
-
     supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from these (m).
-    thickness : of the plate (m).    clearance : between tabs and slots, to each side (m).
-    """
+    thickness : of the plate (m).    clearance : between tabs and slots, to each side (m)."""
 
     point: Floats
     up: Floats
@@ -212,10 +210,8 @@ def base_parts(
     ground: BasePlane, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
     """Return the plate in as few equal rectangles as fit into one of `room`, each in its place under the model.
-
     surface : at model size, with its supports at those of the base plate.    feet : with the names of their parts.
-    room : lengths and widths (m).
-    """
+    room : lengths and widths (m)."""
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
     every = np.concatenate([ground.plan_view(ground.supports), *slots])

@@ -52,11 +52,8 @@ def construction_route(
     design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP
 ) -> ConstructionRoute:
     """Return the route of a design by [workshop] of its preset.
-
     graph, layering : members and layers at built size; None for a flat sheet.    up : (3,) unit vector.
-
-    Raises PatternError if the design cannot be built by the requested route.
-    """
+    Raises PatternError if the design cannot be built by the requested route."""
     options = design.preset.workshop
     if options.route == "sheet" or graph is None or layering is None:
         return ConstructionRoute("sheet", "" if options.route == "sheet" else "the design is flat")

@@ -83,10 +83,8 @@ def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
     """Return sentences on narrower strips or larger stock that would need fewer sheets.
-
     stock : lengths and widths (m).    gap : metres.    grain : as for `nest_parts`.
-    Each number comes from a trial nest. Large plans have no hints, because nesting takes too long.
-    """
+    Each number comes from a trial nest. Large plans have no hints, because nesting takes too long."""
     if len(parts) * len(sheets) > 20_000:  # nesting again would take too long
         return []
     options = _NestOptions(gap, grain)

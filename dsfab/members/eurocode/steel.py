@@ -83,10 +83,8 @@ def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> CheckRatios:
     """(b, 1) checks of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
-
     The largest compression and the largest moments of a bay act together on its narrowest section. Moments are over
-    elastic resistances, with the interaction factors of annex B for class 3 and members that may twist (table B.2).
-    """
+    elastic resistances, with the interaction factors of annex B for class 3 and members that may twist (table B.2)."""
     fy, young, shear = material
     slim = section.slimmest()
     N = np.maximum(-forces[:, :, 0], 0.0).max(axis=1, keepdims=True)

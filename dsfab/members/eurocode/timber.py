@@ -38,8 +38,7 @@ BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 class TimberFactors:
     """Factors of timber checks. service_class : 1 heated, 2 under a roof, 3 in the open.
     gamma_m : partial factor; None: that of table 2.3.    buckling_length : over the distance of nodes.
-    layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start.
-    """
+    layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start."""
 
     service_class: ServiceClass = 2
     gamma_m: float | None = None
@@ -79,8 +78,7 @@ class Stresses:
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
     """Return the stresses of forces (b, 5, 6); bent : (b, 5) Pa, of bending the member into shape, added to that of
-    My.
-    """
+    My."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(

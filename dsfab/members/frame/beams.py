@@ -20,8 +20,7 @@ SHORT = 1e-3
 
 class BeamRow(NamedTuple):
     """A beam: its nodes, local z, width and shift in metres, member, and the member's width over the length of its
-    bay.
-    """
+    bay."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -190,10 +189,8 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """(n, 6) newtons and newton metres on nodes, from forces on the vertices V (v, 3) of a sheet.
-
     Each force acts at the nearest point on the axes, with its moment about that point. The two nodes of the beam take
-    it as supports of a simple beam. The sums of forces and moments are those of the sheet.
-    """
+    it as supports of a simple beam. The sums of forces and moments are those of the sheet."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -205,10 +202,8 @@ def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, b
 @dataclass(frozen=True, eq=False)
 class NodeSupports:
     """Supports at nodes.
-
     node  : (h,) supported node on the axes, or the node of a link.    place : (h, 3) middle of the supported vertices.
-    apart : (h,) True if a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) metres.
-    """
+    apart : (h,) True if a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) metres."""
 
     node: Ints
     place: Floats

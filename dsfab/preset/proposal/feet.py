@@ -100,10 +100,8 @@ STEP = 1 / 200
 @dataclass(frozen=True, eq=False)
 class Foot:
     """A part of a surface that stands on the ground.
-
     name : for people.  points : (k, 3) metres, along the free edge or on the surface.
-    length : metres of free edge; 0 of a closed surface.  loop : number of the boundary loop, for a whole loop.
-    """
+    length : metres of free edge; 0 of a closed surface.  loop : number of the boundary loop, for a whole loop."""
 
     name: str
     points: Floats
@@ -283,10 +281,8 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
 
 def _valleys(z: Floats, depth: float) -> list[int]:
     """Lowest places of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
-
     Persistence of low points [Edelsbrunner, Letscher and Zomorodian 2002]: from the lowest up, each begins a pool.
-    Where two pools meet, the shallower one ends, and counts if it is at least `depth` deep.
-    """
+    Where two pools meet, the shallower one ends, and counts if it is at least `depth` deep."""
     k = len(z)
     pool = np.full(k, -1)
     lasting = {int(z.argmin())}

@@ -163,11 +163,8 @@ def mesh_in_file(
     path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None, raw: RawMesh | None = None
 ) -> UserMesh:
     """Return the mesh in a file; unit and vertical axis are guessed by default.
-
     max_triangles : limit of the file. raw : its content, if read before.
-
-    Raises SurfaceError for a file that cannot be read, or that is no sheet even after mending.
-    """
+    Raises SurfaceError for a file that cannot be read, or that is no sheet even after mending."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
     unit_is_given, unit = unit is not None, unit or unit_guess(raw)
@@ -250,8 +247,7 @@ def _with_z_up(
 
 def _origin(surface: Surface) -> tuple[float, ...]:
     """Origin of a surface: whole metres near its lowest corner along the axes on which it is far off, 0 along the
-    rest.
-    """
+    rest."""
     low = surface.V.min(axis=0)
     # single precision (STL) is coarser there than a hundred-thousandth, and CAD programs lose digits
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size

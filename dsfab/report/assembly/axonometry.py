@@ -166,8 +166,7 @@ def painted_faces(
     faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]
 ) -> FaceList:
     """Return all faces from the farthest to the nearest; `colours` replaces the colours of the members that it
-    names.
-    """
+    names."""
     quads = np.concatenate([face.quads for face in faces])
     tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])

@@ -146,8 +146,7 @@ FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans",
 
 def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
     """Return `bars`, the compliances at one mass, and `volumes` if the request names several masses. rows : at
-    these.
-    """
+    these."""
     images: dict[str, ChartImage] = {}
     with lettering():
         if findings.compared.rivals:
@@ -328,8 +327,7 @@ def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0)
 
 def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
     """Return a picture without empty rows at top and bottom, and with few between the structure and the words below
-    it.
-    """
+    it."""
     marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(marked_rows):
         return pixels

@@ -95,8 +95,7 @@ def round_number_above(value: float) -> float:
 
 SAFE_BUCKLING_FACTOR = 5.0
 """Load factor above which the linear buckling analysis suffices, because real shells buckle at a fifth to a half of
-it.
-"""
+it."""
 
 LABELS = {
     "full": "Whole sheet, uncut",

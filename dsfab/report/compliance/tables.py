@@ -140,8 +140,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Sums of the forces of each case and combination, on the cut sheet if it carries them all, and the checks on
-    each.
-    """
+    each."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}

@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
 def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, energy and further answers for the uncut sheet under one load; SI units.
-
     `answered_by` names the elements; compliance and displacement appear again if they differ from those of the statics.
-    Frequencies and buckling factors appear only on request; a list without results is empty.
-    """
+    Frequencies and buckling factors appear only on request; a list without results is empty."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress = answers.stress
     facts: dict[str, Any] = {

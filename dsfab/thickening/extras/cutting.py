@@ -18,10 +18,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Holes:
     """`kind = "holes"`: round holes through the solid.
-
     at : points on the middle of the sheet, metres.    diameter : metres.    axis : direction of the drill.
-    depth : metres, half of it on each side of the point, so that parts behind stay whole.
-    """
+    depth : metres, half of it on each side of the point, so that parts behind stay whole."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: tuple[Vector, ...]

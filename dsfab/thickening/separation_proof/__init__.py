@@ -46,10 +46,8 @@ REACH = 2
 @dataclass(frozen=True, eq=False)
 class Boxes:
     """The box of each face (m,), and of each of k boxes: place in the grid (k, 3), middle, direction, radius.
-
     grid : the box at each place, -1 without faces, with a border of `REACH` empty ones.
-    key  : (k,) the place in the flat grid.
-    """
+    key  : (k,) the place in the flat grid."""
 
     of: Ints
     place: Ints
@@ -125,10 +123,8 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
     """For prisms with corners (3 xyz, 3, m): mask of the folded ones, least cosine of their skins to an axis, reach.
-
     Valid for corners with errors up to e. A determinant of three vectors up to r long has an error of 3 r^2 e. The
-    normal of a triangle with sides up to s has one of 4 s e.
-    """
+    normal of a triangle with sides up to s has one of 4 s e."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -225,10 +221,8 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 def proven_cells(layer: OffsetLayer) -> Bools:
     """(m',) cells whose prism surely meets no other one, for any diagonals of its sides.
-
     This holds for the vertices as they are and as files of single precision hold them (if `is_fine`). With more than 5
-    % folded prisms nothing is proven.
-    """
+    % folded prisms nothing is proven."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)

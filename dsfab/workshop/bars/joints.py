@@ -206,10 +206,8 @@ class LatticeBar:
 @dataclass(frozen=True, eq=False)
 class Joint:
     """Bars at a node, counter-clockwise, as (bar number, 0 for its beginning or 1 for its end).
-
     half : half width of the plate's arms (m).    root : approximate distance from the node to the folds (m).
-    leg  : leg of the plate at a support.
-    """
+    leg  : leg of the plate at a support."""
 
     node: LatticeNode
     bars: tuple[tuple[int, int], ...]

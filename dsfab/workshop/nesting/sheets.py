@@ -187,10 +187,8 @@ def _fill_sheets(
 
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
     """Return the least distance between closed polygons (k, 2), and from them to the edges of their sheet (m).
-
     It is 0 for overlaps, and negative beyond an edge.
-    size : of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m).
-    """
+    size : of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m)."""
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):

@@ -17,10 +17,8 @@ ROUNDING = 1e-9
 @dataclass(frozen=True, eq=False)
 class PartShape:
     """Turned part: lower and upper edges (k,) in columns, half of the gap beyond its own (m).
-
     low : (2,) lowest corner.    size : (2,) of its box.    top : highest value of the upper edge.
-    total : sum of the lower edge.    thick : largest height between both edges.
-    """
+    total : sum of the lower edge.    thick : largest height between both edges."""
 
     part: FlatPart
     turn: float
@@ -162,10 +160,8 @@ class SheetGap:
 @dataclass(eq=False)
 class OpenSheet:
     """Sheet while it is filled: the used height (k,) of each column (m), and the free area (m2).
-
     lowest  : of the skyline.    gaps : below it.
-    refused : length, width and area of parts without room; larger parts are not tried again.
-    """
+    refused : length, width and area of parts without room; larger parts are not tried again."""
 
     size: tuple[float, float]
     skyline: Floats

@@ -23,10 +23,8 @@ TOUCHING_SHARE = 1 / 400
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return the chains of a region that cross another of its chains, seen along its mean normal.
-
     The result also holds chains within `distance` mm of a corner where they do not end, with the chains that do end
-    there; and all chains of a region that is inside out.
-    """
+    there; and all chains of a region that is inside out."""
     finest = 12  # most chords of each cubic; they are short at its ends, where chains cross at small angles
     segments = 600  # approximate number of chords of one outline
     steps = [step for loop in net.loops[region] for step in loop]

@@ -24,10 +24,8 @@ POLE_MATRIX = np.linalg.inv(READ_MATRIX)
 @dataclass(frozen=True, eq=False)
 class InnerSpline:
     """Cubic splines, twice differentiable, on k spans between breaks (k + 1,), zero at the first and the last break.
-
     places : (k + 1,) means of three knots, where values determine the spline [de Boor 1978, chapter XIII].
-    poles  : (k, 4, k + 1) contribution of each value to the poles of each span.
-    """
+    poles  : (k, 4, k + 1) contribution of each value to the poles of each span."""
 
     breaks: Floats
     places: Floats
@@ -224,10 +222,8 @@ BOW_FACTOR = np.sqrt(3) / 36
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace curves by parabolas if all their cubics are nearly parabolas.
-
     distance : largest distance of a solid from its mesh, millimetres. A parabola's poles are farther out; if they
-    leave the box (2, 3) by more than that, the curve stays cubic.
-    """
+    leave the box (2, 3) by more than that, the curve stays cubic."""
     wide = box + distance * np.array([[-1.0], [1.0]])
     return [
         replace(curve, spans=as_parabolas(curve.spans, 1))

@@ -100,10 +100,8 @@ seam was off by up to 1.4e-5 mm, and its tolerance is then 4e-5 mm."""
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam, or the edge of a wall beside a corner with such a seam.
-
     poles : (4, 6) of its curves, mm.    on : by face, first patches and then trimmed ones, poles (2, k, 2) of the
-    curves in parameters of its outer and inner surface.
-    """
+    curves in parameters of its outer and inner surface."""
 
     poles: Floats
     on: dict[int, Floats]
@@ -298,10 +296,8 @@ DENSE = np.linspace(0, 1, 129)
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Order the walls around each outline with edges along them, as OCCT needs for fillets.
-
     An outline begins where it is smoothest. If it has only corners, its first and last corner belong to the first wall,
-    and an edge of it ends at each: a wall with a single edge gets two.
-    """
+    and an edge of it ends at each: a wall with a single edge gets two."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):

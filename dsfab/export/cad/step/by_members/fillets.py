@@ -46,10 +46,8 @@ def _lengths(line: Floats) -> Floats:
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove walls shorter than `shortest` mm between the ends of two borders, which then end in one place.
-
     Such walls leave an arc's end at any angle: where members of four feet meet their rim, eight of twelve edges were
-    such walls and took no fillet.
-    """
+    such walls and took no fillet."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)

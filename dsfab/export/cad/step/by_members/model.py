@@ -253,10 +253,8 @@ STRAIGHT_COSINE = np.cos(0.01)
 @dataclass(frozen=True)
 class FilledCorner:
     """Corner with less than half a turn of void, where one seam ends.
-
     seam, end : the edge, and 1 for its last end or 0 for its first.    half : tangent of half the turn.
-    beside : edges of the walls before and after the corner.    straight : the one that the seam continues, or None.
-    """
+    beside : edges of the walls before and after the corner.    straight : the one that the seam continues, or None."""
 
     vertex: int
     seam: int

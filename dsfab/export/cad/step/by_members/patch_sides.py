@@ -193,10 +193,8 @@ class SideStations:
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
     """Return pairs of shares (k,) of two opposite sides, ascending, from the shares that each side needs.
-
     Near shares form a pair; so do all if both sides have as many and none differ by much. A share without a partner
-    gets one by interpolation between its neighbours.
-    """
+    gets one by interpolation between its neighbours."""
     tolerance = 0.1  # largest difference of paired stations, as a share of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares

@@ -128,10 +128,8 @@ MOVED = 1 / 400
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges at sharp corners beside trimmed faces, and put these faces exactly onto the cut parts.
-
     If no degree fits within `SPLIT`, or if the inside moves by more than `MOVED`, the face stays and rims move onto it
-    as far as they may.
-    """
+    as far as they may."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -228,10 +226,8 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return poles of a surface through the first points; None if that fails. All points are (k, 3).
-
     It is within `FLUSH_TOLERANCE` of the second points, near to the third, those of edges, and within `largest_move` of
-    the old surface at the fourth, inside.
-    """
+    the old surface at the fourth, inside."""
     # Largest excess after three degrees: of 502 faces that became flush in seven designs the worst had 10.3. Hopeless
     # faces took nine tenths of the time.
     hopeless = 20.0

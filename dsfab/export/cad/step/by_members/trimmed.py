@@ -29,10 +29,8 @@ LEAST_SINE = 1 / 4
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
     """Parallelogram around edges, in the plane of the first two axes (3, 3).
-
     origin : (3,)    sides : (2, 2) its directions.    low, high : (2,) its extent along these.
-    uv, z  : (k, 2) parameters and (k,) heights of points: first `inside` inner points, then points of edges.
-    """
+    uv, z  : (k, 2) parameters and (k,) heights of points: first `inside` inner points, then points of edges."""
 
     origin: Floats
     axes: Floats

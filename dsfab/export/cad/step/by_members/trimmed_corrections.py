@@ -35,10 +35,8 @@ def without_strays(
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
     """Refit faces that are too far off the skins between their points, with more points.
-
     points : (k, 6) of each fit.    away : returns the vectors from points to both skins. Faces with a limit from the
-    mesh stay unchanged, because the division judges them.
-    """
+    mesh stay unchanged, because the division judges them."""
     rounds = 2  # a face that was corrected in one place may stray in another
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):

@@ -70,10 +70,8 @@ class HalvedOutline:
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs of places, ascending, with a clear chord inside the outline.
-
         Chords from the `worst` places (k,) come first, then all others, each group by length over the smaller area cut
-        off. Each group has `times * TRIED / 2` pairs at most.
-        """
+        off. Each group has `times * TRIED / 2` pairs at most."""
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
