@@ -71,8 +71,7 @@ def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Fl
 
 
 def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
-    """Return the sign of an axis: by its third moment, else by its clearest coordinate, because both directions are
-    equal."""
+    """Return the sign of an axis, both directions being equal: by its third moment, else its clearest coordinate."""
     if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
         return float(np.sign(third_moment))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
@@ -85,8 +84,7 @@ VISIBLE = 1e-2
 """Least share of a reference field in an eigenspace for it to fix a basis or a sign."""
 
 SPARE = 2
-"""Pairs computed beyond those requested, so that a repeated eigenvalue at the end is mostly complete; else more
-follow."""
+"""Pairs computed beyond those requested, so that a repeated last eigenvalue is mostly complete; else more follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,8 +249,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of `space` (n, c): each vector is a reference field minus its parts along earlier
-    ones."""
+    """Return an M-orthonormal basis of `space` (n, c): reference fields minus their parts along earlier ones."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

@@ -224,8 +224,7 @@ def _distance_to_marked(points: Floats, surface: Surface, marked: Bools) -> floa
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Raise PatternError unless forces equal their images: smoothed because meshes are irregular, and in their
-    resultants."""
+    """Raise PatternError unless forces equal their images: smoothed (meshes are irregular), and in resultants."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):

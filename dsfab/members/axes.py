@@ -105,8 +105,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """(c, 2) positions of the zeros of offsets (c, 3) on sides (c, 2): 0 at the vertex with the lower number, 1 at the
-    other."""
+    """(c, 2) positions of zeros of offsets (c, 3) on sides (c, 2): 0 at the vertex with the lower number."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]

@@ -100,8 +100,7 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Return the mean width (m) from the areas (m,) of all cells; without a line the side of a square of equal
-        area."""
+        """Return the mean width (m) from areas (m,) of all cells; without a line the side of an equal square."""
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
@@ -266,8 +265,7 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 
 def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
-    """Give connected loose cells the label of their neighbours if these have a single one; fairing of walls leaves
-    them."""
+    """Give connected loose cells, which fairing leaves, the label of their neighbours if these have only one."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

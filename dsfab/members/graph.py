@@ -60,8 +60,7 @@ class _SharedCells:
 
 
 def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
-    """Return every patch of cells that two members share.
-    member : (m, f) member of each cell for each field, -1 for none."""
+    """Return every patch of cells that two members share. member : (m, f) of each cell for each field, or -1."""
     patches = []
     count = member.shape[1]
     for k in range(count):

@@ -144,8 +144,7 @@ def _propagated_signs(surface: Surface, against: Bools, crossed: Bools) -> Float
 
 
 def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
-    """Return products (k,) of the signs of links along the paths of a search; each round halves the paths to its
-    root."""
+    """Return products (k,) of the signs of links along paths of a search; each round halves the paths."""
     parent = predecessor[order[1:]]
     sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
     place = np.empty(len(predecessor), dtype=np.int64)

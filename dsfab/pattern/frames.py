@@ -42,8 +42,7 @@ class TwistedFactors:
         return _corrected_solver(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
-        """Return the same for a matrix with coupling (e,) from the second end of each edge to the first, diagonal
-        (n,)."""
+        """Return the same for a matrix with coupling (e,) from each edge's second end to the first, diagonal (n,)."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
         )
@@ -60,8 +59,7 @@ class TwistedFactors:
         return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """Return the same for the real matrix, with both parts of a number side by side: solvers then use blocks of
-        two."""
+        """Return the same for the real matrix, both parts of a number side by side: solvers then use blocks of two."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern
@@ -139,8 +137,7 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """Angle r (e,): a direction at angle a in the frame of the second end is at angle a + r in that of the
-        first."""
+        """Angle r (e,): a direction at angle a in the second end's frame is at angle a + r in the first's."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]

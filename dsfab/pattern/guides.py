@@ -197,8 +197,7 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the share of the curve on a centre line, within 5 % of a spacing, of a phase with a line at every
-        `step`."""
+        """Return the share of the curve within 5 % of a spacing of a centre line, for a line at every `step`."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))

@@ -101,8 +101,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,), moved onto the reach if close to it (see `NEAR`), except at faces with all corners
-    close."""
+    """Return distances (n,), moved onto the reach if close (see `NEAR`), except at faces with all corners close."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -123,7 +122,6 @@ def _undivided_field(surface: Surface, region: tuple[Origins, float], distances:
 
 
 def _finite_distances(distance: Floats, reach: float) -> Floats:
-    """Replace infinite distances by the largest finite one, which does not affect slopes."""
     is_finite = np.isfinite(distance)
     return np.where(is_finite, distance, max(2 * reach, distance[is_finite].max(initial=0.0)))
 
@@ -145,8 +143,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
 
 
 def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
-    """Return the straight distance (n,), metres, to the nearest of faces, edges and vertices, given by their
-    corners."""
+    """Return the straight distance (n,), metres, to the nearest face, edge or vertex, given by corners."""
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -176,8 +173,7 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return the solid regions, each as a field (n,) that is 0 along its outline.
-    Raises PatternError for a region off the surface."""
+    """Return solid regions, each as a field (n,), 0 along its outline. Raises PatternError for one off the surface."""
     half_width = np.full(surface.n, np.inf)
     return [
         Layer("keep", region_sides(surface, faces), np.zeros(1), half_width)

@@ -54,8 +54,7 @@ class ModeFamily:
         stress: Floats | None = None,
         radius: float = 0.0,
     ) -> "ModeFamily":
-        """Return the family, with its slope averaged over a radius in metres; the default stress (n,) is 1
-        everywhere."""
+        """Return the family, its slope averaged over a radius in metres; the default stress (n,) is 1 everywhere."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 

@@ -20,8 +20,7 @@ SHIFT = 1e-3
 FLOW = 0.25
 """Length of a round: 1 / tau, tau = this share of (2 pi / spacing)^2."""
 LOCKED_PHASE = 0.05
-"""Largest miss, in periods, of a locked phase that is rounded to its target: edges of a surface get straight
-members."""
+"""Largest miss, in periods, of a locked phase that is rounded to its target: edges get straight members."""
 LOCK = 3.0
 """Weight of a locked phase, over (2 pi / spacing)^2."""
 
@@ -290,8 +289,7 @@ def _propagate(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with the value at each vertex as its first face sees it: signs 1 and shifts 0 except along
-    seams."""
+    """Return the phase as the first face of each vertex sees it: signs 1 and shifts 0 except along seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

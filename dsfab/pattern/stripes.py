@@ -62,8 +62,7 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d and z - d (n, 2) for half-widths d (n,): material has more integers below the first than the
-        second."""
+        """Return z + d and z - d (n, 2) for half-widths d (n,): material has more integers below the first."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 

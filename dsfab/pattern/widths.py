@@ -22,8 +22,7 @@ SOLID = 0.5
 ROUNDS = (2, 60)
 """Fewest and most rounds of averaging."""
 JUMP = 5e-3
-"""Largest accepted jump of a share past the wanted one, as tidied ends appear and vanish: the nearest share suffices.
-"""
+"""Largest accepted jump of a share past its target, as tidied ends appear and vanish: the nearest suffices."""
 
 
 class ShareJumpError(PatternError):
@@ -199,8 +198,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Return an interval around the solution, or the solution twice, by secants from 1; None if they do not
-    converge."""
+    """Return an interval around the solution, or the solution twice, by secants from 1; None without convergence."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:

@@ -104,8 +104,7 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows a sum of stress magnitudes rather than the stress of one case or
-    combination."""
+    """Return True if the pattern follows a sum of stress magnitudes rather than one case or combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
@@ -129,8 +128,7 @@ def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) ->
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations for a limit state: its own combinations, else those without a limit state, else
-    all."""
+    """Return cases and combinations for a limit state: its own combinations, else those without one, else all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):

@@ -51,8 +51,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return `preset` with other values at dotted keys; raises PresetError as `load_preset` does, and for other
-    objects."""
+    """Return `preset` with other values at dotted keys; raises PresetError as `load_preset`, and for other objects."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # the other sections have passed their checks
@@ -144,8 +143,7 @@ def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys. Setting one of two exclusive keys removes the other; a new material removes the values of the
-    old one."""
+    """Set dotted keys, which removes the other of two exclusive keys; a new material removes the old one's values."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # a later key may reach into this value

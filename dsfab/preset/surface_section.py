@@ -183,8 +183,7 @@ class FileSurface(OwnSurface):
         return self.read().surface
 
     def read(self) -> SurfaceInFile:
-        """Return the surface with the record of reading and repairs; raises PresetError if the user has to supply
-        it."""
+        """Return the surface with the record of reading and repairs; raises PresetError if the user must supply it."""
         if self.waits:
             raise PresetError(
                 f"this preset needs a mesh of yours in place of {self.file.name}: write "
@@ -212,7 +211,6 @@ def _mesh_from(value: Any) -> Surface:
 
 
 def _mesh_text(surface: Surface) -> str:
-    """Both sizes, V and F, little endian, packed without loss."""
     sizes = np.array([surface.n, surface.m], dtype="<i8")
     data = sizes.tobytes() + surface.V.astype("<f8").tobytes() + surface.F.astype("<i8").tobytes()
     return base64.b64encode(zlib.compress(data, 1)).decode("ascii")
@@ -251,7 +249,6 @@ class ShapeSurface(SurfaceSection):
 
 
 def _shape_model(name: str) -> type[ShapeSurface]:
-    """The section of a shape, with the parameters, defaults and ranges of its function."""
     signature = inspect.signature(SHAPES[name], eval_str=True)
     fields: dict[str, Any] = {p.name: (p.annotation, p.default) for p in signature.parameters.values()}
     fields["shape"] = (Literal[name], name)

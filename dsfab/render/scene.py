@@ -390,7 +390,6 @@ class Scene:
             mapper.SelectColorArray(name)
 
     def _add(self, body: Body) -> Any:
-        """Add a body to VTK, coloured by "normal" of its corners or by "colour" of its faces."""
         from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
         points = (body.V - self.centre) / self.radius

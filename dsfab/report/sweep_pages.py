@@ -75,7 +75,6 @@ class SheetDrawer:
         return file.getvalue()
 
     def _empty_stage(self, design: Design) -> Stage:
-        """Camera and ground of a surface; each thread keeps the last one."""
         if getattr(_stages, "of", None) != (id(design.surface), self):
             require_rendering()
             surface, load = design.surface, design.load
@@ -222,8 +221,7 @@ def loss_sentence(folder: SweepFolder) -> str:
 
 
 def missing_runs_line(folder: SweepFolder) -> str:
-    """Return a line on the runs without a result, with the numbers of killed ones; '' if none is missing.
-    A failed run has a result."""
+    """Return a line on runs without a result, with the numbers of killed ones; '' if none. Failed runs have results."""
     rows = folder.rows()
     killed = [row.number for row in rows if row.state == "killed"]
     missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)

@@ -41,8 +41,7 @@ def curvatures(surface: Surface) -> Floats:
 
 
 def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
-    """Return lengths (m, 3) of half-edges, and their direction t and outward normal m in the face's frame, (m, 3,
-    2)."""
+    """Return lengths (m, 3) of half-edges, direction t and outward normal m in the face's frame, (m, 3, 2)."""
     frame = tangents(surface)
     P = surface.V[surface.F]
     edge = np.einsum("mck,mak->mca", np.roll(P, -1, axis=1) - P, frame)

@@ -71,8 +71,7 @@ def _deflection(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m: `dsfab.statics.bending.curvatures` applied, without forming
-    it."""
+    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m: `dsfab.statics.bending.curvatures` applied, not formed."""
     length, t, out = half_edge_frames(surface)
     w, rotation = _deflection(surface, answer), answer.on_edges["rotation"][surface.edges.of]
     step = (np.roll(w, -1, axis=1) - w)[:, :, None] * voigt(t, out)

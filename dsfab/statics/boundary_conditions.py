@@ -166,8 +166,7 @@ def all_clamped(load: LoadCase) -> Bools | None:
 
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
-    """Return K (u, u), N/m, with the springs of `load` on the diagonal of its first 3 n unknowns; K itself without
-    any."""
+    """Return K (u, u), N/m, with the springs of `load` on the diagonal of its first 3 n unknowns, if any."""
     if not load.spring.any():
         return K
     springs = np.zeros(K.shape[0])

@@ -127,7 +127,6 @@ def _equal_matrices(A: csr_array, B: csr_array) -> bool:
 
 
 def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
-    """Return diag(scale) K diag(scale) on the free unknowns."""
     inner = csr_array(K[free][:, free])
     inner.data *= np.repeat(scale, np.diff(inner.indptr))
     inner.data *= scale[inner.indices]

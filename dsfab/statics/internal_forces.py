@@ -39,8 +39,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the recovery for a surface. linear : whether moments are linear on each face: M is then quadratic,
-        else linear."""
+        """Return the recovery for a surface. linear : whether moments are linear on each face, and M quadratic."""
         side_a, side_b = _smooth_pairs(surface)
         rim = np.ones(3 * surface.m)
         rim[side_a], rim[side_b] = 0.0, 0.0
@@ -122,8 +121,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`: from unknowns on splinters to their neighbours, in proportion to the area around
-    these."""
+    """Return `ShearRecovery.spread`: from unknowns on splinters to neighbours, in proportion to their area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -242,7 +240,6 @@ def local_frames(surface: Surface) -> Floats:
 
 
 def _rotated_tensors(plane: Floats, rotation: Floats) -> Floats:
-    """Return tensors (m, 3), (xx, yy, xy), in a frame rotated by `rotation` (m, 2, 2)."""
     xx, yy, xy = plane.T
     full = (
         rotation

@@ -164,8 +164,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
 
 
 def corner_strains(surface: Surface) -> Floats:
-    """Return the strain (m, 3, 9) of each face for unit displacements x, y, z of its corners, dimensionless per
-    metre."""
+    """Return the strain (m, 3, 9) of each face for unit displacements x, y, z of its corners, per metre."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
@@ -200,8 +199,7 @@ def _hybrid(surface: Surface, C: Floats, elements: Elements) -> csr_array:
 
 
 def _point_strains(surface: Surface, points: Floats) -> Floats:
-    """Return strains (m, 3 points, 3, 15) at points with barycentric coordinates (3, 3), of corners, then of
-    bubbles."""
+    """Return strains (m, 3 points, 3, 15) at barycentric coordinates (3, 3), of corners, then of bubbles."""
     B = np.empty((surface.m, 3, 3, 15))
     B[..., :9] = corner_strains(surface)[:, None]
     for k, weights in enumerate(points):

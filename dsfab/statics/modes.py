@@ -76,8 +76,7 @@ MODE_RESIDUAL = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Vibration:
-    """Free vibrations.
-    hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3) displacements, the largest of each 1."""
+    """Free vibrations. hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3), each with maximum 1."""
 
     hertz: Floats
     shapes: Floats

@@ -121,8 +121,7 @@ class FaceStiffness:
 def face_blocks(
     surface: Surface, material: Material, thickness: float, law: Law, elements: Elements
 ) -> tuple[Floats, Ints]:
-    """Return the stiffness (m, c, c) of each face, N/m, and its unknowns (m, c): c = 9 in the plane, 12 with mid-edge
-    bending."""
+    """Return the stiffness (m, c, c) of each face, N/m, and unknowns (m, c): c = 9, or 12 with mid-edge bending."""
     names = ("rotation",) if elements.bending else ()
     columns = elements.columns(surface, *names)
     blocks = np.zeros((surface.m, columns.shape[1], columns.shape[1]))

@@ -210,8 +210,7 @@ class SheetStress:
 
     @cached_property
     def peak(self) -> Peak:
-        """The most stressed face and layer. Under a point load and in a held corner it grows with every refinement of
-        the mesh."""
+        """The most stressed face and layer. Under point loads and in held corners it grows with refinement."""
         face = int(self.largest.argmax())
         row = self.von_mises[face]
         layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"
@@ -226,8 +225,7 @@ class SheetStress:
 
 
 def principal_values(plane: Floats, frame: Floats) -> Principal:
-    """Return principal values and directions of tensors (m, 3), (xx, yy, xy), in frames (m, 2, 3) [Mohr 1882], in their
-    unit."""
+    """Return principal values and directions of tensors (m, 3), (xx, yy, xy), in frames (m, 2, 3) [Mohr 1882]."""
     xx, yy, xy = plane.T
     centre, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     turn = np.arctan2(xy, (xx - yy) / 2) / 2
@@ -262,6 +260,5 @@ def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
 
 
 def _mean_product(a: Floats, b: Floats) -> Floats:
-    """Return exact means (m,) over each face of a . b, both linear on it, from their corner values (m, 3 corners,
-    3)."""
+    """Return exact means (m,) over faces of a . b, both linear on them, from corner values (m, 3 corners, 3)."""
     return np.asarray((np.einsum("mci,mci->m", a, b) + np.einsum("mi,mi->m", a.sum(axis=1), b.sum(axis=1))) / 12)

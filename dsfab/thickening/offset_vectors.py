@@ -181,8 +181,7 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """(m, 3, 3) D at the corners of the faces F (m, 3), on the side of each face: input of
-        `Sheet.carry_corners`."""
+        """(m, 3, 3) D at corners of the faces F (m, 3), on each face's side: input of `Sheet.carry_corners`."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 

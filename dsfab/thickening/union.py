@@ -248,7 +248,6 @@ def _union(parts: list[tuple[Floats, Ints]]) -> tuple[Floats, Ints] | None:
 
 
 def _outer_shells(V: Floats, F: Ints) -> int:
-    """Number of closed outer surfaces of the mesh; the others are voids."""
     count, label = pieces(F, edge_table(F))
     return int((signed_volumes(V, F, label, count) > 0).sum())
 

@@ -147,8 +147,7 @@ def shortened_courses(
 
 
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return those courses of members, by name, that stop because the member curls up at an end (see
-    `uncurled_span`)."""
+    """Return courses of members, by name, that stop because the member curls up at an end (see `uncurled_span`)."""
     lengths = {member.id: member.length for member in members}
     return {
         name: course

@@ -40,8 +40,7 @@ class SteelFactors:
 def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return force over resistance of bays under forces (b, 5, 6).
-    elastic : Young's modulus and the shear modulus, Pa."""
+    """Return force over resistance of bays under forces (b, 5, 6). elastic : Young's and shear modulus, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     fy = grade.fy(bays.thickness)
     ratios = section_checks(section, forces, fy / factors.gamma_m0)

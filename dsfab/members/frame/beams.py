@@ -19,8 +19,7 @@ SHORT = 1e-3
 
 
 class BeamRow(NamedTuple):
-    """A beam: its nodes, local z, width and shift in metres, member, and the member's width over the length of its
-    bay."""
+    """A beam: nodes, local z, width and shift in metres, member, and the member's width over the bay's length."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -248,8 +247,7 @@ def _clamped_vertices(surface: Surface, load: LoadCase) -> Bools:
 
 
 def _blocks(load: LoadCase, surface: Surface) -> Floats:
-    """(v,) width (m) of the patch of faces around each vertex that are fixed at all corners in all directions; 0
-    without."""
+    """(v,) width (m) of the patch of faces around each vertex that are fixed at all corners; 0 without."""
     faces = surface.F[load.fixed[surface.F].all(axis=(1, 2))]
     rows, columns = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))

@@ -207,7 +207,6 @@ def _bending(L: Floats, phi: Floats) -> Floats:
 
 
 def _turn(frame: Frame) -> Floats:
-    """(b, 12, 12) rotation from the global axes to those of each beam."""
     turn = np.zeros((len(frame.ends), 12, 12))
     for k in range(0, 12, 3):
         turn[:, k : k + 3, k : k + 3] = frame.axes
@@ -215,7 +214,6 @@ def _turn(frame: Frame) -> Floats:
 
 
 def _unknowns(frame: Frame) -> Ints:
-    """(b, 12) numbers of the unknowns of each beam."""
     return np.asarray((6 * frame.ends[:, :, None] + np.arange(6)).reshape(-1, 12))
 
 

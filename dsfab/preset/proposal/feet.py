@@ -14,8 +14,7 @@ LINE = 1 / 12
 
 
 def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
-    """Return True if the middle of a surface's plan is outside of all feet, points (k, 3) of each in metres: it would
-    tip."""
+    """Return True if the middle of a surface's plan is outside of all feet, points (k, 3) in metres: it would tip."""
     if not feet:
         return False
     middle = surface.areas @ surface.centroids / surface.area
@@ -149,8 +148,7 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
 def _with_higher_feet(
     surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], ground: float, span: float
 ) -> list[Foot]:
-    """Add the next higher low points of the outer edges, up to `HIGHEST`, until it does not tip; unchanged without
-    success."""
+    """Add the next higher low points of outer edges, up to `HIGHEST`, until it does not tip, or return the feet."""
     h = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
     places = sorted({float(P[v, 2]) for k, P in lines.items() if outer[k] for v in _valleys(P[:, 2], DIP * h)})
@@ -164,8 +162,7 @@ def _with_higher_feet(
 
 
 def _on_a_slope(surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], span: float) -> list[Foot]:
-    """The feet on the plane through the lowest points, if they are more: a shell on four feet on a slope needs the
-    fourth."""
+    """The feet on the plane through the lowest points, if more: a shell on four feet on a slope needs all."""
     lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in low_feet])
     if len(low_feet) < 3:
         return low_feet
@@ -241,8 +238,7 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
 
 
 def soles(surface: Surface, height: float) -> list[Foot]:
-    """Return the lowest parts of a surface, which for a closed one are on the ground, without specks beside larger
-    parts."""
+    """Return the lowest parts of a surface, on the ground if it is closed, without specks beside larger parts."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * height
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
@@ -356,8 +352,7 @@ def _kind(surface: Surface, foot: Foot, span: float) -> str:
 
 
 def stems(surface: Surface, stands: Sequence[Foot], span: float) -> tuple[Foot, ...]:
-    """Return the lowest parts of a sheet that hangs from an upper rim, as a funnel or a bowl: it could stand on them
-    instead."""
+    """Return the lowest parts of a sheet that hangs from an upper rim, as a funnel: it could stand on them instead."""
     if not stands or not all(foot.name.startswith(RIM) for foot in stands):
         return ()
     x, y = surface.V[:, 0], surface.V[:, 1]

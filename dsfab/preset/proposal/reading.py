@@ -149,8 +149,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """A mesh as a surface, metres, z up, with the keys of [surface] that produce it.
-    repaired : differences from its file."""
+    """A mesh as a surface, metres, z up, with its keys of [surface]. repaired : differences from its file."""
 
     surface: Surface
     name: str
@@ -246,8 +245,7 @@ def _with_z_up(
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
-    """Origin of a surface: whole metres near its lowest corner along the axes on which it is far off, 0 along the
-    rest."""
+    """Origin of a surface: whole metres near its lowest corner along axes on which it is far off, else 0."""
     low = surface.V.min(axis=0)
     # single precision (STL) is coarser there than a hundred-thousandth, and CAD programs lose digits
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
@@ -271,8 +269,7 @@ def _alternative_units(surface: Surface, unit: str) -> str:
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
-    """Return '--unit in: 8 m x 6 m x 3 m' for each other unit in which the longest of these sides (m) is in a range
-    (m)."""
+    """Return '--unit in: 8 m x 6 m x 3 m' for each other unit in which the longest side (m) is in a range (m)."""
     metres = {name: metres_per(name) / metres_per(unit) for name in GUESSED if name != unit}
     return [
         f"--unit {name}: {' x '.join(length(times * side) for side in sides)}"

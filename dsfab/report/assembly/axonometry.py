@@ -90,8 +90,7 @@ def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
 
 
 def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of a plan of planks in their colours: both sides and the upper edge of each plank, and the
-    plates."""
+    """Return the faces of planks in their colours: both sides and the upper edge of each plank, and the plates."""
     assert plan.graph is not None
     assert plan.planks is not None
     graph, stock, built = plan.graph, plan.planks.stock, {part.member for part in plan.parts}
@@ -165,8 +164,7 @@ class FaceList:
 def painted_faces(
     faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]
 ) -> FaceList:
-    """Return all faces from the farthest to the nearest; `colours` replaces the colours of the members that it
-    names."""
+    """Return all faces from the farthest to the nearest; `colours` replaces the colours of members that it names."""
     quads = np.concatenate([face.quads for face in faces])
     tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])

@@ -122,8 +122,7 @@ SHOWN = 1.7
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages of the node with the most arms: its plate and bars from above and from the side; another for
-    legs."""
+    """Return pages of the node with the most arms: plate and bars from above and from the side; another for legs."""
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.bar_lattice.joints if joint.node.joined]
     pages = list[PartsPage]()
@@ -216,8 +215,7 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
 
 
 def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, bars: Container[str]) -> None:
-    """Draw an arm of a plate from the side, to scale: its fold, the bar and its bolts. A leg lies level, without a
-    bar."""
+    """Draw an arm of a plate from the side, to scale: fold, bar and bolts. A leg lies level, without a bar."""
     assert plan.bars is not None
     stock = plan.bars.stock
     c, s = float(np.cos(arm.dip)), float(np.sin(arm.dip))

@@ -105,7 +105,6 @@ def nest_pages(plan: WorkshopPlan) -> list[PartsPage]:
 
 
 def _largest_scale(across: int, down: int, wide: float, high: float) -> float:
-    """Millimetres per metre at which this many sheets fit on a page."""
     return min((PAGE.wide / across - 6) / wide, (PAGE.high / down - 12) / high)
 
 

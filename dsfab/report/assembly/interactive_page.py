@@ -125,7 +125,6 @@ def _clickable_faces(plan: WorkshopPlan) -> list[MemberFaces]:
 
 
 def _refolded_parts(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]:
-    """Flat parts bent back into space, metres; none if the page shows members as their parts anyway."""
     if plan.bars:
         return []
     piece = piece_length(faces)

@@ -145,8 +145,7 @@ FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans",
 
 
 def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
-    """Return `bars`, the compliances at one mass, and `volumes` if the request names several masses. rows : at
-    these."""
+    """Return `bars`, compliances at one mass, and `volumes` if the request names several masses. rows : at these."""
     images: dict[str, ChartImage] = {}
     with lettering():
         if findings.compared.rivals:
@@ -256,8 +255,7 @@ class FindingsPictures:
         )
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with the loads and supports of a case; beside: two pictures share the width of the
-        text."""
+        """Draw the uncut surface with a case's loads and supports; beside: two pictures share the text's width."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -326,8 +324,7 @@ def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0)
 
 
 def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
-    """Return a picture without empty rows at top and bottom, and with few between the structure and the words below
-    it."""
+    """Return a picture without empty rows at top and bottom, with few between the structure and its words."""
     marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(marked_rows):
         return pixels

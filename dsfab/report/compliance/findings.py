@@ -94,8 +94,7 @@ def round_number_above(value: float) -> float:
 
 
 SAFE_BUCKLING_FACTOR = 5.0
-"""Load factor above which the linear buckling analysis suffices, because real shells buckle at a fifth to a half of
-it."""
+"""Load factor above which linear buckling suffices: real shells buckle at a fifth to a half of it."""
 
 LABELS = {
     "full": "Whole sheet, uncut",
@@ -219,8 +218,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Select the cases and combinations with a figure of their own: of a standard's combinations only the decisive
-        ones."""
+        """Select the cases and combinations with a figure of their own: of a standard's only the decisive ones."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = (
             {self.cases[0], self.decisive_case("displacement")[0], self.decisive_case("stress")[0]}
@@ -233,8 +231,7 @@ class Findings:
         return f", {escaped_text(self.decisive_case(answer)[0])}" if len(self.judgement.cases) > 1 else ""
 
     def stiffness_ratio(self, rival: Competitor) -> tuple[float, float, float]:
-        """Return the stiffness of the design over that of a competitor of the same mass: lower bound, estimate, upper
-        bound."""
+        """Return the stiffness over that of a competitor of the same mass: lower bound, estimate, upper bound."""
         assert rival.judgement is not None
         rival_bound, design_bound = rival.judgement.bound or 0.0, self.judgement.bound or 0.0
         middle = rival.compliance / self.design.compliance

@@ -139,8 +139,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Sums of the forces of each case and combination, on the cut sheet if it carries them all, and the checks on
-    each."""
+    """Sums of forces of each case and combination, on the cut sheet if it carries all, and checks on each."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}

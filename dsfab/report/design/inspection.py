@@ -71,8 +71,7 @@ def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
 
 
 def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a table of the supports, each in its largest case, and a table of the loads; nothing for files without
-    them."""
+    """Yield a table of supports, each in its largest case, and a table of loads; nothing for files without them."""
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         several = len(supports[0]["share"]) > 1

@@ -60,8 +60,7 @@ def uncut_modes(design: "Design") -> "ModeIntervals":
 
 
 def mode_facts(design: "Design") -> dict[str, Any]:
-    """Return `mode_intervals` of `design.json`: values with relative half widths of their intervals; empty without a
-    request."""
+    """Return `mode_intervals` of `design.json`: values with half widths relative to them; empty without a request."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
@@ -96,8 +95,7 @@ def mode_lines(design: "Design") -> list[str]:
 
 
 def answer_lines(design: "Design") -> list[str]:
-    """Return stress, buckling and vibration as lines, for the worst case or combination; without stress of `hinge`
-    elements."""
+    """Return stress (not of `hinge` elements), buckling and vibration as lines, for the worst case or combination."""
     cases = design.statics.cases
     answers = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
     under = {name: f", {name}" if len(cases) > 1 else "" for name in answers}

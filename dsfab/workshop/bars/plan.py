@@ -165,7 +165,6 @@ def placed_parts(plan: BarPlan) -> list[PlacedPart]:
 
 
 def _plate_quads(joint: Joint, lattice: BarLattice, stock: BarStock) -> Floats:
-    """Return quads (q, 4, 3) of a folded plate's middle: one for each arm, and two triangles beside each."""
     n, quads = joint.node.normal, list[Floats]()
     middle = joint.node.point - stock.lever * n
     corners = list[tuple[Floats, Floats]]()

@@ -99,7 +99,6 @@ def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, F
 
 
 def _shifted_points(points: Floats, ways: Floats) -> Floats:
-    """Return points (q, 2) moved by each of the vectors (k, 2): (k q, 2)."""
     return np.asarray((points[None] + ways[:, None]).reshape(-1, 2))
 
 

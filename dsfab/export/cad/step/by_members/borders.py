@@ -87,8 +87,7 @@ def _side(a: Floats, b: Floats, p: Floats) -> Floats:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Unite regions whose outlines cross or nearly touch with the region beyond an inner chain; the same net if there
-    are none."""
+    """Unite regions whose outlines cross or nearly touch with the region beyond an inner chain, if there are any."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -100,8 +99,7 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Unite both regions of a chain under the number of its left one, if both have a single outline; else return the
-    net."""
+    """Unite both regions of a chain under its left one's number, if both have a single outline."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
@@ -141,8 +139,7 @@ SIDEWAYS_SHARE = 1 / 3
 """Largest sideways movement of a chain over the thickness."""
 
 SAG_SHARE = 1 / 400
-"""Approximate distance of chords from the straightened curve over the thickness. Fits to coarse polylines have many
-spans."""
+"""Distance of chords from the straightened curve over the thickness. Fits to coarse polylines have many spans."""
 
 PLACES = np.linspace(0, 1, 65)
 """Parameters where the curvature is measured."""
@@ -183,7 +180,6 @@ def _turns_back(curve: Spline) -> bool:
 
 
 def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> ChainNet:
-    """Remove chains if one plane sees both regions beside them. N (p, 3) normals at the net's points."""
     least_cosine = 0.5  # between the mean normal of the joined region and any of its normals
     for k in hairpins:
         chain = net.chains.get(k)

@@ -142,8 +142,7 @@ def _require(*tests: tuple[bool, str], error: type[ExportError] = ExportError) -
 def _require_solid(
     part: Part, plan: SmoothPlan, draft: MemberDraft, findings: list[OcctFinding], reports_list: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distances from the mesh and back, and OCCT's shape; raises ExportError for a wrong or bad
-    solid."""
+    """Return the largest distances from the mesh and back, and OCCT's shape; raises ExportError for a bad solid."""
     # Share of the diagonal that OCCT's box may be off. Less than twice the limit of trial cuts, because the
     # alternatives are worse: for a saddle of 5 m, 1.1 % by members and 20 % for the smooth file.
     wide_box = 2e-2
@@ -186,8 +185,7 @@ def _box(findings: list[OcctFinding]) -> list[float]:
 
 
 def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) -> str:
-    """Describe one trial cut of OCCT's shape; raises ExportError if it failed. Reading the text again would take
-    longer."""
+    """Describe a trial cut of OCCT's shape (rereading the text would take longer); raises ExportError if it failed."""
     use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
         raise ExportError(f"by members {use.fault}")
@@ -195,8 +193,7 @@ def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) ->
 
 
 def _use_sentence(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: float) -> str:
-    """Describe all trials of `use_check`; raises ExportError if a CAD program would fail with the file or misread
-    it."""
+    """Describe all trials of `use_check`; raises ExportError if a CAD program would fail or misread the file."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:

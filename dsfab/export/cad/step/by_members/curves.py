@@ -95,8 +95,7 @@ class SampledChain:
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.middle, axis=0), axis=1))])
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector from one end to the point at `reach` mm along the chain, and the unit normal at that
-        end."""
+        """Return the vector from one end to the point `reach` mm along the chain, and the unit normal at that end."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)

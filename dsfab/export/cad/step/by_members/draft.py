@@ -306,8 +306,7 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
-    """Return the net of a piece. It has about one wall for each outline chain, and at least two faces for each
-    region."""
+    """Return the net of a piece, with about one wall per outline chain and at least two faces per region."""
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)

@@ -137,8 +137,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Extension up to the place where OCCT's tangent is off by `TANGENT_GAP` beside a fillet of
-    `LARGE_FILLET_SHARE`."""
+    """Extension to the place where OCCT's tangent is off by `TANGENT_GAP` beside a fillet of `LARGE_FILLET_SHARE`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -221,7 +220,6 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    """(2, 2, 2) box slightly larger than a patch."""
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -260,7 +258,6 @@ def _places(model: NetModel, faces: list[TrimmedFace], i: int, e: int, share: Fl
 
 
 def _box(uv: Floats) -> Floats:
-    """(2, 2, 2) lowest and highest parameters on each skin for curves (2, k, 2)."""
     low, high = np.minimum(uv.min(axis=1), 0), np.maximum(uv.max(axis=1), 1)
     return np.stack([(1 + MARGIN) * low, 1 + (1 + MARGIN) * (high - 1)], axis=1)
 

@@ -30,7 +30,6 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 
 
 def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
-    """(k, 3) points in mm along a chain with moved ends."""
     fewest = 5  # points of a chain with moved ends
     line = P[points]
     lengths = _lengths(line)
@@ -74,8 +73,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline's chains that end and begin at a node, and the end of its only border there; None
-    otherwise."""
+    """Return the outline's chains that end and begin at a node, and the end of its only border there, or None."""
     outline, borders = (
         outline_through(net, ends),
         [chain_end for chain_end in ends if net.chains[chain_end[0]].right != VOID],

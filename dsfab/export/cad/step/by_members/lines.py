@@ -38,8 +38,7 @@ class ChainLine:
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return pairs of parameters where VOID is on one side; the material is on the left from the first to the
-        second."""
+        """Return pairs of parameters between which VOID is on one side; the material is on the left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -63,8 +62,7 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts them or they are short, each at its middle or at the end of a chain
-        near it."""
+        """Divide cubics until `may_stay` accepts them or they are short, at the middle or at a chain's end near it."""
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -85,8 +83,7 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines of a net. `place` maps each chain to its line and parameters. twins : pairs of lines on both sides of a
-    seam."""
+    """Lines of a net. `place` maps each chain to its line and parameters. twins : lines on both sides of a seam."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -265,8 +262,7 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : the chains of round
-    corners."""
+    """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : their chains."""
     rounds = 4  # an arc that becomes a wall may push others off their chords
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
@@ -354,8 +350,7 @@ class _Corners:
         return spans[0, 0], spans[-1, -1]
 
     def _known_way(self, node: int) -> Floats | None:
-        """(6,) direction of an outline at a node, memoised; None at a corner, or where a border leaves in that
-        direction."""
+        """(6,) direction of an outline at a node, memoised; None at a corner, or where a border leaves that way."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -387,7 +382,6 @@ class _Corners:
         return _scaled_direction((b - a) * length_after / length_before + (c - b) * length_before / length_after)
 
     def _seam_way(self, k: int, end: int) -> Floats:
-        """(3,) direction of a chain at an end."""
         P = self.lines.curve(k).spans[end]
         return _unit(_mean_direction(P[1] - P[0]) if end == 0 else _mean_direction(P[2] - P[3]))
 
@@ -429,12 +423,10 @@ def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direct
 
 
 def _mean_direction(direction: Floats) -> Floats:
-    """(3,) mean of both skins."""
     return np.asarray((direction[:3] + direction[3:]) / 2)
 
 
 def _scaled_direction(direction: Floats) -> Floats:
-    """(6,) scaled so that the mean of both skins has length 1 mm."""
     return np.asarray(direction / np.linalg.norm(_mean_direction(direction)))
 
 

@@ -329,7 +329,6 @@ def wall_direction(wall: NetWall, model: NetModel, at_start: bool) -> Floats:
 
 
 def _end_direction(model: NetModel, step: tuple[int, bool], at_start: bool) -> Floats:
-    """(3,) direction of a step where it begins (`at_start`) or ends."""
     P = model.poles(step)[:, :3]
     ahead = P[1] - P[0] if at_start else P[3] - P[2]
     return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-300))

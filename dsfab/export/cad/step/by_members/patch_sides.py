@@ -84,7 +84,6 @@ def _corners(angle: Floats) -> Ints | None:
 
 
 def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -> Floats:
-    """(k,) interior angles in degrees where each chain of a loop begins."""
     ahead = [chains[k].direction(forwards, reach) for k, forwards in loop]
     behind = [chains[k].direction(not forwards, reach) for k, forwards in [loop[-1], *loop[:-1]]]
     out, normal, back = (np.stack(rows) for rows in (*zip(*ahead, strict=True), [forwards for forwards, _ in behind]))
@@ -219,8 +218,7 @@ CHORD_SHARE = 1 / 8
 mesh wave, and curves are moved onto them later. With 1/2 a torus was 3.8 mm off where 3.4 are allowed."""
 
 TEST_PLACES = np.linspace(0, 1, 9)[1:-1]
-"""Parameters where the distance of a cubic from the skins is measured. Cubics shorter than the thickness are not
-divided."""
+"""Parameters where a cubic's distance from the skins is measured. Cubics shorter than the thickness stay whole."""
 
 
 class LineFits:

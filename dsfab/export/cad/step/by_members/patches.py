@@ -45,7 +45,6 @@ def _degree_matrix(n: int) -> Floats:
 
 
 def _powers(x: Floats, degree: int) -> Floats:
-    """(k, degree + 1) Bernstein polynomials at x (k,)."""
     i = np.arange(degree + 1)
     return np.asarray(_binomials(degree) * x[:, None] ** i * (1 - x[:, None]) ** (degree - i))
 
@@ -63,8 +62,7 @@ def differences(count: int) -> Floats:
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""(k, 2) sample parameters of a surface. With 12 along a side a bulge of 1.6 mm in a corner of a face of 40 mm was
-missed."""
+"""(k, 2) sample parameters of a surface; 12 along a side missed a bulge of 1.6 mm in a corner of 40 mm."""
 
 ROWS = rows_at(PLACES)
 
@@ -91,8 +89,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Largest excess of a region's surfaces over the allowed distance from the mesh, inside outlines (., 3); -inf if
-    unlimited."""
+    """Largest excess of surfaces over the allowed distance from the mesh, inside outlines (., 3), or -inf."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -177,8 +174,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Least ratio of a normal's component along the mean normal to the largest one, for patches (..., 4, 4, 3); < 0 if
-    folded."""
+    """Least ratio of a normal's component along the mean normal to the largest, for patches (..., 4, 4, 3)."""
     P = P.reshape(-1, 4, 4, 3)
     y = 1 - FOLD_PLACES
     B = np.stack([y**3, 3 * FOLD_PLACES * y**2, 3 * FOLD_PLACES**2 * y, FOLD_PLACES**3], axis=1)

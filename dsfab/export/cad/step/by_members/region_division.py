@@ -61,8 +61,7 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
-    """Positions of two walls in a region's only loop that are longer than their distance and not adjacent; None
-    otherwise."""
+    """Positions of two walls in a region's only loop, longer than their distance and not adjacent, or None."""
     long = 1.5  # least length of both walls of a member over the distance between them
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
@@ -100,8 +99,7 @@ a few were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide regions that bend too much, if they have one outline and nodes. The net's first points are those of the
-    sheet."""
+    """Divide regions that bend too much and have one outline and nodes. The net's first points are the sheet's."""
     most_seams = 200  # of one sheet
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}

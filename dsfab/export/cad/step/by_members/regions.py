@@ -158,7 +158,6 @@ class _BorderWalk:
         return step
 
     def _nodes(self, loose: Bools) -> Bools:
-        """(n,) vertices where chains end."""
         n, h = len(self.P), self.along
         once = h[(self.twin[h] < 0) | (h < self.twin[h])]
         ends = np.concatenate([self.start[once], self.end[once]])
@@ -298,8 +297,7 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return whether an outline has a sharp corner, or begins or ends to be round, at the middle of five points (5,
-    3)."""
+    """Return whether an outline has a sharp corner, or begins or ends to be round, amid five points (5, 3)."""
     if len(line) < 5:
         return True
     d = np.diff(line, axis=0)
@@ -390,7 +388,6 @@ class RegionInterior:
         return np.asarray(long > np.minimum(self.thickness, REGION_SHARE * size))
 
     def _sizes(self, net: ChainNet, regions: Sequence[int]) -> Floats:
-        """(r,) diagonals of boxes around regions, millimetres."""
         P = self._on_mesh(net.weights)
         outlines = ([net.chains[k].points for loop in net.loops[region] for k, _ in loop] for region in regions)
         return np.array([np.linalg.norm(np.ptp(P[np.concatenate(line)], axis=0)) for line in outlines])

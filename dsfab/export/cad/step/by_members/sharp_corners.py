@@ -155,8 +155,7 @@ def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMode
 
 
 def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, Floats]]) -> TrimmedFace:
-    """Put a face at least on its seams and move its rims onto it, or the rims at corners without seams; else return it
-    unchanged."""
+    """Put a face at least on its seams and move its rims, or those at corners without seams, onto it, if possible."""
     if not rims.pieces_around(face):
         return face
     ways = [rims.seams(face, curves) for curves in held_curves]

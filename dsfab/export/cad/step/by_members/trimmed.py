@@ -226,7 +226,6 @@ def _sample_matrix(n: int) -> Floats:
 
 
 def _skin_normals(points: Floats) -> Floats:
-    """(k, 3) unit vectors from the inner to the outer skin at points (k, 6)."""
     vectors = points[:, :3] - points[:, 3:]
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
 
@@ -360,8 +359,7 @@ def _best(uv: Floats, z: Floats, inside: int, gap_limit: float, inner_limit: flo
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """(p + 1, p + 1) poles near to heights z (k,) with basis A (k, (p + 1)^2) and weights, and near to the poles
-    `base`."""
+    """(p + 1, p + 1) poles near heights z (k,) with basis A (k, (p + 1)^2) and weights, and near poles `base`."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

@@ -58,8 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """For each face (k, 6) points of the skins beside its samples if one sample is farther off than `tolerance`; else
-    none."""
+    """For each face (k, 6) points of skins beside samples if one is farther off than `tolerance`; else none."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -70,7 +69,6 @@ def _skins_beside(
 
 
 def _places(model: NetModel, face: TrimmedFace) -> Floats:
-    """(k, 6) sample points of a face inside its outline."""
     skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles in (face.outer, face.inner)]
     P = np.concatenate(skins, axis=1)
     return np.asarray(P[inside_outlines(P, [loop_samples(model, loop) for loop in face.loops])])
@@ -149,8 +147,7 @@ class _PeakSurface:
     """By degree: (j, poles) basis along all edges."""
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return the poles with the fewest peaks off the samples, in the lowest degree. exact : keep exact edges
-        exact."""
+        """Return poles with the fewest peaks off the samples, in the lowest degree. exact : keep exact edges exact."""
         exact_gap = 1e-6  # largest gap of an exact edge of a flush face, which stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
         result, least = self.poles, int(self._misplaced(self._gaps(local)).sum())
@@ -170,8 +167,7 @@ class _PeakSurface:
         return float(np.abs(self._gaps(poles @ self.axes.T)).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Heights of the poles after each round with the number of misplaced peaks. Edges with gaps below `exact_gap`
-        keep them."""
+        """Heights of poles after each round, with the number of misplaced peaks. Gaps below `exact_gap` stay."""
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -217,7 +213,6 @@ class _PeakSurface:
         return self.over[degree]
 
     def _gaps(self, local: Floats) -> Floats:
-        """(e, k) gaps of seams above the surface, normal to it."""
         return self._gaps_and_cosines(local)[0]
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:

@@ -28,8 +28,7 @@ from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
 LEAST_WIDTH_SHARE = 1 / 20
-"""Least mean width of the part that a chord cuts off over the thickness. OCCT draws no triangles of a lens of 1.6 x 0.2
-mm."""
+"""Least mean width that a chord cuts off over the thickness. OCCT draws no triangles of a lens of 1.6 x 0.2 mm."""
 
 CHORD_SHARES = np.linspace(0, 1, 17)[1:-1]
 """Shares of a chord where its distance from the outline is measured."""
@@ -142,8 +141,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Largest ratio of gap, inner distance, pole distance from the box and distance from the mesh to its limit; > 1 is
-    too much."""
+    """Largest ratio of gap, inner distance, pole distance from the box and distance from the mesh to its limit."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles are farther off by the deflection
@@ -209,7 +207,6 @@ class _FaceDivision:
         return self._faces(self._with_seam(loop, *best_seam), points) if best_seam else []
 
     def _faces(self, loops: Iterable[ChainLoop], points: Floats) -> list[TrimmedFace]:
-        """Return faces of parts with one loop each, or [] if one fails."""
         try:
             two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
         except ExportError:
@@ -236,8 +233,7 @@ class _FaceDivision:
         return [(pairs[i], seams[i]) for i in np.argsort(misfits_left, kind="stable").tolist()[:limit]]
 
     def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
-        """(k, 4, 6) cubics on the skins between both points (6,) of each chord, with as many cubics as needed or
-        allowed."""
+        """(k, 4, 6) cubics on the skins between both points (6,) of each chord, as many as needed or allowed."""
         checks = 8  # places along each cubic where its distance from the skins is measured
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:
