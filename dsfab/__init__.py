@@ -28,8 +28,8 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 try:
-    __version__ = version("dsfab")  # of the tag that it was installed from
-except PackageNotFoundError:  # files that nobody installed
+    __version__ = version("dsfab")  # from the git tag of the installed version
+except PackageNotFoundError:  # the files were copied without an installation
     __version__ = "0+unknown"
 
 # Threads of OpenBLAS that wait for work sleep after 2^20 cycles, a third of a millisecond, in place of 2^26: after one

@@ -53,7 +53,7 @@ def test_files_of_others_are_counted_and_passed_by(outputs, tmp_path):
         (outputs.home / name).mkdir(parents=True)
         (outputs.home / name / "notes.txt").write_text("mine")
     assert outputs.foreign_files("roof") == 1
-    assert outputs.free("roof") == "roof-3"
+    assert outputs.free_name("roof") == "roof-3"
     made = tmp_path / "made"
     made.mkdir()
     (made / "roof.stl").write_text("solid")
@@ -65,9 +65,9 @@ def test_files_of_others_are_counted_and_passed_by(outputs, tmp_path):
 def test_a_file_of_others_is_never_overwritten(outputs):
     outputs.home.mkdir()
     (outputs.home / "roof.toml").write_text("mine")
-    assert outputs.keep("roof", ".toml", b"ours").name == "roof-2.toml"
-    assert outputs.keep("roof", ".toml", b"ours again").name == "roof-2.toml"
-    assert outputs.keep("roof", ".toml", b"mine").name == "roof.toml"  # the same bytes
+    assert outputs.write_file("roof", ".toml", b"ours").name == "roof-2.toml"
+    assert outputs.write_file("roof", ".toml", b"ours again").name == "roof-2.toml"
+    assert outputs.write_file("roof", ".toml", b"mine").name == "roof.toml"  # the same bytes
     assert (outputs.home / "roof.toml").read_text() == "mine"
 
 

@@ -45,7 +45,7 @@ def lattice(xs, ys, z):
 
 def held(solid, points, axes):
     """Rigid springs on some directions of points."""
-    rows = solid.at(points, 1e-3)[np.flatnonzero(np.tile([axis in axes for axis in "xyz"], len(points)))]
+    rows = solid.interpolation(points, 1e-3)[np.flatnonzero(np.tile([axis in axes for axis in "xyz"], len(points)))]
     return Holding(csr_array(rows), np.full(rows.shape[0], RIGID * 210e9 * 0.01))
 
 
@@ -56,7 +56,7 @@ def test_the_extra_is_there():
 def test_forces_keep_their_resultant_and_moment(tmp_path):
     solid = model(tmp_path, PLATE, 0.04)
     place, force = np.array([[0.123, 0.077, 0.004], [0.31, 0.05, 0.009]]), np.array([[1.0, 2, 3], [-4, 5, 6]])
-    on_nodes = (solid.at(place, 1e-6).T @ force.ravel()).reshape(-1, 3)
+    on_nodes = (solid.interpolation(place, 1e-6).T @ force.ravel()).reshape(-1, 3)
     assert on_nodes.sum(axis=0) == pytest.approx(force.sum(axis=0))
     assert np.cross(solid.points, on_nodes).sum(axis=0) == pytest.approx(np.cross(place, force).sum(axis=0))
 
@@ -67,7 +67,7 @@ def test_a_bar_is_pulled_by_its_closed_form(tmp_path):
     start = solid.points[np.isclose(solid.points[:, 0], 0.0)]
     y, z = (np.arange(16) + 0.5) / 16 * 0.04, (np.arange(8) + 0.5) / 8 * 0.02
     end = np.array([(0.4, b, c) for b in y for c in z])
-    force = solid.at(end, 1e-6).T @ np.tile([1e3 / len(end), 0, 0], len(end))
+    force = solid.interpolation(end, 1e-6).T @ np.tile([1e3 / len(end), 0, 0], len(end))
     found = compliances(solid, held(solid, start, "xyz"), [force])[0]
     assert found == pytest.approx(1e6 * 0.4 / (210e9 * 0.04 * 0.02), rel=5e-3)
 
@@ -81,7 +81,7 @@ def test_a_plate_bends_by_its_closed_form(tmp_path):
     rim = np.concatenate([lattice(s, (0, a), t / 2), lattice((0, a), s[1:-1], t / 2)])
     middles = (s[1:] + s[:-1]) / 2
     grid = lattice(middles, middles, t / 2)
-    force = solid.at(grid, 1e-6).T @ np.tile([0, 0, -q * a * a / len(grid)], len(grid))
+    force = solid.interpolation(grid, 1e-6).T @ np.tile([0, 0, -q * a * a / len(grid)], len(grid))
     centre, side = np.array([[a / 2, a / 2, t / 2]]), np.array([[a / 2, 0, t / 2]])
     stands = [held(solid, rim, "z"), held(solid, centre, "xy"), held(solid, side, "x")]
     holding = Holding(
@@ -96,12 +96,12 @@ def test_a_plate_bends_by_its_closed_form(tmp_path):
 def test_a_point_outside_the_solid_is_refused(tmp_path):
     solid = model(tmp_path, PLATE, 0.04)
     with pytest.raises(StaticsError, match=r"1 of 2 loaded or held points .*first at \[0.1, 0.1, 0.05\]"):
-        solid.at(np.array([[0.1, 0.1, 0.005], [0.1, 0.1, 0.05]]), 0.01)
+        solid.interpolation(np.array([[0.1, 0.1, 0.005], [0.1, 0.1, 0.05]]), 0.01)
 
 
 def test_a_solid_that_is_not_held_is_refused(tmp_path):
     solid = model(tmp_path, PLATE, 0.04)
-    force = solid.at(np.array([[0.1, 0.1, 0.005]]), 0.01).T @ np.array([0, 0, 1.0])
+    force = solid.interpolation(np.array([[0.1, 0.1, 0.005]]), 0.01).T @ np.array([0, 0, 1.0])
     with pytest.raises(StaticsError, match="not held"):
         compliances(solid, held(solid, np.array([[0.2, 0.1, 0.005]]), "z"), [force])
 

@@ -319,8 +319,9 @@ def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch
             text = written.read_text(encoding="utf-8")
             assert text.count("spacing = 0.75") == 2
             written.write_text(text.replace("spacing = 0.75", "spacing = 1.5"), encoding="utf-8")
+        rough = ["--set", "surface.edge=0.4"] if block.startswith("dsfab preview") else []  # it shows no numbers
         for line in block.splitlines():
-            assert main(shlex.split(line)[1:]) == 0, line
+            assert main([*shlex.split(line)[1:], *rough]) == 0, line
         if block.startswith("dsfab new"):
             text = written.read_text(encoding="utf-8")
             assert 'step = "quick"' in text

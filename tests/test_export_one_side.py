@@ -119,7 +119,7 @@ def test_a_file_of_a_strip_with_one_side_is_compared_with_what_it_was_cut_open_t
     distance = import_module("dsfab.study.file_check.file_geometry")
     monkeypatch.setattr(distance, "curved_design", lambda design: part.curved())
     design = SimpleNamespace(preset=dsfab.load_preset("dome"), surface=ladder()[0])
-    allowed = distance.Allowance.of(SimpleNamespace(reader="OCCT", deflection=1e-4), design)
+    allowed = distance.Allowance.from_design(SimpleNamespace(reader="OCCT", deflection=1e-4), design)
     assert allowed.limits
     assert allowed.limits.thickness == pytest.approx(1000 * T, rel=0.02)
 

@@ -151,7 +151,7 @@ def test_a_parser_of_iso_10303_21_finds_a_whole_and_closed_boundary(way, step_fi
     solid, path = step_file(way)
     (data,) = p21.readfile(path).data
     found = {
-        name: [one.value_index] if p21.is_simple_entity_instance(one) else list(one.entities)
+        name: [one.entity] if p21.is_simple_entity_instance(one) else list(one.entities)
         for name, one in data.instances.items()
     }
     entities = {name: some[0] for name, some in found.items()}

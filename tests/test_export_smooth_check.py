@@ -30,7 +30,7 @@ def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
 
 COPIED = """
 import runpy, sys, time
-Meanwhile = runpy.run_path(sys.argv[1])["_Meanwhile"]
+Meanwhile = runpy.run_path(sys.argv[1])["_ForkedWork"]
 asked, dropped = Meanwhile(lambda: 0.1 + 0.2), Meanwhile(lambda: time.sleep(3600))
 dropped.stop()
 print(asked() == 0.1 + 0.2)
@@ -45,7 +45,7 @@ def test_a_copy_of_the_program_answers_or_is_stopped(tmp_path):
 
 LEFT = """
 import os, runpy, sys, time
-print(runpy.run_path(sys.argv[1])["_Meanwhile"](lambda: time.sleep(600))._copy, flush=True)
+print(runpy.run_path(sys.argv[1])["_ForkedWork"](lambda: time.sleep(600))._copy, flush=True)
 time.sleep(0.5)
 os._exit(0)
 """

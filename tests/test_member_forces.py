@@ -195,7 +195,7 @@ def test_their_thrusts_carry_what_lies_on_the_vault(vault):
         if name.startswith(("B", "rim")):
             axis = vault.members.by_id[name].axis
             for k in (0, -1):
-                _, T, normal = axis.at(one.s[[k]])
+                _, T, normal = axis.frames_at(one.s[[k]])
                 F = one.forces["load"][k]
                 vector = F[N] * T[0] + F[VY] * np.cross(normal[0], T[0]) + F[VZ] * normal[0]
                 down += abs(vector[2])

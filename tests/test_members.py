@@ -47,7 +47,7 @@ def bay_errors(given, graph):
     """Metres between the bays of all strips and the truth."""
     found = []
     for member in graph.members:
-        bay, nodes = given.truth(member.family, member.stripe)["bay"], graph.along[member.id]
+        bay, nodes = given.truth(member.family, member.stripe)["bay"], graph.nodes_along[member.id]
         others = [graph.by_id[node.members[1 - node.members.index(member.id)]].stripe for node in nodes]
         for one, two, length in zip(others, others[1:], graph.bays(member.id), strict=False):
             found.append(length - abs(two - one) * (bay(min(one, two)) if callable(bay) else bay))
@@ -122,7 +122,7 @@ def test_the_frame_of_an_axis_is_right_handed_and_closes():
         assert np.linalg.det(frames) == pytest.approx(np.ones(len(axis.s)))
         steps = np.linalg.norm(np.diff(axis.P, axis=0), axis=1)
         assert np.diff(axis.s) == pytest.approx(steps, rel=2e-3)
-        assert axis.at(axis.s[[3]])[0][0] == pytest.approx(axis.P[3])
+        assert axis.frames_at(axis.s[[3]])[0][0] == pytest.approx(axis.P[3])
 
 
 # --- plates, on which everything is exact
@@ -160,7 +160,7 @@ def test_stripes_of_a_plate_cross_exactly_where_both_fields_are_whole(turn, betw
         if node.kind == "crossing":
             assert A @ node.point[:2] + (one, two) == pytest.approx(both, abs=1e-6)
             for name, s in zip(node.members, node.at, strict=True):
-                assert graph.by_id[name].axis.at(np.array([s]))[0][0] == pytest.approx(node.point, abs=1e-6)
+                assert graph.by_id[name].axis.frames_at(np.array([s]))[0][0] == pytest.approx(node.point, abs=1e-6)
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-15, 15), np.arange(-15, 15)))
     places = np.linalg.solve(A, np.stack([i - one, j - two])).T
     inside = ((places > 0.02) & (places < np.array([2.0, 1.4]) - 0.02)).all(axis=1)
@@ -199,7 +199,7 @@ def test_a_stripe_along_the_edge_has_its_axis_on_the_edge():
     assert edge.length == pytest.approx(2.0)
     assert edge.mean_width == pytest.approx(0.035, rel=0.06)  # cut on a mesh, snapped to its vertices
     assert edge.ends[0] == "edge"  # the other end is within a width of a node
-    assert len(graph.along["A01"]) == len(graph.along["A02"])
+    assert len(graph.nodes_along["A01"]) == len(graph.nodes_along["A02"])
 
 
 def test_a_stripe_whose_middle_is_beside_the_plate_has_an_axis_in_its_own_middle():
@@ -265,7 +265,7 @@ def beside_a_rim(middle):
 
 def met(graph, name):
     """The other members at the nodes of one, in their order."""
-    return [one for node in graph.along[name] for one in node.members if one != name]
+    return [one for node in graph.nodes_along[name] for one in node.members if one != name]
 
 
 def test_a_strip_that_runs_into_a_rim_and_follows_it_ends_there():
@@ -368,7 +368,7 @@ def assert_on_both(graph, edge):
     for node in graph.nodes:
         if node.kind == "crossing":
             for name, s in zip(node.members, node.at, strict=True):
-                off.append(np.linalg.norm(graph.by_id[name].axis.at(np.array([s]))[0][0] - node.point))
+                off.append(np.linalg.norm(graph.by_id[name].axis.frames_at(np.array([s]))[0][0] - node.point))
     assert np.percentile(off, 95) < 0.2 * edge
 
 
@@ -404,7 +404,7 @@ def test_a_vault_has_arches_purlins_two_edges_and_two_springing_lines_that_are_j
     assert np.abs(arch.axis.kn[calm]) == pytest.approx(np.full(len(arch.axis.s) - 20, 1 / radius), rel=0.05)
     assert arch.length == pytest.approx(2 * radius * np.arcsin(4 / radius), rel=2e-3)
     assert arch.mean_width == pytest.approx(0.2, rel=0.01)
-    assert len(graph.along["B06"]) == 4  # two purlins, two springing lines
+    assert len(graph.nodes_along["B06"]) == 4  # two purlins, two springing lines
     kinds = [node.kind for node in graph.nodes]
     assert (kinds.count("crossing"), kinds.count("branch"), kinds.count("end")) == (24, 28, 4)
     corners = [node for node in graph.nodes if node.kind == "end"]

@@ -57,7 +57,7 @@ def test_tables_have_a_row_for_each_member_and_each_node(design, tmp_path):
     assert [row["id"] for row in nodes] == [node.id for node in graph.nodes]
     for row, member in zip(members, graph.members, strict=True):
         assert float(row["length_mm"]) == pytest.approx(1000 * member.length, abs=1e-3)
-        assert int(row["nodes"]) == len(graph.along[member.id])
+        assert int(row["nodes"]) == len(graph.nodes_along[member.id])
         ends = [[float(row[f"{end}_{axis}_mm"]) for axis in "xyz"] for end in ("start", "end")]
         assert ends == pytest.approx(1000 * member.axis.P[[0, -1]], abs=1e-3)
         assert (row["start"], row["end"]) == member.ends

@@ -53,7 +53,7 @@ class Case:
         material = Material(210e9, 0.3)
         answer = solve_statics(SheetModel(self.surface, material, 0.01 * np.sqrt(self.surface.area)), self.load)
         sigma = stress(self.surface, material, answer.u)
-        cases = {name: CaseResult(self.load, answer, sigma, None) for name in self.preset.followed}
+        cases = {name: CaseResult(self.load, answer, sigma, None) for name in self.preset.followed_weights}
         return StaticsResult(self.load, answer, sigma, None, cases)
 
     @property

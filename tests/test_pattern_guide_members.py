@@ -57,7 +57,7 @@ def test_a_stripe_runs_on_a_straight_curve(angle, aside, family):
 
 def test_its_member_is_as_wide_as_others_and_joined_by_them():
     given = guided(straight(25))
-    sheet = given.sheet.kept()
+    sheet = given.sheet.subset()
     along = np.array(towards(25))
     across = np.array([-along[1], along[0], 0.0])
     width = 2 * Stripes(1.0, 0.0, 0.5).half_width * SPACING

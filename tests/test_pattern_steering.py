@@ -59,7 +59,7 @@ def stressed(given: Case, sigma: np.ndarray) -> StaticsResult:
     """Under stresses (m, 3, 3) of which no place moves more than another."""
     nothing = np.zeros((given.surface.n, 3))
     answer = given.load, Equilibrium(nothing, nothing, 0.0, 0.0), sigma, None
-    return StaticsResult(*answer, {name: CaseResult(*answer) for name in given.preset.followed})
+    return StaticsResult(*answer, {name: CaseResult(*answer) for name in given.preset.followed_weights})
 
 
 def degrees(given: Case, family: int = 0) -> tuple[np.ndarray, np.ndarray]:

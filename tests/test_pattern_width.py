@@ -102,7 +102,7 @@ def test_members_on_a_plate_have_the_asked_width(angle, member):
     along = np.array([np.cos(angle), np.sin(angle), 0])
     family = ModeFamily.from_mode(plate, "major", Stripes(f, 0.31), plate.V @ along)
     sheet = sheet_of(plate, family.layers(Widths("constant", member=member))[0])
-    kept = sheet.kept().surface
+    kept = sheet.subset().surface
     border = kept.V[kept.edges.ends[kept.edges.boundary]]
     outer = ((np.abs(border[:, :, :2]) < 1e-12) | (np.abs(border[:, :, :2] - [2, 1]) < 1e-12)).all(axis=1).any(axis=1)
     z = f * border[~outer] @ along + 0.31
@@ -120,7 +120,7 @@ def test_members_keep_their_width_where_the_mode_flattens():
     family = ModeFamily.from_mode(plate, "major", Stripes(6.0, 0.5), np.cos(np.pi * plate.V[:, 0] / 2))
 
     def widths(rule):
-        kept = sheet_of(plate, family.layers(rule)[0]).kept().surface
+        kept = sheet_of(plate, family.layers(rule)[0]).subset().surface
         s = np.sort(np.unique(np.round(kept.V[kept.V[:, 1] == 0, 0], 9)))
         groups = np.split(s, np.flatnonzero(np.diff(s) > 0.0051) + 1)
         return np.array([np.ptp(g) for g in groups if g[0] > 0.01 and g[-1] < 1.99])
@@ -213,9 +213,9 @@ def test_gaps_are_filled_where_they_are_narrower_than_asked():
     d = family.half_widths(widths)
     assert (d[s > 1.401] == 0.5).all()
     assert d[s < 1.399] == pytest.approx(s[s < 1.399] / 4)
-    void = sheet_of(plate, family.layers(widths)[0]).kept(~sheet_of(plate, family.layers(widths)[0]).material).surface
+    void = sheet_of(plate, family.layers(widths)[0]).subset(~sheet_of(plate, family.layers(widths)[0]).material).surface
     assert void.V[:, 0].max() < 1.43
-    assert sheet_of(plate, family.layers(Widths("graded"))[0]).kept().surface.V[:, 0].max() == 2
+    assert sheet_of(plate, family.layers(Widths("graded"))[0]).subset().surface.V[:, 0].max() == 2
 
 
 @zoo

@@ -82,7 +82,7 @@ def test_the_best_of_the_candidates_is_drawn_and_its_compliance_is_that_of_its_c
 
 
 def test_what_was_chosen_builds_the_same_design_without_a_search(chosen, tmp_path):
-    (tmp_path / "again.toml").write_text(preset_toml(chosen.settled))
+    (tmp_path / "again.toml").write_text(preset_toml(chosen.resolved_preset))
     preset = load_preset(tmp_path / "again.toml")
     assert not preset.pattern.auto
     again = draft(preset)
@@ -100,7 +100,7 @@ def test_a_revision_searches_again_only_when_the_pattern_or_what_comes_before_it
     later = dsfab.revise(chosen, with_overrides(chosen.preset, {"slicing.snap": 0.1, "export.formats": ["stl"]}))
     assert later.pattern is chosen.pattern
     assert not tried
-    fixed = dsfab.revise(chosen, with_overrides(chosen.settled, {"pattern.keep": 0.05}))
+    fixed = dsfab.revise(chosen, with_overrides(chosen.resolved_preset, {"pattern.keep": 0.05}))
     assert fixed.pattern.choice is None
     assert not tried
     other = draft(with_overrides(chosen.preset, {"pattern.keep": 0.05}), earlier=chosen)

@@ -64,25 +64,25 @@ def test_weight_alone_that_is_less_by_the_same_share_turns_nothing(membrane):
 
 
 def test_each_face_weighs_what_stripes_leave_of_it(vault):
-    share = drawn_share(vault.preset, vault.stressed, vault.pattern.even)
+    share = drawn_share(vault.preset, vault.analysis, vault.pattern.even)
     surface = vault.surface
     assert share.min() < 0.5 < share.max() <= 1
     assert share @ surface.areas == pytest.approx(vault.sheet.surface.area, rel=0.02)
     lighter = statics_with_weight_share(vault.preset, surface, vault.statics, share)
-    (name,) = vault.preset.followed
+    (name,) = vault.preset.followed_weights
     gone = lighter.cases[name].load.force.sum(axis=0) - vault.statics.cases[name].load.force.sum(axis=0)
-    weight = vault.preset.statics.weight * (surface.area - share @ surface.areas)
+    weight = vault.preset.statics.area_weight * (surface.area - share @ surface.areas)
     assert gone == pytest.approx([0, 0, weight], abs=1e-6 * weight)
     assert lighter.load is vault.statics.load  # what the cut sheet is judged under
 
 
 def test_a_round_draws_stripes_along_the_stress_of_the_lighter_sheet(vault):
-    asked = vault.preset.with_pattern(weight_rounds=1)
+    asked, statics = vault.preset.with_pattern(weight_rounds=1), vault.statics
     made = dsfab.design.draft(asked, earlier=vault)
-    share = drawn_share(vault.preset, vault.stressed, vault.pattern.even)
+    share = drawn_share(vault.preset, vault.analysis, vault.pattern.even)
     lighter = statics_with_weight_share(asked, vault.surface, vault.statics, share)
     expected, found = even_stripes(asked, vault.surface, lighter), made.pattern.even
-    assert made.statics is vault.statics
+    assert made.statics is statics
     assert np.array_equal(found.phases[1].value, expected.phases[1].value)
     assert not np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value)
     assert np.array_equal(found.forces, expected.forces)  # what graded widths follow
@@ -118,7 +118,7 @@ def test_where_no_width_keeps_what_is_asked_the_stripes_before_stay(vault, monke
 
     monkeypatch.setattr(pattern_stage, "drawn_share", refused)
     log = Log(None)
-    found = pattern_stage.stripes_under_own_weight(vault.preset.with_pattern(weight_rounds=2), vault.stressed, log)
+    found = pattern_stage.stripes_under_own_weight(vault.preset.with_pattern(weight_rounds=2), vault.analysis, log)
     assert f"directions were not sought {told}: too wide" in [note.text for note in log.notes]
     assert np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value) is (after == 0)
 
@@ -136,7 +136,7 @@ def test_of_several_methods_each_is_tried_without_it(vault, monkeypatch):
     """What is settled makes the same design again, whichever width was the best."""
     asked = vault.preset.with_pattern(method="auto", weight_rounds=1)
     monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)
-    (way, *_) = method_search.method_candidates(asked, vault.stressed, Log(None), "stripes", halve=True)
+    (way, *_) = method_search.method_candidates(asked, vault.analysis, Log(None), "stripes", halve=True)
     assert way.preset.pattern.weight_rounds == 0
     assert np.array_equal(way.even.phases[1].value, vault.pattern.even.phases[1].value)
 

@@ -113,7 +113,7 @@ def test_work_begins_with_what_a_program_writes_while_it_goes_on(tmp_path):
     """It ends only once that is done; what else waits is done before."""
     first, second, order = tmp_path / "first", tmp_path / "second", []
     with work_while_waiting(lambda: order.append("waiting")), program(tmp_path, DRAWS) as ahead:
-        ahead.ask(str(first), str(second))
+        ahead.send(str(first), str(second))
         assert ahead.answer_with_work(first.exists, lambda: order.append(second.touch() or "work"), 30) == "seen"
     assert order == ["waiting", "work"]
 
@@ -126,7 +126,7 @@ def test_without_what_the_work_needs_it_is_not_done(tmp_path):
 def test_a_mistake_in_the_work_ends_the_program(tmp_path):
     first = tmp_path / "first"
     with program(tmp_path, DRAWS) as ahead:
-        ahead.ask(str(first), str(tmp_path / "never"))
+        ahead.send(str(first), str(tmp_path / "never"))
         with pytest.raises(ZeroDivisionError):
             ahead.answer_with_work(first.exists, lambda: 1 / 0, 30)
     assert ahead._run.returncode

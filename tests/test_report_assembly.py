@@ -56,7 +56,7 @@ class Recorder(Paper):
         x = float(at[0]) - {"left": 0, "middle": wide / 2, "right": wide}[side]
         self.words.append((words, x, float(at[1]), wide, high))
 
-    def upright(self, at, words, size, colour=(0, 0, 0)):
+    def upright_text(self, at, words, size, colour=(0, 0, 0)):
         self.words.append((words, at[0], at[1], 0.25 * size, self.width(words, size)))
 
 
@@ -98,7 +98,7 @@ def test_everything_is_named_where_it_is_looked_for(pages, plan, vault):
         return {words[0] for title, page in pages.items() if title.startswith(start) for words in page}
 
     assert on("Family") | on("Edges") | on("Around") >= built
-    assert on("Cut list") >= {f"{len(group)} x {plan.parts[group[0]].id}" for group in plan.same}
+    assert on("Cut list") >= {f"{len(group)} x {plan.parts[group[0]].id}" for group in plan.equal_parts}
     assert on("Sheet") >= {part.id for part in plan.parts}
     assert on("Nodes") >= {node.id for node in vault.members.nodes if node.kind != "grazing"}
     assert on("What was not") >= {"Not checked by dsfab:"}
@@ -133,14 +133,14 @@ def test_pages_of_bars_name_every_bar_and_every_plate_inside_of_the_page(barred,
             assert 0 < y < y + high < PAPER_HEIGHT, (title, text)
     bars = {part.id for part in barred.parts if part.member}
     (node,) = (title for title in found if title.startswith("How a node"))
-    arms = next(joint for joint in barred.bars.found.joints if joint.node.id == node.split()[-1])
-    assert found[node] >= {barred.bars.found.bars[k].bay.id for k, _ in arms.bars}
+    arms = next(joint for joint in barred.bars.bar_lattice.joints if joint.node.id == node.split()[-1])
+    assert found[node] >= {barred.bars.bar_lattice.bars[k].bay.id for k, _ in arms.bars}
     assert set().union(*(found[title] for title in found if title.startswith("Bars "))) >= bars
     cut = set().union(*(found[title] for title in found if title.startswith("Cut list")))
-    assert cut >= {f"{len(group)} x {barred.parts[group[0]].id}" for group in barred.same}
+    assert cut >= {f"{len(group)} x {barred.parts[group[0]].id}" for group in barred.equal_parts}
     steps = [name for step in bar_steps(barred, UP) for name in step.members]
     assert sorted(steps) == sorted(bars)
-    heights = {bar.bay.id: bar.points.mean(axis=0)[2] for bar in barred.bars.found.bars}
+    heights = {bar.bay.id: bar.points.mean(axis=0)[2] for bar in barred.bars.bar_lattice.bars}
     assert (np.diff([heights[name] for name in steps]) > -2e-3).all()
 
 
@@ -152,7 +152,7 @@ def test_a_twist_of_next_to_nothing_has_no_sign():
 
 def test_bodies_of_bars_are_closed_and_as_large_as_their_drawings(barred):
     parts = {part.id: part for part in barred.parts}
-    for bar in barred.bars.found.bars[::7]:
+    for bar in barred.bars.bar_lattice.bars[::7]:
         V, F = bar_body(bar, barred.bars.stock)
         assert open_edges(F) == 0
         part = parts[bar.bay.id]
@@ -432,7 +432,7 @@ def test_the_body_of_a_strip_is_closed_and_as_large_as_its_part_is_thick(plan):
 def test_plates_lie_below_all_whatever_side_the_sheet_is_thick_on(plan):
     plate = Surface(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
     part = FlatPart("disc 1", "disc 1", (0.0, 0.0), plate.V[:, :2])
-    low = plan.layering.height(plan.layering.plate_layer)
+    low = plan.layering.layer_height(plan.layering.plate_layer)
     for shift in (-1, 0, 1):
         V, F = closed_skin(plate, np.tile([0, 0, 0.1], (3, 1)), shift)
         (shape,) = built_shapes(replace(plan, parts=(part,)), [MemberShape("disc 1", "keep", V, F)], shift)

@@ -50,7 +50,7 @@ def clipped_area(surface: Surface, fields: np.ndarray, levels: np.ndarray) -> fl
 
 
 def topology(sheet) -> tuple:
-    kept = sheet.kept().surface
+    kept = sheet.subset().surface
     return kept.n, kept.m, euler_characteristic(kept.F, kept.edges), pieces(kept.F, kept.edges)[0], len(kept.loops)
 
 

@@ -97,7 +97,7 @@ def test_lines_end_on_rings(seed):
     differ = given.level[owner[one], 0] != given.level[owner[two], 0]
     assert differ.any()
     a = given.mesh.cells.corner[one[differ]]
-    b = given.mesh.cells.ahead(given.mesh.cells.corner)[one[differ]]
+    b = given.mesh.cells.next_values(given.mesh.cells.corner)[one[differ]]
     z = [_at_vertices(given, k) for k in (0, 1)]
     on_ring = [np.abs(z[1][v] - np.rint(z[1][v])) < 1e-9 for v in (a, b)]
     on_ray = [np.abs(z[0][v] / 8 - np.rint(z[0][v] / 8)) < 1e-9 for v in (a, b)]
@@ -117,11 +117,11 @@ def test_what_is_wanted_and_left_sums_to_the_faces(seed):
     area = given.mesh.cells.areas(given.mesh.X)[0]
     assert area.sum() == pytest.approx(surface.area, rel=1e-9)
     for k in (0, 1):
-        wanted = np.array([given.wanted(surface, k, level) for level in range(4)])
+        wanted = np.array([given.drawn_share(surface, k, level) for level in range(4)])
         assert (np.diff(wanted, axis=0) >= -1e-12).all()
         assert wanted[3] == pytest.approx(1)
         shares = np.diff(wanted, axis=0, prepend=0)
-        assert given.scale(surface, k) == pytest.approx(0.5 ** np.arange(4) @ shares, rel=1e-9)
+        assert given.mean_scale(surface, k) == pytest.approx(0.5 ** np.arange(4) @ shares, rel=1e-9)
         assert wanted[0] @ surface.areas == pytest.approx(area[given.level[:, k] == 0].sum(), rel=1e-9)
 
 
@@ -193,7 +193,7 @@ def test_a_chart_is_cut_open_at_seams_only():
     one, two, _ = given.mesh.neighbours
     differ = given.level[given.mesh.cells.owner[one], 0] != given.level[given.mesh.cells.owner[two], 0]
     at_change[given.mesh.cells.corner[one[differ]]] = True
-    at_change[given.mesh.cells.ahead(given.mesh.cells.corner)[one[differ]]] = True
+    at_change[given.mesh.cells.next_values(given.mesh.cells.corner)[one[differ]]] = True
     assert (copies > 1).sum() == at_change.sum()
 
 
@@ -214,7 +214,7 @@ def test_the_layers_draw_half_as_many_rays_inside(seed):
     surface, phases, _, given = example(seed)
     r = np.linalg.norm(surface.V, axis=1)
     slope = RAYS / np.pi / r
-    wanted = tuple(given.wanted(surface, 0, level) for level in range(3))
+    wanted = tuple(given.drawn_share(surface, 0, level) for level in range(3))
     one = np.ones(surface.n)
     rays = EvenFamily("major", Stripes(1.0, 0.0, 0.5), phases[0], wanted, slope, slope, one)
     rings = EvenFamily("minor", Stripes(1.0, 0.0, 0.5), phases[1], (), one, one, one)

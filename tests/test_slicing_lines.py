@@ -61,7 +61,7 @@ def test_rings_on_a_cylinder_are_circles():
     error = []
     for n in (24, 48, 96):
         _, edges, centre = striped(tube(n, 11), tube(n, 11).V[:, 2].copy(), Stripes(2.0, phase=0.3))
-        assert {line.closed for line in [*edges, *centre]} == {True}
+        assert {line.is_closed for line in [*edges, *centre]} == {True}
         assert len(centre) == 4
         error.append(max(abs(line.length / (2 * np.pi) - 1) for line in centre))
     assert np.log2(error[0] / error[1]) == pytest.approx(2, abs=0.1)

@@ -44,7 +44,7 @@ def test_rings_are_whole_however_faces_see_them():
     assert len(middles["major"]) == 4
     assert middles["minor"] == []
     for lines, others in ((edges, plain), (middles["major"], straight["major"])):
-        assert {line.closed for line in lines} == {True}
+        assert {line.is_closed for line in lines} == {True}
         lengths = [sorted(line.length for line in one) for one in (lines, others)]
         assert lengths[0] == pytest.approx(lengths[1], rel=1e-9)
     heights = sorted(float(line.points[:, 2].mean()) for line in middles["major"])
@@ -82,7 +82,7 @@ def test_middles_end_with_the_sheet():
     assert [line.length for line in middles["minor"]] == pytest.approx([2.0] * 2, rel=1e-9)
     fields = tuple(corner_field(plate, f, np.zeros(plate.m, dtype=bool)) for f in (2 * x + 0.5, 2 * y + 0.5))
     chart = chart_of(halve_lines(plate, fields, (np.zeros(plate.m),) * 2, (0, 0)))
-    part: Sheet = sheet.kept(sheet.surface.centroids[:, 1] < 0.6)
+    part: Sheet = sheet.subset(sheet.surface.centroids[:, 1] < 0.6)
     for line in chart_lines(part, plate, NAMES, "major", chart, np.full(plate.n, 0.2)):
         assert line.points[:, 1].min() == pytest.approx(0.0, abs=1e-9)
         assert line.points[:, 1].max() < 0.85  # the minor stripe around 0.75 is kept to 0.6 only, or not at all

@@ -126,8 +126,8 @@ def test_what_is_not_asked_costs_no_solve(factorisations):
     ],
 )
 def test_which_elements_answer(ask, given, wanted):
-    assert ask.elements(given) == wanted
-    assert isinstance(ask.factor_of(given), FactorCache) == (bool(ask.modes) and wanted == given)
+    assert ask.elements_for(given) == wanted
+    assert isinstance(ask.factor_for(given), FactorCache) == (bool(ask.modes) and wanted == given)
 
 
 def test_a_kept_factor_is_made_again_for_another_stiffness_or_other_supports(factorisations):

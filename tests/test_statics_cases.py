@@ -68,7 +68,7 @@ def test_cases_and_their_combinations_are_what_each_gives_alone(elements, solver
         parts = [(factor, answers[case]) for case, factor in factors.items()]
         assert_allclose(answers[name].u, sum(a * part.u for a, part in parts), rtol=1e-12, atol=1e-20)
         face = sum(a * spreads[case].face for case, a in factors.items())
-        spread = type(spreads["snow"]).on(surface, face)
+        spread = type(spreads["snow"]).broadcast(surface, face)
         whole = solve_statics(SheetModel(surface, STEEL, H), combined_case(cases, factors), elements, spread)
         same(answers[name], whole, 1e-11)
 
@@ -202,7 +202,7 @@ def design():
 def test_a_design_of_several_cases_follows_its_combinations(design):
     cases = design.statics.cases
     assert list(cases) == ["dead", "snow", "wind", "back", "winter", "storm"]
-    assert design.preset.followed == {"winter": 1.0, "storm": 1.0}
+    assert design.preset.followed_weights == {"winter": 1.0, "storm": 1.0}
     want = combined_stress(design.surface, [cases["winter"].sigma, cases["storm"].sigma], [1, 1])
     assert np.array_equal(diffusion_tensors(design.surface, want).major, design.diffusion.tensors.major)
     dead, snow = cases["dead"], cases["snow"]

@@ -116,7 +116,7 @@ def preset():
 
 def test_what_is_judged_in_which_limit_state(preset):
     names = [*("dead", "snow", "west"), *(one.name for one in preset.surface.sums)]
-    assert all(name.startswith("ULS") for name in preset.followed)
+    assert all(name.startswith("ULS") for name in preset.followed_weights)
     assert preset.judged_in("ULS", names) == [name for name in names if name.startswith("ULS")]
     assert preset.judged_in("SLS", names) == [name for name in names if name.startswith("SLS")]
     plain = dsfab.Preset(surface=preset.surface.model_copy(update={"combinations": None}), statics=preset.statics)

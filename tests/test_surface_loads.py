@@ -121,7 +121,7 @@ def test_each_support_holds_its_directions_and_no_other(hold):
     case = build(s, SelfWeight((1.0, 1.0, 1.0)), supports=[Support(Side("x", "min"), hold)], weight=1.0)
     at = np.isclose(s.V[:, 0], -3)
     assert_array_equal(case.fixed, at[:, None] & [axis in hold for axis in "xyz"])
-    assert_array_equal(case.held, at)
+    assert_array_equal(case.supported, at)
 
 
 def test_pickers_pick_what_they_say():

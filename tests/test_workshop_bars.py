@@ -211,10 +211,10 @@ class Kit:
 def test_bars_and_plates_put_together_from_drawings_have_their_nodes_where_they_were_designed(name):
     """From one node on, bar by bar, by plates and bars as DXF and by bars.csv alone; folds, dips and twists count."""
     plan = plan_of(name, 0.3)
-    kit, joints = Kit(plan), {joint.node.id: joint for joint in plan.found.joints}
+    kit, joints = Kit(plan), {joint.node.id: joint for joint in plan.bar_lattice.joints}
     start = joints[kit.rows[len(kit.rows) // 2]["from"]]
     k, side = start.bars[0]
-    n, d = start.node.normal, plan.found.bars[k].direction * (1 - 2 * side)
+    n, d = start.node.normal, plan.bar_lattice.bars[k].direction * (1 - 2 * side)
     x = d - (d @ n) * n
     placed = {start.node.id: (start.node.point, x / np.linalg.norm(x), n)}
     queue, closed = deque(placed), []
@@ -265,15 +265,15 @@ def test_a_corner_is_cut_along_the_plane_between_two_bars():
 def test_the_sharpest_angle_has_a_place_and_bars_that_lose_a_side_are_named():
     """Of a ball with doors an angle of 7 degrees was told, and not of which of 1,193 bars."""
     plan = plan_of("sphere")
-    joint = next(joint for joint in plan.found.joints if len(joint.bars) == 4)
+    joint = next(joint for joint in plan.bar_lattice.joints if len(joint.bars) == 4)
     (k, side), (other, beside) = joint.bars[:2]
-    bars = list(plan.found.bars)
+    bars = list(plan.bar_lattice.bars)
     ends = [list(bars[k].ends), list(bars[other].ends)]
     ends[0][side] = replace(ends[0][side], after=np.radians(7))
     ends[1][beside] = replace(ends[1][beside], before=np.radians(7))
     bars[k], bars[other] = replace(bars[k], ends=tuple(ends[0])), replace(bars[other], ends=tuple(ends[1]))
     names = bars[k].bay.id, bars[other].bay.id
-    told = replace(plan, found=replace(plan.found, bars=tuple(bars))).lines
+    told = replace(plan, bar_lattice=replace(plan.bar_lattice, bars=tuple(bars))).lines
     (angle,) = (line for line in told if "sharpest angle" in line)
     assert angle.endswith(f"is 7 degrees, of {names[0]} and {names[1]} at {joint.node.id}")
     (lost,) = (line for line in told if "lose a side" in line)
@@ -287,9 +287,9 @@ def test_bars_of_a_node_are_clear_of_each_other_and_their_bolts_go_through_both(
     """In space: the plane between two bars that stands on the plate has all of each bar on its side."""
     plan = plan_of(name)
     parts, least = {part.id: part for part in plan.parts}, []
-    for joint in plan.found.joints:
+    for joint in plan.bar_lattice.joints:
         for k, side in joint.bars:
-            bar = plan.found.bars[k]
+            bar = plan.bar_lattice.bars[k]
             end, part, n = bar.ends[side], parts[bar.bay.id], joint.node.normal
             d = bar.direction * (1 - 2 * side)
             m, u = bar.normals[side], (d - (d @ n) * n) / np.linalg.norm(d - (d @ n) * n)
@@ -308,7 +308,7 @@ def test_bars_of_a_node_are_clear_of_each_other_and_their_bolts_go_through_both(
                             -way_in * (V @ np.cross(n, wall)).max() if way_in > 0 else (V @ np.cross(n, wall)).min()
                         )
         if joint.node.joined:
-            drilled = [hole.bolt for k, _ in joint.bars for hole in parts[plan.found.bars[k].bay.id].holes]
+            drilled = [hole.bolt for k, _ in joint.bars for hole in parts[plan.bar_lattice.bars[k].bay.id].holes]
             assert drilled.count(joint.node.id) == len(parts[joint.node.id].holes) - 1
     assert min(least) > 0.9 * 0.25 * STOCK.bolt / 2
 
@@ -376,8 +376,8 @@ def test_auto_takes_planks_where_bars_would_leave_the_surface_and_planks_can_be_
 def assert_hindrances(plan):
     """What planks would be that cannot be built, in numbers."""
     assert not plan.obstacle
-    bend = max(plan.found.bends.values())
-    assert replace(plan, limit=0.9 * bend).hindrance.startswith(f"would be bent across themselves to {bend:.2%}, of")
+    bend = max(plan.planks.bends.values())
+    assert replace(plan, limit=0.9 * bend).obstacle.startswith(f"would be bent across themselves to {bend:.2%}, of")
     for changes, said in (
         (
             {"stuck": {"A01": 0.3, "A02": 0.4}},
@@ -386,7 +386,7 @@ def assert_hindrances(plan):
         ({"crowded": ["N1 in A01"]}, "without wood between them: N1 in A01"),
         ({"crossings": PlankCrossings([], ["N7"])}, "meet at under 30 degrees at N7, without slots"),
     ):
-        assert said in replace(plan, found=replace(plan.found, **changes)).hindrance
+        assert said in replace(plan, planks=replace(plan.planks, **changes)).obstacle
 
 
 @pytest.mark.parametrize("t", [10, 45, 90, 120])

@@ -22,7 +22,7 @@ def meridian(angle, inner=INNER, width=WIDTH):
 
 
 def outline(course):
-    (P, T, N), half = course.at(np.array([course.begin, course.end])), WIDTH / 2
+    (P, T, N), half = course.frame_at(np.array([course.begin, course.end])), WIDTH / 2
     left = half * np.cross(N, T)
     return Polygon([*(P - left)[:, :2], *(P + left)[::-1, :2]])
 

@@ -87,13 +87,13 @@ def test_twisted_edges_are_longer_than_drawn_as_a_helix_says():
     more = np.hypot(1 - y * k, y * k) - (1 - y * k)
     for name in ("A05", "B06"):
         member = graph.by_id[name]
-        assert plan.found.longer[name] == pytest.approx(more * member.length, rel=0.1)
-    assert max(plan.found.bends.values()) < 2e-4  # helices do not bend in the surface
-    assert f"up to {1e3 * max(plan.found.longer.values()):.3g} mm longer" in plan.lines[1]
+        assert plan.planks.longer[name] == pytest.approx(more * member.length, rel=0.1)
+    assert max(plan.planks.bends.values()) < 2e-4  # helices do not bend in the surface
+    assert f"up to {1e3 * max(plan.planks.longer.values()):.3g} mm longer" in plan.lines[1]
 
 
 def test_a_slot_opens_by_what_the_way_leans_to_each_plank():
-    crossing = plan_of("hypar").found.crossings.found[7]
+    crossing = plan_of("hypar").planks.crossings.crossings[7]
     one, two = crossing.ways
     lower, upper = crossing.slot_leans(crossing.normal + 0.1 * one - 0.2 * two)
     assert (lower, upper) == (pytest.approx(0.1), pytest.approx(0.2))
@@ -144,10 +144,10 @@ def test_slots_of_drawings_bent_back_are_where_the_other_plank_is(name, tmp_path
     """Each plank's middle line is laid on its member's axis by lengths; both slots of a node end at one place."""
     graph, plan, found = graph_of(name), plan_of(name), {}
     courses = plank_courses(graph, STOCK)[0]
-    some = set(sorted({part.member for part in plan.found.pieces if part.member[0] == "A"})[1:3])
+    some = set(sorted({part.member for part in plan.planks.pieces if part.member[0] == "A"})[1:3])
     nodes = [node for node in graph.nodes if some & set(node.members) and node.kind == "crossing"]
     wanted = some | {member for node in nodes for member in node.members}
-    for part in plan.found.pieces:
+    for part in plan.planks.pieces:
         if part.member in wanted:
             outline, axis = read(part, tmp_path)
             course = courses[part.member]
@@ -182,9 +182,9 @@ def body(strip, shift=(0, 0, 0)):
 def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
     """Bodies of planks as thick as they are: the upper one, off by some of the way on which it comes, meets none."""
     plan, strips = plan_of(name), {one.id: one for one in refolded_plan(whole_of(name)).strips}
-    pieces = [part for part in plan.found.pieces if part.member[0] == "B"]
-    upper = max(pieces, key=lambda part: plan.found.steep[part.id])  # of many slots
-    here = [one for one in plan.found.crossings.found if one.members[1] == upper.member]
+    pieces = [part for part in plan.planks.pieces if part.member[0] == "B"]
+    upper = max(pieces, key=lambda part: plan.planks.steep[part.id])  # of many slots
+    here = [one for one in plan.planks.crossings.found if one.members[1] == upper.member]
     here = [one for one in here if upper.span[0] <= one.at[1] <= upper.span[1]]
     normals = np.array([one.normal for one in here])
     assert len(here) > 2
@@ -194,7 +194,7 @@ def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
     lower = [
         body(strips[part.id])
         for one in (here[0], here[-1])
-        for part in plan.found.pieces
+        for part in plan.planks.pieces
         if part.member == one.members[0] and part.span[0] < one.at[0] < part.span[1]
     ]
     assert len(lower) >= 2

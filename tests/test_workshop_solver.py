@@ -31,7 +31,7 @@ GAP, SIZE = 0.008, (2.5, 1.25)
 )
 def test_distances_of_parts_are_those_of_shapely(one, two, place):
     P = bowed("one", *one).outline
-    Q = bowed("two", *two).moved(place[2], np.array(place[:2])).outline
+    Q = bowed("two", *two).moved_by(place[2], np.array(place[:2])).outline
     assert polygon_distance(P, Q) == pytest.approx(Polygon(P).distance(Polygon(Q)), abs=1e-9)
     assert polygon_distance(Q, P) == polygon_distance(P, Q)
 

@@ -87,7 +87,7 @@ def measure(triangles: int) -> dict[str, Any]:
     clock, cpu, change_times = (
         {kind: median(row[k] for row in rows[1:]) for kind, rows in frame_times.items()} for k in range(3)
     )
-    return {  # the first of each compiles
+    return {  # medians leave out the first row, in which programs compile
         "triangles": len(F),
         "renderer": renderer,
         **{kind: 1 / seconds for kind, seconds in clock.items()},

@@ -215,7 +215,7 @@ class CompareTask:
     report: bool
 
     def command(self, preset: str) -> str:
-        """Return the command line that repeats it, without its folder."""
+        """Return the command line that repeats the comparison, without the folder of the results."""
         report_flag = [] if self.report else ["--no-report"]
         return shlex.join(
             ["dsfab", "compare", *self.source.command_words(preset), *self.questions.words(), *report_flag]

@@ -80,7 +80,7 @@ class Variants:
         return ContactTile(number, parameters, command, png_bytes(picture))
 
     def _refuse_many(self, total: int, reporter: Reporter) -> None:
-        """Raise DsfabError with the expected time, measured on the first variant that can be drawn."""
+        """Raise DsfabError for too many variants, with the expected time, measured on the first drawable variant."""
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):

@@ -47,7 +47,7 @@ Show = Annotated[
 
 
 def picture_size(text: str) -> tuple[int, int]:
-    """'1600x1200' as (1600, 1200); raises DsfabError for anything else."""
+    """Return '1600x1200' as (1600, 1200); raises DsfabError for a text of another form."""
     words = text.lower().split("x")
     if len(words) == 2 and all(word.isdigit() for word in words):
         width, height = int(words[0]), int(words[1])
@@ -113,7 +113,7 @@ class Source:
         is_mesh_file = Path(name).is_file() and Path(name).suffix.lower() not in (
             "",
             ".toml",
-        )  # its reader lists the formats
+        )  # the mesh reader refuses other suffixes and lists the formats
         mesh_file = (
             name if is_mesh_file or Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
         )
@@ -205,7 +205,7 @@ def estimate_lines(design: "Design") -> Iterator[str]:
     from dsfab.export import step_estimates
 
     content, options = deliverable(design, ".step")
-    options.pop("details", None)  # the file's data beside its shape take no space
+    options.pop("details", None)  # data beside the shape hardly change the file's size
     estimates = step_estimates(content, name=design.preset.name, **options)
     head = ("STEP", "faces", "size", "write s", "open s", "memory to open", "")
     yield table(head, [_estimate_row(estimate) for estimate in estimates])

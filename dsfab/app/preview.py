@@ -45,7 +45,7 @@ SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequenc
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
-    """Return the names in 'structure', 'modes', 'all', 'structure,stress'; raise DsfabError for unknown ones."""
+    """Return the picture names in a text such as 'all' or 'structure,stress'; raise DsfabError for an unknown name."""
     from dsfab.render.colouring import MODE_FIELDS, check_show
 
     names: list[str] = []

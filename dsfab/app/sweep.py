@@ -42,7 +42,7 @@ class PlanOptions:
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options as keys of a sweep file, which has the keys `file_tables`; None for unset ones."""
+        """Return the options as keys of a sweep file with the keys `file_tables`; an unset option is None."""
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -213,7 +213,7 @@ def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Wo
 
 
 def _run_all(sweep: "SweepFolder", workers: "Workers", line: Any, retry: "Collection[State]") -> bool:
-    """Make the runs and write the pages; return True if Ctrl-C stopped it."""
+    """Make the runs of a sweep and write its pages; return True if Ctrl-C stopped the sweep."""
     from dsfab.report.sweep_pages import SweepPages
 
     pages, stopped = SweepPages(sweep), False

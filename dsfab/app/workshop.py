@@ -128,7 +128,7 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
     details = body_details(design)
     whole_members = [
         record | {"own_area": record["area"], "counted_with": []} for record in details.records["members"]
-    ]  # in layers
+    ]  # members lie in layers, so each has the full area
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),

@@ -27,7 +27,7 @@ def count_phrase(number: int, thing: str) -> str:
 
 
 def stopping_clause(count: int) -> str:
-    """Return the clause about parts that run into others: 'stops before its ends, where it would run into'."""
+    """Return the clause for parts that would collide: 'stops before its ends, where it would run into'."""
     ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
     return f"{ends} would run into"
 
@@ -97,7 +97,7 @@ def direction_phrase(direction: Sequence[float]) -> str:
     norm = sum(x * x for x in direction) ** 0.5
     unit = [x / norm for x in direction]
     largest = max(range(3), key=lambda k: abs(unit[k]))
-    if abs(unit[largest]) < 0.99985:  # cosine of one degree
+    if abs(unit[largest]) < 0.99985:  # the cosine of one degree from the axis
         return f"({', '.join(f'{round(x, 2) + 0.0:.2g}' for x in unit)})"
     up = unit[largest] > 0
     return ("up" if up else "down") if largest == 2 else f"{'+' if up else '-'}{'xyz'[largest]}"

@@ -250,7 +250,7 @@ class Design:
     def _early_result(self, name: str) -> Any:
         """Return a result of the sketch if it is still valid, else None."""
         early, statics = vars(self).get("_early"), self.statics
-        return early.taken(name, statics, self._log) if early else None
+        return early.take_result(name, statics, self._log) if early else None
 
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
         """Return a design with an approximate pattern in a tenth of the time, for a first picture.

@@ -209,7 +209,7 @@ class FamilyCourse:
 
     @property
     def without_halving(self) -> Self:
-        """The same course with every line drawn everywhere."""
+        """Return the same course without halving: every line is drawn along its whole length."""
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> FamilyLines:

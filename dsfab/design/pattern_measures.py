@@ -72,7 +72,7 @@ def measured_pattern(
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
-    guided = steered.guided[parent] > 0.1 if steered else None  # beside clear stress of 1
+    guided = steered.guided[parent] > 0.1 if steered else None  # a guide counts from a tenth of a clear stress
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
     quality = replace(quality, turned=design.preset.pattern.rotate if steered else 0.0)
@@ -232,7 +232,7 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 
 class FilledOpenings(NamedTuple):
-    """Filled openings side by side: their number, and their mean place (3,), metres, by area."""
+    """Neighbouring filled openings: their number, and the centre (3,) of their area, metres."""
 
     openings: int
     place: Floats

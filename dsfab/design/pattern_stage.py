@@ -80,7 +80,7 @@ def statics_with_weight_share(preset: Preset, surface: Surface, statics: Statics
     unchanged.
     """
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"  # as the first round decided with the full weight
+    follow = "layers" if layered else "membrane"  # the first round, with the full weight, decided this
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter_loading(loading, surface, share) for loading in loadings(preset, surface)]
     lighter_cases = statics_step(preset.model_copy(update={"statics": section}), surface, Log(None), acting).cases

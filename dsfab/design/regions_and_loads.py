@@ -86,7 +86,7 @@ def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
     """Return the surface before its voids were removed, and the number (n,) there of each vertex of `surface`."""
     results = derived_results(surface)
     if _before_voids not in results:
-        from dsfab.design.surface_and_statics import base_surface  # it computes statics, and imports this module
+        from dsfab.design.surface_and_statics import base_surface  # imported late, because that module imports this one
 
         cut = with_regions(base_surface(preset), preset.pattern.region)
         results[_before_voids] = cut.whole, cut.vertices
@@ -121,7 +121,7 @@ def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmet
     exceptions = []
     for k, region in enumerate(regions):
         if region.do == "void":
-            continue  # a hole on one side leaves the surface no symmetry
+            continue  # a hole on one side has already removed the symmetry of the surface
         inside = region.faces(surface)
         differing_areas = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
         matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())

@@ -37,7 +37,7 @@ class CoveringLoads:
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
-        carries = area > 0.02 * surface.areas  # a sliver of material is no bearing
+        carries = area > 0.02 * surface.areas  # a sliver of material cannot carry a load
         carries = carries if carries.any() else area > 0
         place = np.where(carries[:, None], area_moment / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
         f, g, _ = _face_steps(surface)
@@ -55,7 +55,7 @@ class CoveringLoads:
         if len(lost):
             place = ", ".join(f"{x:.3g}" for x in self.surface.centroids[lost[0]])
             raise StaticsError(
-                f"what lies on the surface near ({place}) m is carried by nothing: no material is left of that piece "
+                f"the load on the surface near ({place}) m has no support: no material is left of that piece "
                 "of it; load other faces, or change a phase, a mode or pattern.rim"
             )
         force = self._by_opening(load)

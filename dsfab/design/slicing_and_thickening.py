@@ -204,7 +204,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
             force(preset.statics.area_weight * area) for area in (surface.area, sheet.surface.area)
         )
         message = f"the cut sheet weighs {sheet_weight}, and is judged and compared with that"
-        if not preset.pattern.rounds:  # else the pattern tells with which weight they were sought
+        if not preset.pattern.rounds:  # else the note of the pattern states this weight
             message += f"; the directions were sought with {uncut_weight}, the weight of the uncut sheet"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):

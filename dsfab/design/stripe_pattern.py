@@ -166,7 +166,7 @@ def sketched_step(
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # counts are off by as much
+    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # error of the counted shares
     layers, factor = solved_layers(preset, surface, kept_layers, families, search)
     pattern = pattern_result(preset, families, layers)
     return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, analysis, layers))

@@ -267,7 +267,7 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress under each loading. The sheet is solved again if hinges solved it: they scatter too much."""
+    """Return the stress under each loading. Hinge elements scatter too much: after them, solve the sheet again."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -308,7 +308,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
-        is_python_mesh = isinstance(preset.surface, MeshSurface)  # it has no surface.unit
+        is_python_mesh = isinstance(preset.surface, MeshSurface)  # a mesh in Python has no key surface.unit
         unit = (
             'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,'
             if is_python_mesh

@@ -53,7 +53,7 @@ def read_with_igl(path: Path) -> tuple[Floats, Ints]:
     try:
         V, F = igl.read_triangle_mesh(str(path))[:2]
     except RuntimeError as error:
-        raise ExportError(f"{path.name} does not read back: {error}; free some space or write another format") from None
+        raise ExportError(f"{path.name} cannot be read: {error}; free some space or write another format") from None
     if V.shape[1:] != (3,) or F.shape[1:] != (3,):
         raise ExportError(f"{path.name} reads back without triangles; free some space or write another format")
     return np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
@@ -69,7 +69,7 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
     try:
         mesh = trimesh.load_mesh(path, process=False)
     except (ValueError, LookupError, TypeError) as error:  # the file ends too early
-        raise ExportError(f"{path.name} does not read back: {error}; free some space or write another format") from None
+        raise ExportError(f"{path.name} cannot be read: {error}; free some space or write another format") from None
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
 
 

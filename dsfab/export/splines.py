@@ -142,7 +142,7 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
     band[0, fixed_poles] = 1.0
     for below in range(1, 4):
         band[below, fixed_poles] = band[below, fixed_poles - below] = (
-            0.0  # before the first pole: of the last, which is not used
+            0.0  # entries before the first pole belong to the last one, and are not used
         )
     return band
 

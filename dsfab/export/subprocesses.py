@@ -85,7 +85,7 @@ def last_line(program: str, *arguments: str, seconds: float) -> str:
 class PreparedProgram:
     """A program that starts before its arguments are known, so that it imports its libraries in the meantime.
 
-    It takes its arguments as one line of JSON, a list of strings. Leaving the `with` ends it.
+    The program takes its arguments as one line of JSON, a list of strings. The end of the `with` block ends it.
     """
 
     def __init__(self, program: str) -> None:

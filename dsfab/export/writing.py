@@ -269,7 +269,7 @@ def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
 
 
 def complete_folder(folder: Path) -> None:
-    """Finish moves into a folder that ended processes began, and remove their remains in it and beside it."""
+    """Finish moves into a folder that an interrupted process began, and remove its remains in and beside the folder."""
     for partial in abandoned_paths(folder):
         if (partial / JOURNAL).is_file():
             _follow_journal(partial, folder)
@@ -339,7 +339,7 @@ def _exchangeable(target: Path) -> bool:
 
 
 def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
-    """Exchange the folders in one step and return True, or return False; the user's own files are then in both."""
+    """Exchange the folders in one step, with the user's own files in both; return False if this is not possible."""
     fresh = {path.name for path in partial.iterdir()}
     old_names = {path.name for path in target.iterdir()}
     user_names = old_names - fresh - outdated

@@ -114,7 +114,7 @@ def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats
 
 
 def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
-    """Return the lines, the longest first, without short ones."""
+    """Return the first line, the longest, and all further lines that are not too short."""
     return [line for k, line in enumerate(lines) if k == 0 or line.length > SPECK * width]
 
 
@@ -281,7 +281,7 @@ def _axis_with_knots(line: MiddleLine, step: float) -> MemberAxis:
 
 def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpline:
     """Penalised spline through values y (q, d) at x (q,), 0 to spans x step, with knots a step apart."""
-    degree, penalty = 3, 1e-3  # of third differences of the coefficients
+    degree, penalty = 3, 1e-3  # weight of the third differences of the coefficients
     t = step * np.arange(-degree, spans + degree + 1)
     design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, degree))
     count = design.shape[1]

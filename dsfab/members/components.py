@@ -231,7 +231,7 @@ def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints
 
 
 def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
-    """Drop components below others all along, as a rim below the material that is kept around supports."""
+    """Drop components that are hidden along their whole length, for example a rim below material around supports."""
     made_by, areas = overlay.sheet.family, overlay.sheet.surface.areas
     shares = [
         areas[component.cells[made_by[component.cells] == component.field]].sum() / areas[component.cells].sum()
@@ -265,7 +265,9 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 
 def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
-    """Give connected loose cells, which fairing leaves, the label of their neighbours if these have only one."""
+    """Give connected loose cells the label of their neighbours, if the neighbours have a single label. Fairing of walls
+    leaves such cells.
+    """
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

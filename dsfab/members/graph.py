@@ -307,7 +307,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """Return the nodes of all overlaps, named in the order of the members, along the first of both."""
+        """Return the nodes of all overlaps, numbered member by member, along the first of the two members that meet."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)

@@ -86,7 +86,7 @@ takes 2.9. It ends INTO widths after it enters, beyond the middle, so that both 
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return the components; strips lose the parts that follow another one, which takes over their cells."""
+    """Return the components. Where a strip runs along another component, that component takes over the cells."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)

@@ -223,7 +223,7 @@ def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
 
 
 def modulus(value: float) -> float:
-    """Return the modulus, Pa; raises ValueError for values that must be GPa or MPa."""
+    """Return the modulus, Pa; raises ValueError for a value so small that its unit must be GPa or MPa."""
     if 0 < value < 1000:
         raise ValueError(f"{value:g} Pa is no stiffness: pascals are asked, write {value:g}e9 for {value:g} GPa")
     if 0 < value < SOFTEST:
@@ -232,7 +232,7 @@ def modulus(value: float) -> float:
 
 
 def specific_mass(value: float) -> float:
-    """Return the density, kg/m3; raises ValueError for values that must be t/m3 or g/cm3. 0 means no weight."""
+    """Return the density, kg/m3; raises ValueError if its unit must be t/m3 or g/cm3. 0 means no weight."""
     if 0 < value < LIGHTEST:
         raise ValueError(f"{value:g} kg/m3 is no solid: write {1000 * value:g} for {value:g} t/m3 or g/cm3")
     return value

@@ -127,7 +127,7 @@ def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lif
 
 
 def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: float) -> MarkMesh:
-    """Return arrows for the forces (n, 3) of supports (N), thinned as the cones, which end or begin there."""
+    """Return arrows for the forces (n, 3) of supports (N). They touch the cones of the supports, one at each cone."""
     acts = load.supported & (np.linalg.norm(reaction, axis=1) > 0)
     if not acts.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -135,7 +135,7 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
     along = arrows.pull / np.linalg.norm(arrows.pull, axis=1, keepdims=True)
     inwards = surface.V.mean(axis=0) - surface.V[arrows.at]
     pushes = np.einsum("ki,ki->k", along, inwards) > 0
-    gap = 1.15 * CONE_HEIGHT * size  # beyond the cone
+    gap = 1.15 * CONE_HEIGHT * size  # the arrow begins beyond the support's cone
     start = np.where(pushes[:, None], -along * (gap + arrows.long)[:, None], along * gap)
     return _placed_copies(_arrow(), surface.V[arrows.at] + start, along, arrows.long)
 
@@ -247,7 +247,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"
         raise DsfabError(f"there are no directions to show: {why}, so that diffusion prefers none")
     places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
-    apart = float(np.sqrt(1.3 * surface.area / len(places)))  # of evenly spread places
+    apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance of evenly spread places
     places = places[~tensors.isotropic[places]]
     along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # r along the first direction, 1 and 0 across
     normal = surface.normals[places]

@@ -110,7 +110,7 @@ class Window:
 
 
 def load_renderer() -> bool:
-    """Load the drawing modules and draw a red frame, in a process that waits for requests; return whether it is red."""
+    """Load the drawing modules and draw a red test frame before the first request; return whether it is red."""
     import PIL.ImageDraw
     import PIL.ImageFont
     import PIL.PngImagePlugin  # noqa: F401

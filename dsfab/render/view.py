@@ -131,7 +131,7 @@ def _face_on(normal: Floats, up: Floats) -> ViewSide:
 
 
 def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """Return the front direction, which long plans turn their long side to, and the direction right of it (3,)."""
+    """Return the direction to the front, where a long plan has its long side, and the direction to its right (3,)."""
     vertical = int(np.argmax(np.abs(up)))
     right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
     front = np.cross(right, up)

@@ -82,7 +82,7 @@ PageColour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph. kind : '' or 'quiet', or 'lead' for the larger first ones."""
+    """A paragraph. kind : '' for normal, 'quiet' for grey, or 'lead' for the larger first paragraphs."""
 
     text: str
     kind: str = ""

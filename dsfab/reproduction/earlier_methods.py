@@ -122,7 +122,7 @@ class StressLine:
 
 
 def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
-    """Return the lines of both families of a design on numbered modes, at the median distance of its stripes."""
+    """Return the traced lines of both families of a design on numbered modes, as far apart as its stripes (median)."""
     surface, clear = design.surface, ~design.diffusion.tensors.isotropic
     major, minor = (
         stress_lines(

@@ -324,7 +324,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # the end of the path does not depend on when the program was stopped
+    path, end = until(files)  # `end` is the same however late the program was stopped
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:

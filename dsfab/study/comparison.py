@@ -235,7 +235,7 @@ def _with_measures(task: ComparisonTask, entered: Competitor, structure: Structu
 
 
 def _smallest_member(structure: Structure) -> float | None:
-    if structure.cells is structure.sheet:  # not cut
+    if structure.cells is structure.sheet:  # an uncut sheet has no members
         return None
     kept_material = kept_cells(structure.cells, structure.sheet)
     member = features(structure.cells, kept_material, structure.names).member

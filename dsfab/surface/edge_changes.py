@@ -236,7 +236,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
     first_face, second_face = h[chosen].T // 3
     first_places = np.unique(np.concatenate([first_face, second_face]), return_index=True)[
         1
-    ]  # the first of equal gains at a face
+    ]  # of equal gains at a face the first counts
     once = np.zeros(2 * len(chosen), dtype=bool)
     once[first_places] = True
     chosen = chosen[once[: len(chosen)] & once[len(chosen) :]]

@@ -322,7 +322,7 @@ class DividedSurface:
         return DividedSurface(self.whole, Surface(V, F), self.parent[source], weights)
 
     def cut_parts(self) -> Ints:
-        """Return the parts (k,) that are smaller than a face."""
+        """Return the parts (k,) of divided faces, without the parts that are whole faces."""
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:

@@ -68,7 +68,7 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # few on a fine mesh
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # a fine mesh has few such corners
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
@@ -265,4 +265,4 @@ def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
     C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
     straight = np.einsum("mi,mvi->mv", flat, d) / scale
-    return C, np.minimum(0.2, 0.5 * straight)  # 0.05 is too weak, 0.4 does not end on real meshes
+    return C, np.minimum(0.2, 0.5 * straight)  # 0.05 is too weak; with 0.4 the rounds do not end on real meshes

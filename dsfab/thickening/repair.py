@@ -53,7 +53,7 @@ def flatten_contacts(
     Faces that meet become thinner, to a film if necessary. If an offset hardly sees a face around its vertex,
     shortening does not help: both then move half of the way to the mean of the neighbours. Returns the best state."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
-    least = 0.002 * np.linalg.norm(D, axis=1)  # at half of that rounding to single precision would show
+    least = 0.002 * np.linalg.norm(D, axis=1)  # rounding to single precision would show at half of this length
     result = V, D, pairs
     for _ in range(60):
         if not len(pairs):

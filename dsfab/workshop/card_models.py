@@ -339,7 +339,7 @@ class _MemberPanels:
         return FlatPart(name, self.member.id, span, outline, (), (), tuple(marks), 0.0, strain, axis).along_x()
 
     def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_CrossingEdge]) -> list[Floats]:
-        ticks, share = list[Floats](), 0.25  # of the width
+        ticks, share = list[Floats](), 0.25  # length of a tick over the width
         for edge in under:
             right_width, left_width = self._sides(edge.s)
             for y in (

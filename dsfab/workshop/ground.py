@@ -121,7 +121,7 @@ class BasePlane:
         middle, half = (
             (left_width - right_width) / 2,
             0.6 * (left_width + right_width) / 2,
-        )  # the tab has .6 of the width
+        )  # the tab has 0.6 of the width of the strip
         sides = np.array([-right_width, middle - half, middle + half, left_width])
         shoulders = self.stations_at_height(layer, sides, station, 0.0)
         tips = self.stations_at_height(layer, sides[1:3], station, -self.thickness)
@@ -147,7 +147,7 @@ class BasePlane:
         down, N, B = frame
         P, _, across, _ = layer.frame(s)
         ends = P + sides[:, None] * across
-        half = self.thickness / 2  # of the strip, which is of the same card
+        half = self.thickness / 2  # half the thickness of the strip, which is of the same card
         corners = np.array([end + u * half * N for end in ends for u in (-1, 1)])
         corners = np.concatenate(
             [corners - ((self.heights(corners) - z) / (down @ self.up))[:, None] * down for z in (0.0, -self.thickness)]

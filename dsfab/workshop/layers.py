@@ -99,7 +99,7 @@ class _StripEnd:
     @classmethod
     def from_course(cls, name: str, course: StripCourse, at_end: bool) -> "_StripEnd":
         width = float(np.median(course.left + course.right))
-        count = max(int(6 * (course.end - course.begin) / width), 2)  # six places on each width
+        count = max(int(6 * (course.end - course.begin) / width), 2)  # six places in each length of one width
         s = np.linspace(course.begin, course.end, count)
         s = s[::-1] if at_end else s
         return cls(name, at_end, width, course.frame_at(s)[0], s)

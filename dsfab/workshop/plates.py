@@ -235,7 +235,7 @@ class _SheetGrid:
         numbers = list[Ints]()
         for axis in (0, 1):
             odd = (places[:, 1 - axis] * self.fingers(1 - axis) / self.size[1 - axis]).astype(int) % 2
-            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers reach half over
+            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers reach over by half
             numbers.append(np.clip((moved * self.counts[axis] / self.size[axis]).astype(int), 0, self.counts[axis] - 1))
         return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 

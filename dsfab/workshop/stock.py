@@ -16,7 +16,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return the section, and with prices also without its longest sizes: parts for long sheets fit no short ones."""
+    """Return the section, and with prices also variants without long sheets, because long parts fit no short sheet."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:

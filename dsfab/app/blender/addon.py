@@ -1,7 +1,7 @@
-"""dsfab in Blender: builds a structure of the mesh of the active object, and shows its solid and its members.
+"""dsfab in Blender: builds a structure from the mesh of the active object, and shows its solid and its members.
 
 Written by `dsfab blender`. Install it in Preferences > Add-ons > Install from Disk; its panel is in the sidebar (N) of
-the 3D view. dsfab itself runs as a program of its own, by the Python that the preferences of the add-on name.
+the 3D view. dsfab itself runs as a separate program, with the Python that is set in the preferences of the add-on.
 """
 
 import os
@@ -111,7 +111,7 @@ def import_meshes(path: Path, source: str, collection: bpy.types.Collection, met
     """Import a GLB file; return its meshes as objects of a collection, in the unit of the scene."""
     before = set(bpy.data.objects)
     unit = bpy.context.scene.unit_settings
-    unit.scale_length = 1.0  # the importer scales by it; the loop below scales to the scene's unit instead
+    unit.scale_length = 1.0  # the importer scales by `scale_length`; the loop below scales instead
     try:
         bpy.ops.import_scene.gltf(filepath=str(path))
     finally:
@@ -193,12 +193,12 @@ class Build(bpy.types.Operator):
     def _begin(self, context: bpy.types.Context) -> bool:
         self._folder = tempfile.TemporaryDirectory(prefix="dsfab-")
         self._source = context.active_object.name
-        self._metres = context.scene.unit_settings.scale_length  # metres in a unit of the scene
+        self._metres = context.scene.unit_settings.scale_length  # metres per unit of the scene
         folder = Path(self._folder.name)
         entry = context.preferences.addons.get(__name__)
         python = entry.preferences.python if entry and entry.preferences else PYTHON
         try:
-            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # it names the design
+            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # name of the design
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
             # into a file, because a full pipe would stop the program

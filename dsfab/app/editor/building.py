@@ -81,7 +81,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write one file as `dsfab export` does, of the design in the folder `before` or of a new one.
+    """Write a single file like `dsfab export`, from the design in the folder `before` or from a new design.
 
     Raises DsfabError of the stage that refuses or of the format.
     """
@@ -159,7 +159,7 @@ def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress)
 
 
 def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedPreset:
-    """Run `opened_mesh` in another process; raises what it raises, and Cancelled within a fraction of a second."""
+    """Run `opened_mesh` in another process; raises the same errors, and Cancelled within a fraction of a second."""
     progress("surface", f"reading {request.name}")
     message = pickled((request, ""))
     with (

@@ -202,7 +202,7 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     acting = np.flatnonzero(acts)
     if not len(acting):
         return np.zeros((0, 6))
-    candidates = acting[:: max(len(acting) // 3000, 1)]  # more take longer and look the same
+    candidates = acting[:: max(len(acting) // 3000, 1)]  # more candidates take longer and look the same
     chosen = candidates[thin_points(V[candidates], size, spacing)]
     owner = cKDTree(V[chosen]).query(V[acting])[1]
     total = np.stack([np.bincount(owner, force[acting, i], len(chosen)) for i in range(3)], axis=1)

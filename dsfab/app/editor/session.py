@@ -156,7 +156,7 @@ class Session:
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return the command of the build, and the preset file that was saved for it, or that the page has to save
+        """Return the command of the build, and the name of its preset file: saved here, or for the page to save
         first.
         """
         opened, outputs = self.current_preset, self.builds.outputs
@@ -274,7 +274,7 @@ class Session:
         return {"version": shown.version}
 
     def _next_view(self, draft: Design, opening: int) -> SessionView:
-        """Number a draft after the last one, or after its sketch."""
+        """Return the view of a draft, numbered after the last view or sketch."""
         earlier = self._shown or self._sketched
         if earlier is None:
             return SessionView(draft, 1, 1, opening)

@@ -131,7 +131,7 @@ class OpenedPreset:
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
-        """Return the command that builds it, and whether its preset has to be saved first."""
+        """Return the command that builds the changed preset, and whether the preset must be saved first."""
         preset = self.preset_with(changes)
         if self.words and self.decided and MATERIAL in changes:  # the command would choose another thickness for it
             changes = {"statics.thickness": preset.statics.thickness, **changes}

@@ -76,7 +76,7 @@ LARGEST = 64 * 2**20
 
 
 class HopsServer(ThreadingHTTPServer):
-    """Serves `COMPONENTS`; a Hops component takes `address` with the name of a component after it."""
+    """Server of `COMPONENTS`. In Grasshopper, Hops takes `address`, followed by the name of a component."""
 
     daemon_threads = True
     allow_reuse_address = False  # on Windows True would let another program take the port too
@@ -115,7 +115,7 @@ class HopsHandler(BaseHTTPRequestHandler):
         self._answer(HTTPStatus.OK, "", body=False)
 
     def do_GET(self) -> None:
-        """Describe all components, or one."""
+        """Describe all components, or the single component that the path names."""
         name = urlsplit(self.path).path.strip("/")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)

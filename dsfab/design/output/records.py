@@ -56,7 +56,7 @@ def _member(graph: MemberGraph, member: Member) -> dict[str, Any]:
 
 
 def _area_counts(graph: MemberGraph, k: int) -> dict[str, Any]:
-    """Return the area of a member without the parts counted with members that cross it, and the names of these."""
+    """Return the area of a member without crossings that count for other members, and the names of those members."""
     cells = graph.members[k].cells
     owner = graph.owner[cells]
     own_area = float(graph.sheet.surface.areas[cells[owner == k]].sum())

@@ -190,7 +190,7 @@ def _node_set(name: str, members: Bools) -> Iterator[str]:
 
 
 def _set_name(text: str) -> str:
-    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # ccx cuts it
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # ccx's limit
     return word if word[:1].isalpha() else f"S{word}"
 
 

@@ -280,7 +280,7 @@ def millimetre_model(part: Part, path: Path) -> Any:
     except Exception as error:  # ifcopenshell documents no errors
         raise ExportError(f"ifcopenshell cannot read the IFC file of {part.name!r}: {error}") from error
     if abs(scale * MM_PER_M - 1) > 1e-9:
-        raise ExportError(f"the IFC file of {part.name!r} does not read back in millimetres; write .step instead")
+        raise ExportError(f"the IFC file of {part.name!r} has lengths that are not in millimetres; write .step instead")
     return model
 
 
@@ -394,7 +394,7 @@ def _add_quantities(
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
         usual |= {key: value for key, value in amounts.items() if key.endswith("Area")}
-        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the standard's word
+        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the word in the standard
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
     for name, set_amounts in ((title, usual), ("Dsfab_MemberQuantities", amounts)):
@@ -414,7 +414,7 @@ def _add_facts(entities: NumberedEntities, member: int, entry: Mapping[str, Any]
         facts["crossings counted with"] = ", ".join(entry["counted_with"])
     values = []
     for key, value in facts.items():
-        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # of any length
+        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # no limit of length
         text = f"{kind}('{step_string(value)}')"
         values.append(entities.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
     name = entry["id"]

@@ -234,7 +234,7 @@ def check(part: Part, path: Path) -> ReadBack:
     model = rhino3dm.File3dm.Read(str(path))
     if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
         raise ExportError(
-            f"the .3dm file of {part.name!r} does not read back in millimetres; write .dxf and .stl instead"
+            f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write .dxf and .stl instead"
         )
     shapes = [item.Geometry for item in model.Objects]
     meshes = [shape for shape in shapes if shape.ObjectType == rhino3dm.ObjectType.Mesh]
@@ -309,7 +309,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
 
     model = rhino3dm.File3dm.Read(str(path))
     if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
-        raise ExportError(f"the .3dm file of {part.name!r} does not read back in millimetres; write .members.dxf")
+        raise ExportError(f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write .members.dxf")
     things = [(thing.Attributes.Name, thing.Geometry) for thing in model.Objects]
     if not all(shape.IsValid for _, shape in things):
         raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .members.dxf instead")

@@ -60,7 +60,7 @@ def _view(
         loops = tuple(sheet.V[loop] @ axes[:2].T for loop in sheet.loops)
         return DrawingView(title, tuple((line, line.points @ axes[:2].T) for line in lines), loops, low, high)
     cell = float((high - low).max()) / 800
-    margin = 0.01 * size  # a surface hides a point if it is in front of it by this much
+    margin = 0.01 * size  # a surface hides points that are farther behind it than this
     depth = _DepthPicture.from_mesh(sheet.V @ axes.T, sheet.F, low, high, cell)
     runs = []
     for line in lines:

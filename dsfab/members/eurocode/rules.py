@@ -51,7 +51,7 @@ def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
     Raises StaticsError if neither the material nor a strength is known, and if there are no bays."""
     if not bays.member:
         raise StaticsError(
-            "no member has a bay between two nodes, so there is none to check; see dsfab export --to csv"
+            "no member has a bay between two nodes, so the report has nothing to check; see dsfab export --to csv"
         )
     check, standard, assumed = _method(rules, bays.thickness)
     results = {case: check(bays, case) for case in bays.forces}

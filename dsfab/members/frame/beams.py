@@ -138,7 +138,7 @@ def _divide_bay(
     (s, t), axis = span, member.axis
     assert axis is not None
     half = fitting(np.array(joint_widths) / 2, t - s)
-    half[half < 0.05 * member.mean_width] = 0.0  # shorter joints are none
+    half[half < 0.05 * member.mean_width] = 0.0  # shorter joints count as 0
     fine, clear = np.linspace(s, t, 17), np.linspace(s + half[0], t - half[1], 17)
     if axis.closed:
         fine, clear = fine % member.length, clear % member.length

@@ -14,18 +14,21 @@ LINE = 1 / 12
 
 
 def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
-    """Return True if the middle of a surface's plan is outside of all feet, points (k, 3) in metres: it would tip."""
+    """Return True if a surface would tip, because the middle of its plan is outside of all feet; feet : points (k, 3)
+    of each foot, metres.
+    """
     if not feet:
         return False
     middle = surface.areas @ surface.centroids / surface.area
     x, y = (np.concatenate(feet) - middle)[:, :2].T
     angle = np.sort(np.arctan2(y, x))
-    return bool(np.diff(angle, append=angle[0] + 2 * np.pi).max() > 1.03 * np.pi)  # all feet are in half a turn
+    return bool(np.diff(angle, append=angle[0] + 2 * np.pi).max() > 1.03 * np.pi)  # feet on one side of the middle
 
 
 def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
-    """Return True if two feet or more, points (k, 3) each, are in one line about which the surface would turn, as a
-    saddle on two corners."""
+    """Return True if two or more feet, points (k, 3) each, lie in one line, so that the surface would turn about this
+    line, like a saddle on two corners.
+    """
     if len(feet) < 2:
         return False
     plan = np.concatenate(feet)[:, :2]
@@ -148,7 +151,9 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
 def _with_higher_feet(
     surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], ground: float, span: float
 ) -> list[Foot]:
-    """Add the next higher low points of outer edges, up to `HIGHEST`, until it does not tip, or return the feet."""
+    """Add the next higher low points of the outer edges, up to `HIGHEST`, until the surface does not tip; if it always
+    tips, return the feet unchanged.
+    """
     h = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
     places = sorted({float(P[v, 2]) for k, P in lines.items() if outer[k] for v in _valleys(P[:, 2], DIP * h)})

@@ -70,7 +70,7 @@ def _stands_on_ground(surface: Surface, up: Up) -> bool:
     """True for a wall or screen: it stands with a long edge on the plane through the origin, and its face crosses or
     touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it."""
     V = upright_vertices(surface.V, up)
-    level, y = V[:, 2], V[:, 1]  # the other axis of the two
+    level, y = V[:, 2], V[:, 1]  # the other candidate for the axis up
     limit = GROUND * surface.size
     if abs(level.min()) > limit or not (y.min() < -limit < limit < y.max() or np.ptp(y) < limit):
         return False
@@ -91,7 +91,7 @@ def _ends_in_level_rings(surface: Surface) -> bool:
 
 
 def _standing(surface: Surface, up: Up) -> float:
-    """Score of a surface with that axis up; about 0 to 2 for an open one, -0.2 to 0.4 for a closed one."""
+    """Score of a surface with the axis `up`; about 0 to 2 for an open surface, -0.2 to 0.4 for a closed surface."""
     V = upright_vertices(surface.V, up)
     stability = _stability(V, surface)
     if is_nearly_closed(surface):

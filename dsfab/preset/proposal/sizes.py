@@ -109,7 +109,7 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
 
 
 def shorter_side(surface: Surface) -> float:
-    """Return the shorter side of its plan, metres; for a wall, which hardly has one, that of its face."""
+    """Return the shorter side of a surface's plan, metres; for a wall, whose plan is a line, that of its face."""
     across, face = float(np.ptp(surface.V, axis=0)[:2].min()), float(np.sort(np.ptp(surface.V, axis=0))[1])
     return face if across < face / 4 else across
 

@@ -63,7 +63,7 @@ def proposal_text(
     """Return the preset as TOML with comments. keys : of [surface], which define the mesh. notes : topic -> choice.
     marks : marks of the file, which take the place of proposed feet."""
     surface, stand = user_mesh.surface, () if "support" in marks else stands
-    file = "" if "origin" in keys else str(keys.get("file"))  # a drawing in a file is about that file's origin
+    file = "" if "origin" in keys else str(keys.get("file"))  # drawings keep the origin of their own file
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
@@ -114,7 +114,7 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
 def _supports(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterator[list[str]]:
     for foot in stands:
         yield _support(surface, size, foot)
-    for stem in stems(surface, stands, size.span):  # with which it need not hang
+    for stem in stems(surface, stands, size.span):  # a surface on a stem need not hang from its rim
         yield [
             f"# {line}" for line in ("To stand on a stem, take these lines instead:", *_support(surface, size, stem))
         ]

@@ -91,7 +91,7 @@ class Paper:
         side: Literal["left", "middle", "right"] = "left",
         bold: bool = False,
     ) -> None:
-        """Write words from, about or up to a place on their base line; size in points."""
+        """Write words that begin at a place, are centred on it, or end at it, on their base line; size in points."""
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]

@@ -27,7 +27,7 @@ LAYER_RULE = (
 
 @dataclass(frozen=True)
 class AssemblyStep:
-    """Members that go up together: names, and the number of layers above them."""
+    """Members that are assembled together: their names, and the number of layers above them."""
 
     layer: int
     members: tuple[str, ...]

@@ -168,7 +168,7 @@ def _write_format(design: Design, folder: Path, suffix: str, progress: Progress)
     progress("export", f"writing and reading back {name}")
     try:
         deliverable_thing, options = deliverable(design, f".{suffix}")
-        options |= {"note": files.notes.append, "report": lambda done: files.reports.append(done.told)}
+        options |= {"note": files.notes.append, "report": lambda written: files.reports.append(written.summary)}
         files.names.append(write(deliverable_thing, folder / name, **options).name)
     except ExportError as error:
         if suffix not in MAY_BE_REFUSED:

@@ -60,7 +60,7 @@ class PolygonField:
         face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
         turned_slots = np.flatnonzero(
             field.changed_faces[face] | field.changed_faces[lead][mesh.cells.corner]
-        )  # elsewhere signs agree
+        )  # elsewhere the signs of neighbours agree
         if len(turned_slots):
             vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
             lead_face, support_vertex = lead[vertex], mesh.support[vertex]

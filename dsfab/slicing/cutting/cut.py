@@ -106,7 +106,7 @@ def cut_polygons(
     nodes = (mesh.also == mesh.family) & ~mesh.void
     mesh, stubs = without_stubs(without_loose_ends(with_closed_openings(mesh, tidy.closed), tidy), nodes, tidy)
     nodes = (mesh.also == mesh.family) & ~mesh.void
-    near_blank = np.array(adjacent)[mesh.family, mesh.parent]  # means nothing for void polygons
+    near_blank = np.array(adjacent)[mesh.family, mesh.parent]  # the mask has no meaning for void polygons
     mesh, straight = with_straight_bars(mesh, nodes, near_blank, tidy, surface.size)
     return replace(mesh, stubs=stubs + straight)
 
@@ -198,7 +198,7 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """The levels without equal ones. An odd group of equal levels leaves one, an even group none.
+    """The levels without repetitions. An odd number of equal levels leaves one, an even number none.
 
     For two fields each group leaves one.
     """
@@ -216,7 +216,7 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Recut:
-    """Cells (k,) of a sheet, ascending, their vertices (v,), ascending, and both as a mesh of polygons."""
+    """Cells (k,) of a sheet and their vertices (v,), both ascending, and the same cells as a mesh of polygons."""
 
     sheet: Sheet
     cells: Ints

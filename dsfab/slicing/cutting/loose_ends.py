@@ -103,7 +103,7 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> PolygonMesh:
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """(c,) the polygons of nodes (c,), and of parts that would lead nowhere without them."""
+    """(c,) the polygons of the nodes (c,), and of parts that would be dead ends without these nodes."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
@@ -162,7 +162,7 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 
 
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Sequence[Floats]) -> PolygonMesh:
-    """Make void polygons of faces without a phase material if middles of stripes meet in them.
+    """Turn void polygons into material where middles of stripes meet in faces without a phase.
 
     fields, levels : those of the cut, in order; only a `CornerField` has such faces.
     """

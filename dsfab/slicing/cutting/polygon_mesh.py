@@ -78,7 +78,7 @@ class PolygonMesh:
 
     @cached_property
     def support(self) -> Ints:
-        """(n',) one of the uncut vertices that each vertex lies between."""
+        """(n',) for each vertex one of the uncut vertices around it."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split) -> "PolygonMesh":
@@ -217,7 +217,7 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """(k,) parts that touch nothing but one other part along one stretch, and (k,) that part."""
+        """(k,) parts with a single neighbour along a single stretch, and (k,) the neighbours."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
         return part[is_single], neighbour[is_single]

@@ -187,7 +187,7 @@ def split_cells(
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
     strip = np.where(
         highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest
-    )  # of uncut polygons
+    )  # strip numbers of polygons that no level cuts
     strip[~active] = -1
     which = np.flatnonzero(highest > lowest)
     slots = cells.slots(which)
@@ -277,7 +277,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # none in this polygon yet: its last one
+    before = source < cells.start[:-1][cells.owner]  # a polygon that has none yet takes its last one
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 

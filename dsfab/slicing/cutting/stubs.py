@@ -172,7 +172,7 @@ class _Bars:
         group, count = self._groups(fits)
         limits = np.full(count, LARGE)
         np.maximum.at(limits, group[fits], largest[fits])
-        accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)  # group -1
+        accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)  # for group -1
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:

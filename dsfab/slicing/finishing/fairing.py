@@ -114,7 +114,7 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]  # nearer vertices count as so far apart
+        q, least = points[used], 0.02 * segment[used]  # vertices that are nearer count as this far apart
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)

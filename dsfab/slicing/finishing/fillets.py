@@ -127,7 +127,7 @@ def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: floa
     touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
-        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # not at the foot
+        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # points at the foot of the arc do not count
     free = np.bincount(row, touched, len(count)) == 0
     distance = np.linalg.norm(start - stop.middle[row], axis=1)
     close_by = distance < 1.2 * radius
@@ -236,7 +236,7 @@ def fitting_fillets(corners: Corners, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Chords in space for arcs at corners, and a mask of the clear ones: beyond them is no other wall, and no end."""
+    """Chords in space for arcs at corners, and a mask of arcs with neither another wall nor an end beyond them."""
     surface, walls, void_neighbours = corners.sheet.surface, corners.walls, corners.sheet.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])

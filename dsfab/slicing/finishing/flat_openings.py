@@ -135,7 +135,7 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
-    loops = [part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2]  # smaller ones are rounding
+    loops = [part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2]  # smaller: rounding errors
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
         return

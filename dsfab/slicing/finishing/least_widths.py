@@ -91,7 +91,7 @@ REACH = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Neck:
-    """A place where an opening is too narrow: points (2, 3) on both of its walls, and the numbers of these."""
+    """A place where an opening is too narrow: points (2, 3) on both of its walls, and the numbers of the walls."""
 
     ends: Floats
     walls: tuple[int, int]
@@ -284,7 +284,7 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # neither from mouths nor from the narrowest places
+        if not len(places) or idle == 2:  # no bridge from mouths or from narrowest places
             break
     return cells, total
 
@@ -305,7 +305,7 @@ def _with_side_strips(cells: Sheet, places: Floats, member: float) -> tuple[Shee
         return cells, 0
     walls, half = Walls.from_sheet(cells), np.array([1.1 * member / 2, 1.5 * member])  # walls are not quite parallel
     wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # else on the surface edge
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # other ends are on the surface edge
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         side_strips = (Strip.between_walls(cells, walls, side, place, half) for side in sides[on_wall].tolist())

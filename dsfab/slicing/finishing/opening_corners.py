@@ -61,7 +61,7 @@ class Arcs:
 
         Unused chords have a normal of 0 and a distance of 1: everything lies within them.
         """
-        number = np.arange(6)  # enough for a half circle
+        number = np.arange(6)  # six chords are enough for half a circle
         count = np.maximum(np.ceil(self.angle / CHORD), 1)
         step = self.angle / count
         middle = self.begin[:, None] + (number + 0.5) * step[:, None]
@@ -263,7 +263,7 @@ class Corners:
         least = np.minimum(
             room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
         )
-        fits = 0.995  # `rooms` leave a little more than that
+        fits = 0.995  # `rooms` leave a little more room than this
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 

@@ -122,7 +122,7 @@ class Openings:
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0  # without effect
+        around[~enclosed] = 1.0  # avoids a division by 0; the value is not used
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property

@@ -112,7 +112,7 @@ def _tooth(cells: Sheet, walls: Walls, stretch: Ints, width: float) -> Spike | N
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # lower ones are hairs, or bends of a member
+    lowest = max(0.04 * width, 0.25 * length)  # lower teeth are hairs, or bends of a member
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)

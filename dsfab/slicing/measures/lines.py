@@ -96,7 +96,7 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
     """
     ends = view_ends @ _parent_coordinates(
         chart.weights, chart.surface.F[face], chart.parent[face], F
-    )  # on the uncut faces
+    )  # barycentric coordinates on the uncut faces
     order = sorted_order(sheet.parent)
     parents = sheet.parent[order]
     begin, end = (np.searchsorted(parents, chart.parent[face], side=side) for side in ("left", "right"))
@@ -348,7 +348,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a common corner
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a corner that both faces share
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]

@@ -84,7 +84,7 @@ def bays(middles: StripeMiddles) -> Bays:
     inner = np.where(has_stripes, np.maximum(np.ceil(high).astype(np.int64) - first_whole, 0), 0)
     piece = np.repeat(np.arange(len(face)), inner + 1)
     start = np.cumsum(inner + 1) - inner - 1
-    number = np.arange(len(piece)) - start[piece]  # of the part in its piece, by ascending z
+    number = np.arange(len(piece)) - start[piece]  # number of the part in its piece, by ascending z
     z0 = np.where(number == 0, low[piece], first_whole[piece] + number - 1)
     z1 = np.where(number == inner[piece], high[piece], first_whole[piece] + number)
     span = (high - low)[piece]

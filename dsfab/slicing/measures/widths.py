@@ -12,7 +12,7 @@ from dsfab.surface import Surface, next_half_edge, pieces
 
 
 class FarEnds(NamedTuple):
-    """Ends of lines (k,).
+    """Ends of measured lines (k,) on the boundary.
 
     edge   : the half-edge on the boundary, -1 for lines without an end.    place : metres along it.
     slope  : cosine between line and half-edge.    length : metres of the line.

@@ -125,7 +125,7 @@ def check_contents(
     solid: bool = True,
     progress: Progress | None = None,
 ) -> FileCheck:
-    """Check contents like `check_file`; with a design, read to the deflection `deflection_for` its preset.
+    """Check contents like `check_file`. With a design, they must have the deflection `deflection_for(preset)`.
 
     unit_given : whether the user named the unit of the file's numbers.
     """

@@ -185,7 +185,7 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
     K: csr_array | None = None
     for start in range(0, tets.t.shape[1], at_once):
         part = np.arange(start, min(start + at_once, tets.t.shape[1]))
-        basis = Basis(tets, element, elements=part, intorder=2)  # strains are linear: exact
+        basis = Basis(tets, element, elements=part, intorder=2)  # exact, because strains are linear
         added = csr_array(form.assemble(basis))
         K = added if K is None else csr_array(K + added)
         dofs = basis.dofs.element_dofs
@@ -283,7 +283,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
     solid = compliances(model, _holding(points, interpolation, loads, RIGID * statics.young * t), forces)
     answers = solve_for(statics.sheet().model_for(sheet), loads, "compliance_once")
     used = next(iter(answers.values())).elements
-    pair = replace(used, bending=used.bending or elements_of("compliance_once").bending)  # none in a plane
+    pair = replace(used, bending=used.bending or elements_of("compliance_once").bending)  # none if solved in the plane
     weights = np.array([design.preset.followed_weights[name] for name in loads])
     shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed_weights.items())
     return SolidCompliance(

@@ -128,10 +128,10 @@ def solid_check(
     progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
     linear, mode = lowest_buckling(model, seconds)
     shape = mode / np.linalg.norm(mode, axis=1).max()
-    shape *= np.sign((shape * model.force).sum()) or 1.0  # in the direction of the loads
+    shape *= np.sign((shape * model.force).sum()) or 1.0  # the imperfection points in the direction of the loads
     middle = model.solid.columns[:, 2]
     watched = middle[:: -(-len(middle) // 1000)]  # at most 1000 vertices
-    largest_factor = 1.2 * linear  # end of the path
+    largest_factor = 1.2 * linear  # load factor at the end of the path
     progress("nonlinear", f"loads up to {largest_factor:.3g} times theirs, with large displacements")
     start = model.solid.nodes + imperfection * shape
     path = load_path(model, start, (largest_factor,), watched, seconds, last_point)

@@ -239,7 +239,7 @@ class SweepFolder:
         search(self.plan, make)
 
     def write_tables(self) -> list[Path]:
-        """Write the current results."""
+        """Write the tables of the results so far."""
         return write_tables(self.path, records(self.rows(), self.plan.measured_metrics, self.plan.limits))
 
     def deliver(self, outcome: Outcome, changes: Changes) -> list[str]:

@@ -105,7 +105,7 @@ class _Scheduler:
                     self._receive(future)
             elif time.monotonic() - alone_since > PATIENCE:
                 raise DsfabError(
-                    f"no worker has been there for {PATIENCE:.0f} s; start some and give the command again"
+                    f"no worker was connected for {PATIENCE:.0f} s; start workers and give the command again"
                 )
             else:
                 time.sleep(tick)

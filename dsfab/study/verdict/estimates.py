@@ -41,7 +41,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     The value of three meshes is the mean of two extrapolations: by the usual rate, and by the rate of its own steps.
     Neither is better alone on the ten designs whose fourth mesh was solved.
     """
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least shares in the bound, see calibration.csv
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least shares, from calibration.csv
     if len(values) < 2:
         # 19 of 20 designs keep 1.7 times the recovery error
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))

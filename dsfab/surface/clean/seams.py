@@ -39,7 +39,7 @@ def merged_vertices(
     Mesh files are merged by equality alone (`dsfab.surface.files.mesh_files`), because equal places have equal digits.
     """
     alone = V, np.arange(len(V))
-    if not len(V) or not np.isfinite(V).all():  # `Surface` reports them
+    if not len(V) or not np.isfinite(V).all():  # `Surface` reports infinite coordinates
         return alone
     reach = within * float(np.ptp(V, axis=0).max())
     pairs = cKDTree(V).query_pairs(reach, output_type="ndarray")

@@ -108,7 +108,7 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
         raise MalformedFileError("it replaces more elements than there are")
     positions = _elements(buffers, indices, kind, count, 1).ravel().astype(np.int64)
     if count and not 0 <= positions.min() <= positions.max() < len(values):
-        raise MalformedFileError("it replaces elements that are not there")
+        raise MalformedFileError("it replaces elements that do not exist")
     values[positions] = _elements(buffers, sparse["values"], values.dtype.str, count, values.shape[1])
     return values
 
@@ -147,7 +147,7 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
         chunks.setdefault(kind, data[position + 8 : position + 8 + size])
         position += 8 + size
     if _JSON not in chunks:
-        raise MalformedFileError("it has no part that says what it holds")
+        raise MalformedFileError("it has no JSON part that describes its content")
     extra_bytes = len(data) - announced
     dropped = (f"{count_phrase(extra_bytes, 'byte')} after its end",) if extra_bytes else ()
     return _scene(_json_tree(chunks[_JSON]), chunks.get(_BIN), None, budget, dropped)
@@ -227,7 +227,7 @@ class _Scene:
     def _placed_meshes(self) -> Iterator[tuple[int, Floats]]:
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         if not scenes:
-            raise MalformedFileError("it names no scene, so that nothing says what is shown")
+            raise MalformedFileError("it names no scene, so its visible objects are unknown")
         waiting = [(k, np.eye(4), 1) for k in reversed(scenes[self.tree.get("scene", 0)].get("nodes", []))]
         seen = set[int]()
         while waiting:

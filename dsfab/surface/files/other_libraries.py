@@ -59,7 +59,7 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     """Return the surface of a mesh of trimesh, pyvista, compas, meshio, or any mesh with vertices and faces.
 
-    unit : of its numbers; None takes its own unit (trimesh may have one), else metres.
+    unit : unit of the coordinates; None takes the mesh's own unit (trimesh may have one), else metres.
 
     Vertices at the same place become one, as in STL and GLB files; a `Surface` is returned unchanged.
     Raises SurfaceError for other types, and as `surface_from` does.

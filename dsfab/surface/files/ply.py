@@ -73,7 +73,7 @@ def text_numbers(body: bytes) -> tuple[Floats, bool]:
         block, position = body[position:end].strip(), end
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # of numpy before 2.3 about other words
+                warnings.simplefilter("error", DeprecationWarning)  # numpy before 2.3 only warns about words
                 parts.append(np.fromstring(block, dtype=np.float64, sep=" ") if block else np.empty(0))
         except (ValueError, DeprecationWarning):
             parts.append(_numbers_before_words(block))
@@ -263,7 +263,7 @@ def read_ply(data: bytes, budget: Budget) -> PolygonFile:
     """Return vertices and faces of a PLY file; colours, normals and other elements are ignored. Raises
     MalformedFileError for a foreign or incomplete file or a missing property, and SurfaceError beyond the budget,
     before it takes memory for the announced records."""
-    if data[:3] != b"ply":  # with a byte order mark, or UTF-16
+    if data[:3] != b"ply":  # the text may have a byte order mark or be UTF-16
         file = text_file(data)
         if not file.text.startswith("ply"):
             raise MalformedFileError("there is no PLY header")

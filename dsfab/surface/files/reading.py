@@ -85,7 +85,7 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # of foreign parsers; real faults become a SurfaceError
+            warnings.simplefilter("ignore")  # ignore warnings of parsers; real faults become a SurfaceError
             yield
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
@@ -95,7 +95,7 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
         raise SurfaceError(f"{path} needs more memory than there is; {smaller}") from None
     except OSError as error:
         raise SurfaceError(f"{path} cannot be read ({error.strerror or 'the system says no more'})") from None
-    except Exception:  # of a foreign parser, whose words do not help the user
+    except Exception:  # the message of a parser does not help the user
         log.debug("reading %s", path, exc_info=True)
         raise SurfaceError(f"{path} cannot be read as {kind} ({damaged}); export it again") from None
 
@@ -159,7 +159,7 @@ class TriangleFile:
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, whose mark it begins with
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because this mark begins with that of UTF-16
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),

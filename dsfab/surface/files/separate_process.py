@@ -36,7 +36,7 @@ def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
     try:
         answer = json.loads(_program_output("drawing", path, budget.seconds))
     except subprocess.TimeoutExpired:
-        budget.require_time()  # raises the error for too long
+        budget.require_time()  # raises the usual error for an exceeded time limit
         raise
     _raise_refusal(answer)
     runs, points = (
@@ -59,7 +59,7 @@ def read_cad(path: Path, budget: Budget) -> TriangleFile:
     `read_rhino_in_process`
     does."""
     mesh = _triangles("cad", path, budget)
-    V, became = merged_vertices(mesh.V, 1e-7)  # as near are the points of two faces on their common edge
+    V, became = merged_vertices(mesh.V, 1e-7)  # points of two faces on a common edge are as near as this
     F = became[mesh.F]
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return TriangleFile(V, F[is_triangle], mesh.unit, mesh.metres, mesh.doubts, mesh.dropped)

@@ -230,7 +230,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # the finer grid only where the first leaves cells open
+    for count in (1000, 8000):  # the second, finer grid runs only for cells that the first could not prove
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:

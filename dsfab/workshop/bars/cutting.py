@@ -166,7 +166,7 @@ class PlateArm:
 
     @classmethod
     def from_bar(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
-        """Return the arm of a bar; below dipping bars, folds are closer to the node than the roots."""
+        """Return the arm of the plate for a bar; at a sloping bar it folds nearer to the node than the bar begins."""
         end, (stations, end_distance) = bar.ends[side], stock.bolt_stations(bar)
         setback = stock.lever * np.tan(end.dip / 2)
         holes = tuple(end.root - 2 * setback + r for r in stations)

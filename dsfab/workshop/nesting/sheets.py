@@ -259,7 +259,7 @@ def _without_least(
     least = min(sheets, key=_parts_area)
     remaining = [sheet for sheet in sheets if sheet is not least]
     for part in sorted((item.part for item in least.parts), key=lambda part: -part.area):
-        for k in sorted(range(len(remaining)), key=lambda k: remaining[k].used_share)[:3]:  # most room first
+        for k in sorted(range(len(remaining)), key=lambda k: remaining[k].used_share)[:3]:  # emptiest sheets first
             full = _parts_area(remaining[k]) + part.area > 0.92 * remaining[k].size[0] * remaining[k].size[1]
             if full or next(tries, None) is None:
                 continue

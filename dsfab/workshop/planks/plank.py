@@ -55,7 +55,7 @@ class PlankStock:
 def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
-    """Return arc lengths at the right and left edge of a level end at a support; None for others and flat ends."""
+    """Return arc lengths at the right and left edge of a level end at a support; None for other ends and flat ends."""
     height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
@@ -249,7 +249,7 @@ class Plank:
         course, y = self.course, self.stock.depth / 2
         past = 0.0 if course.closed else min(UNCERTAIN_WIDTHS * self.member.mean_width, (course.end - course.begin) / 3)
         inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
-        kn, tg = course.kg[inside], course.tg[inside]  # of the surface; a plank swaps them
+        kn, tg = course.kg[inside], course.tg[inside]  # curvatures of the surface; an upright plank swaps kn and kg
         parts.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
         elongations = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
         parts.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in elongations)
@@ -261,7 +261,7 @@ class Plank:
             if not span[0] <= slot.s <= span[1]:
                 continue
             edge = self.stock.depth / 2 * (1 if slot.above else -1)
-            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # wood between slots
+            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # leaves wood between slots
             before = [previous.s + previous.mouth(edge)[1] for previous in accepted if previous.above == slot.above]
             if before and before[-1] > low:
                 parts.crowded.append(f"{slot.node} in {name}")

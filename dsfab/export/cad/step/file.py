@@ -156,8 +156,8 @@ def inspection(part: Part, path: Path) -> dict[str, Any]:
         answer: dict[str, Any] = json.loads(last_line(step_facts.__file__, str(path), seconds=limit))
     except subprocess.TimeoutExpired as error:
         raise ExportError(
-            f"reading back the STEP file of {part.name!r} did not end within {limit:.0f} s, so nobody knows whether it "
-            "is valid; write STL or 3MF instead, or coarsen the mesh"
+            f"reading back the STEP file of {part.name!r} did not end within {limit:.0f} s, so its validity is "
+            "unknown; write STL or 3MF instead, or coarsen the mesh"
         ) from error
     except ProgramError as error:
         raise ExportError(
@@ -171,7 +171,7 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 def encode_compressed(part: Part) -> Iterator[bytes]:
     """Yield a zip archive whose only entry has the name of the part."""
-    level = 6  # of deflate: 9 takes five times as long and saves 2 %
+    level = 6  # level of deflate: level 9 takes five times as long and saves 2 %
     package = io.BytesIO()
     entry = zipfile.ZipInfo(f"{one_line(part.name).replace('/', '-')}.stp", _BEGINNING_OF_ZIP)
     entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, 0

@@ -155,7 +155,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 
 def _require_hope(simple: Part) -> None:
-    """Raise BudgetError if a failed try has so many faces that a smaller step cannot meet the budget."""
+    """Raise BudgetError if a failed simplification has so many faces that no further one can meet the budget."""
     hopeless = 1.2  # a try with more than 1.2 times the allowed faces ends the search
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))

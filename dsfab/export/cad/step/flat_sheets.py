@@ -148,7 +148,7 @@ def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> l
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:
         if spacing < SAME_PLACE:
-            raise ExportError(f"{len(remaining)} outlines touch another one")
+            raise ExportError(f"{len(remaining)} outlines touch other outlines")
         trees, reach = [cKDTree(_samples_along(loop, spacing)) for loop in loops], reach_limit + spacing
         boxes = np.array([[loop.min(axis=0), loop.max(axis=0)] for loop in loops])
         unresolved = []

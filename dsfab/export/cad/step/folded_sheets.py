@@ -114,7 +114,7 @@ def flat_facets(part: Part) -> FlatFacets | None:
     try:
         return _facets(part)
     except ExportError:
-        return None  # one plane, or curved
+        return None  # the sheet is a single plane, or is curved
 
 
 @derived

@@ -73,8 +73,8 @@ class _RoughError(ExportError):
 
 @derived
 def member_file(part: Part) -> MemberFile:
-    """Return the file of a part, which holds it; raises NotByMembersError with the reason, and BudgetError if it is too
-    large."""
+    """Return the file of a part, computed once for each part; raises NotByMembersError with the reason, and BudgetError
+    if the file is too large."""
     try:
         return _accepted_file(part)
     except BudgetError:

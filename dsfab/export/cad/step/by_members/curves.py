@@ -141,7 +141,7 @@ class ChainCurve:
         return np.asarray(np.einsum("ka,kai->ki", bernstein(share), self.spans[span]))
 
     def stops(self, low: float, high: float) -> Floats:
-        """(k,) two parameters in order, with the breaks between them."""
+        """(k,) the parameters `low` and `high` with the breaks of the curve between them, ascending."""
         return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":

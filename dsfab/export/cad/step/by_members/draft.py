@@ -164,7 +164,7 @@ class NetWriter:
         return [numbers[i : i + poles.shape[1]] for i in range(0, len(numbers), poles.shape[1])]
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
-        """Edge between both points of a vertex, and True if it runs to the outer one."""
+        """Edge between the inner and outer point of a vertex, and True if it runs to the outer point."""
         outer, inner = self.vertices[vertex]
         if (outer, inner) in posts:
             return posts[outer, inner], False  # the other side of a seam has made it

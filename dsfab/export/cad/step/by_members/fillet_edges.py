@@ -55,7 +55,7 @@ def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Flo
 
 
 def _parameter(side: Floats, point: Floats) -> float:
-    steps = 5  # of Newton's method, from the nearest sample
+    steps = 5  # steps of Newton's method, which begins at the nearest sample
     x = float(PLACES[np.argmin(np.linalg.norm(bernstein(PLACES) @ side - point, axis=1))])
     for _ in range(steps):
         point_on_side, ahead = (bernstein(np.array([x])) @ side)[0], 3 * (_quadratic(x) @ np.diff(side, axis=0))
@@ -115,7 +115,7 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
     """By edge: shares (2,) of extension before its start and after its end, and poles (4, 6) of the extended curves."""
-    longest = 3.0  # times its own length: a polynomial is unreliable farther out
+    longest = 3.0  # factor of the edge's length: a polynomial is unreliable farther out
     shares = dict[int, Floats]()
     for corner in corners:
         share = shares.setdefault(corner.seam, np.zeros(2))
@@ -230,7 +230,7 @@ def _wider_box(patch: NetPatch) -> Floats:
 def _on_both(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> dict[int, LongSeam]:
-    """Extended seams that lie on both faces, and the walls' edges beside them, which lie on one."""
+    """Extended seams that lie on both neighbouring faces, and the edges of walls beside them, which lie on one face."""
     bent = [corner for corner in corners if corner.straight is None]
     longer = _extensions(model, bent)
     bent = [corner for corner in bent if corner.seam in longer]

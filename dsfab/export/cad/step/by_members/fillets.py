@@ -169,7 +169,7 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        flat_detour = 4.0  # the same where only two members are behind: fair walls hold part of the arc
+        flat_detour = 4.0  # limit for two members behind a fillet: faired walls contain a part of the arc
         # Largest length along the members behind a fillet over its arc: 1.27 of a right angle, 1.65 of 60 degrees, 3 of
         # a square.
         detour = 2.2

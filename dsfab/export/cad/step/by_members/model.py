@@ -82,7 +82,7 @@ class NetModel:
         return edge.start if step[1] == at_start else edge.end
 
     def with_loops(self, loop: Callable[[ChainLoop], ChainLoop]) -> "NetModel":
-        """Return the model with each loop of edges replaced by `loop` of it."""
+        """Return the model with the function `loop` applied to each loop of edges."""
         return replace(
             self,
             walls=[replace(wall, steps=loop(wall.steps)) for wall in self.walls],

@@ -64,7 +64,7 @@ def _quad(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain
 
 def _corners(angle: Floats) -> Ints | None:
     """Indices of the four corners among interior angles (k,) in degrees, or None."""
-    blunt_limit = 60.0  # the same for regions with more than four corners
+    blunt_limit = 60.0  # largest such angle for regions with more than four corners
     straight_limit = 30.0  # degrees off 180 within which a node is no corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)

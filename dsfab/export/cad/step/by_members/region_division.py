@@ -21,8 +21,10 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
     """Cut the ends off regions with two long walls, as regions of their own.
-    An end narrower than `width` mm stays with the member."""
-    points_each = 9  # of a chain that divides a region
+
+    An end narrower than `width` mm stays with the member.
+    """
+    points_each = 9  # points of a chain that divides a region
     P = np.asarray(net.weights @ lifting.skins.points)
     chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)
     free, count, lines = max(loops) + 1, len(P), list[Floats]()
@@ -99,8 +101,9 @@ a few were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide regions that bend too much and have one outline and nodes. The net's first points are the sheet's."""
-    most_seams = 200  # of one sheet
+    """Divide regions that bend too much, if they have one outline and nodes. The net's first points are those of the
+    sheet."""
+    most_seams = 200  # largest number of seams for one sheet
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
     todo = {r: x for r, x in bends.items() if x < LEAST_COSINE and not _is_member(work, r, lifting, limits)}
@@ -130,7 +133,7 @@ class _BendSeams:
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
-        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # slivers have no own normal
+        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # slivers lack a sure normal
         long = np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
         self.N = N / long * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 

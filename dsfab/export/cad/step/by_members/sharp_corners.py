@@ -27,8 +27,10 @@ class MovedRim:
 
 
 class Rims:
-    """Rims of a model, that can move onto the faces beside them.
-    pieces : rim edges at sharp corners.    ends : edges by vertex."""
+    """Rim edges of a model, which can move onto the faces beside them.
+
+    pieces : rim edges at sharp corners.    ends : the edges that end at each vertex.
+    """
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
         self.model, self.edges, self.vertices = model, list(model.edges), list(model.vertices)
@@ -50,8 +52,10 @@ class Rims:
         return {e: poles for e, poles in curves.items() if e in around and e not in self.rims}
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
-        """Return the changes that put the pieces around a face onto it; None if it has no such pieces.
-        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too."""
+        """Return the changes that put the rim pieces around a face onto the face; None if the face has no such pieces.
+
+        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too.
+        """
         around = _edges_of_face(face)
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -188,7 +192,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Shares where an edge is cut, beyond fillets whose radius times `halves` reaches along it."""
+    """Shares of an edge at which it is cut, beyond the fillets at its ends, which reach radius times `halves`."""
     shortest_cut = 0.1  # share of an edge that is too short for a cut
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
@@ -196,7 +200,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 for a shorter edge
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1: edge too short
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -230,7 +234,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
     # Largest excess after three degrees: of 502 faces that became flush in seven designs the worst had 10.3. Hopeless
     # faces took nine tenths of the time.
     hopeless = 20.0
-    more_degrees = 6  # by which a surface may be raised
+    more_degrees = 6  # largest increase of a surface's degree
     exact = 5e-8  # millimetres: OCCT ignores 1e-7, and poles are rounded
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]

@@ -271,9 +271,8 @@ def _surface(
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return poles of the best surface over a domain, and its distances from edges and inner points."""
-    # Times `limits.off` that poles of degree `BASE_DEGREE` may lie above or below all points. Poles of a higher
-    # degree are
-    # nearer: OCCT's box of a dome was 38 mm too high, then 13.
+    # Poles of degree `BASE_DEGREE` may lie this multiple of `limits.off` above or below all points. Poles of a higher
+    # degree are nearer: with them OCCT's box of a dome was 13 mm too high instead of 38 mm.
     high = 2.0
     z, gap, inner_distance = _best(over.uv, over.z, over.inside, limits.gap, limits.off)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:

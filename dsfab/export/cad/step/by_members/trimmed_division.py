@@ -188,7 +188,7 @@ class _FaceDivision:
         return steps
 
     def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Return two faces instead of one, if both are better: by the first such seam, or by the best of many."""
+        """Divide a face in two if both parts are better: by the first seam that does so, or by the best of many."""
         less = 0.9  # largest share of the region's `allowance_used` for the worse part
         loop, model = self.over_halves(face.loops[0]), self.model  # an earlier seam may have been halved since
         best_seam: tuple[int, int, Floats] | None = None

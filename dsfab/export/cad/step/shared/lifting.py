@@ -221,7 +221,7 @@ def _corner_sides(surface: Surface, crease: Bools) -> Ints:
 
 def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
     """(s, 3) vectors from half the thickness along normals N (s, 3) to the point with that distance on all sides."""
-    longest = 3.0  # times half the thickness: sharper creases become blunt
+    longest = 3.0  # multiple of half the thickness: sharper creases become blunt
     mitres = np.zeros_like(N)
     for v in np.unique(vertex):
         is_same = vertex == v

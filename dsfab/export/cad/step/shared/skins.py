@@ -163,7 +163,7 @@ class SmoothLimits:
     @property
     def summary(self) -> str:
         """Allowed distances as a part of a sentence; at coarse triangles and creases they are larger."""
-        coarse = 2  # times the usual chord error from which on the message names the largest, too
+        coarse = 2  # from this multiple of the usual error on, the message names the largest
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
         coarsest_text = (

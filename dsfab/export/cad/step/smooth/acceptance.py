@@ -237,7 +237,7 @@ MOST_WALLS = 1500
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """A layout's pieces with their judge and builder. asked : pieces of solids that are not done."""
+    """A layout's pieces with their judge and builder. asked : pieces whose solids are not finished."""
 
     gate: PieceJudge
     builder: PieceBuilder
@@ -260,7 +260,7 @@ class SmoothPlan:
             self._require_few_walls(MOST_WALLS * part.hurry)
 
     def layouts(self) -> Iterator[Floats]:
-        """Yield fields (n, c) of one distinct layout after another: chart k is where field k is largest.
+        """Yield the fields (n, c) of distinct layouts: chart k covers the part where field k is largest.
 
         The first layout is for open sheets only, because its charts become too oblique on a closed surface.
         """

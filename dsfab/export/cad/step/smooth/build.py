@@ -46,7 +46,7 @@ class _AcceptedPiece(NamedTuple):
 
 @derived
 def smooth_file(part: Part) -> SmoothPieceFile:
-    """Return the smooth file of a part, which holds it; raises ExportError if no piece can be smooth."""
+    """Return the smooth file of a part, computed once for each part; raises ExportError if no piece can be smooth."""
     return _SmoothSearch(part).search()
 
 
@@ -126,7 +126,7 @@ class _SmoothSearch:
 
     def _findings(self, program: PreparedProgram, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
         face_seconds = 0.1
-        base_seconds = 120  # of processor time, many times the measured time: a check may not end
+        base_seconds = 120  # processor time, many times the usual time, because a check may never end
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
         self.last = [(model, k) for k in which]

@@ -86,6 +86,9 @@ SMOOTHING = 1e-5
 FEWEST_POLES, MOST_POLES = 6, 48
 """Limits of the poles of a fit in one direction."""
 
+FEW_POLES = 24
+"""A chart with more poles in one direction is divided once, because OCCT searches all poles for each projection."""
+
 FIRST_POLES = 8.0
 """Poles of the first attempt: geometric mean of both directions."""
 
@@ -119,7 +122,7 @@ def fitted_surface(
     first_poles, most_poles : poles of the first attempt (geometric mean of both directions), and limit for each.
     The error of a cubic surface is proportional to the fourth power of its spans, which sets the next attempt.
     """
-    points_per_pole = 2.5  # with fewer, surfaces wave between the points and gape at seams
+    points_per_pole = 2.5  # with fewer points, surfaces wave between them and gape at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
     pole_limit = np.sqrt(len(uv) / points_per_pole)
@@ -300,7 +303,7 @@ def _mean(d: Floats, ends: Ints) -> Floats:
 
 
 def _axes(V: Floats, across: Floats) -> Floats:
-    """(3, 3) right-handed: the longest direction in the plane, the one beside it, and `across`."""
+    """(3, 3) right-handed axes: the longest direction in the plane, the direction square to it, and `across`."""
     across = across / max(float(np.linalg.norm(across)), 1e-300)
     flat = V - V.mean(axis=0)
     flat = flat - np.outer(flat @ across, across)
@@ -372,9 +375,6 @@ class ChartAtlas:
 
         hopeless : function of a failed chart; True ends the work, because the rest is useless without it.
         """
-        # A chart with more poles in one direction is divided once, because OCCT searches all poles for each projection.
-        # Without it one tower took a third more time.
-        few_poles = 24
         # A chart may be three tolerances off: the solid is measured later, and few pieces lie at the worst place.
         useless = 3
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
@@ -388,7 +388,7 @@ class ChartAtlas:
                 todo += halves
                 continue
             try:
-                chart = self._chart(k, FIRST_POLES * (2 if turn else 1), few_poles if may and not turn else MOST_POLES)
+                chart = self._chart(k, FIRST_POLES * (2 if turn else 1), FEW_POLES if may and not turn else MOST_POLES)
             except ExportError as error:
                 self.failed[k] = str(error)
                 if hopeless(k):
@@ -419,7 +419,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # share of the half length: the border is then as steep as others
+        part_width = 0.25  # share of the half length: then the border is about as steep as other borders
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)

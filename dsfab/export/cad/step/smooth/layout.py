@@ -53,7 +53,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
     """(m,) cluster of each face. All normals of a cluster lie in the cone around their mean, unless the rounds run
     out."""
-    rounds = 30  # in which seeds are added
+    rounds = 30  # rounds that add seeds of clusters
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
     rng = np.random.default_rng(start)
@@ -79,7 +79,7 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 def _dual(surface: Surface) -> csr_array:
     """Graph of distances between neighbouring faces; turns count too, so that clusters end at bends."""
-    turn_cost = 0.2  # of a radian, as a share of the root of the surface's area
+    turn_cost = 0.2  # cost of a turn by one radian, over the root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
     angle = np.arccos(np.clip(np.einsum("ki,ki->k", surface.normals[f], surface.normals[g]), -1, 1))
@@ -147,7 +147,7 @@ def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
         for _ in range(SWEEPS - 1):
             chosen = np.zeros_like(load)
             chosen[np.arange(surface.n), fields.argmax(axis=1)] = mass
-            moved = (chosen != load).any(axis=0)  # of small charts, half stay as they are
+            moved = (chosen != load).any(axis=0)  # half of the small charts do not change
             fields[:, moved] = step.solve(chosen[:, moved])
             load = chosen
     return fields

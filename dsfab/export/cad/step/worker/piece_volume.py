@@ -175,7 +175,7 @@ def _local(knots: list[float], t: Any) -> tuple[Any, Any]:
 
 def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
     """Gauss points (k, 2) between the knots of an outline's curves, and weights of dv (k,)."""
-    points = 4  # of Gauss's rule in each span, as in OCCT: 4e-6 off for a vault; with two points 3e-5
+    points = 4  # Gauss points in a span, as in OCCT: error 4e-6 for a vault, with two points 3e-5
     places, weights = [], []
     for degree in sorted({curve.degree for curve in outline}):
         spans = [_spans(curve) for curve in outline if curve.degree == degree]

@@ -51,7 +51,7 @@ def read(path: Path) -> Any:
         BRepTools.Read_s(shape, str(path), BRep_Builder())
     else:
         reader = STEPControl_Reader()
-        if reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone:  # else it would crash
+        if reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone:  # avoids a crash of OCCT
             reader.TransferRoots()
             shape = reader.OneShape()
     if shape.IsNull():
