@@ -72,8 +72,7 @@ def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Fl
 
 def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
     """Return the sign that turns an axis in a repeatable direction: by its third moment, or without a clear moment by
-    its first large coordinate.
-    """
+    its first large coordinate."""
     if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
         return float(np.sign(third_moment))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))

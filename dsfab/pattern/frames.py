@@ -60,8 +60,7 @@ class TwistedFactors:
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
         """Return the factor of the real matrix, with real and imaginary parts side by side, so that solvers use blocks
-        of two.
-        """
+        of two."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern

@@ -182,9 +182,7 @@ class GuideLine:
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
         """Return vertices (v,) of faces that the curve passes, and target phases (v,) there, in periods, -1/2 to 1/2.
-
-        g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre.
-        """
+        g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
         begin = np.arange(len(self.points) - 1)

@@ -307,10 +307,7 @@ def _is_drawn(field: CornerField) -> Bools:
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
     """Return a function that counts points to estimate which share of the surface layers cover; layers begin with the
-    kept layers.
-
-    It is off by a few thousandths, at a tenth of the time of a cut; kept layers are counted once.
-    """
+    kept layers. It is off by a few thousandths, at a tenth of the time of a cut; kept layers are counted once."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 

@@ -145,9 +145,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
     """(k,) exact sign of the area of triangles, each projected along a coordinate axis; all triangles on an axis have
     the same sense of rotation.
-
-    A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign.
-    """
+    A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
 

@@ -15,8 +15,7 @@ LINE = 1 / 12
 
 def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
     """Return True if a surface would tip, because the middle of its plan is outside of all feet; feet : points (k, 3)
-    of each foot, metres.
-    """
+    of each foot, metres."""
     if not feet:
         return False
     middle = surface.areas @ surface.centroids / surface.area
@@ -27,8 +26,7 @@ def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
 
 def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
     """Return True if two or more feet, points (k, 3) each, lie in one line, so that the surface would turn about this
-    line, like a saddle on two corners.
-    """
+    line, like a saddle on two corners."""
     if len(feet) < 2:
         return False
     plan = np.concatenate(feet)[:, :2]
@@ -152,8 +150,7 @@ def _with_higher_feet(
     surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], ground: float, span: float
 ) -> list[Foot]:
     """Add the next higher low points of the outer edges, up to `HIGHEST`, until the surface does not tip; if it always
-    tips, return the feet unchanged.
-    """
+    tips, return the feet unchanged."""
     h = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
     places = sorted({float(P[v, 2]) for k, P in lines.items() if outer[k] for v in _valleys(P[:, 2], DIP * h)})

@@ -123,8 +123,7 @@ SHOWN = 1.7
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return a page about the node with the most bars, from above and from the side, and a second page about a node
-    that stands on a leg.
-    """
+    that stands on a leg."""
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.bar_lattice.joints if joint.node.joined]
     pages = list[PartsPage]()

@@ -318,9 +318,7 @@ class FindingsPictures:
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
     """Return the factor that enlarges the letters of a preview to a height of `points` on paper.
-
-    size : pixels.    width : share of the text's width that the picture takes.
-    """
+    size : pixels.    width : share of the text's width that the picture takes."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
 

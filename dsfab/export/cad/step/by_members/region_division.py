@@ -21,9 +21,7 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
     """Cut the ends off regions with two long walls, as regions of their own.
-
-    An end narrower than `width` mm stays with the member.
-    """
+    An end narrower than `width` mm stays with the member."""
     points_each = 9  # points of a chain that divides a region
     P = np.asarray(net.weights @ lifting.skins.points)
     chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)

@@ -28,9 +28,7 @@ class MovedRim:
 
 class Rims:
     """Rim edges of a model, which can move onto the faces beside them.
-
-    pieces : rim edges at sharp corners.    ends : the edges that end at each vertex.
-    """
+    pieces : rim edges at sharp corners.    ends : the edges that end at each vertex."""
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
         self.model, self.edges, self.vertices = model, list(model.edges), list(model.vertices)
@@ -53,9 +51,7 @@ class Rims:
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
         """Return the changes that put the rim pieces around a face onto the face; None if the face has no such pieces.
-
-        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too.
-        """
+        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too."""
         around = _edges_of_face(face)
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
