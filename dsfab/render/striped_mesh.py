@@ -89,9 +89,7 @@ class StripedMesh:
     @cached_property
     def normals(self) -> Floats:
         """(n', 3) unit normals of the uncut surface, so that light does not show its division."""
-        if self.even is None:
-            return self.uncut.vertex_normals
-        return unit_vectors(self.carry(self.uncut.vertex_normals))
+        return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
         """Return (n', 2) modes of both families, or the phases of even stripes."""

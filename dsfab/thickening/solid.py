@@ -298,9 +298,7 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
         raise SolidError(
             f"{len(bad)} offset vectors are zero or not finite (first: {first_few(bad)}); carry them from `offsets`"
         )
-    if used.all():
-        return surface, D
-    return Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used]
+    return (surface, D) if used.all() else (Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used])
 
 
 def _euler_characteristic(F: Ints) -> int:

@@ -269,9 +269,7 @@ class _MemberPanels:
                 corners = along, np.repeat(foot.sides[1:3], 2)
                 return _PanelEnd(float(foot.shoulders[0]), float(foot.shoulders[3]), corners, foot)
             s = self.course.begin if side == 1 else self.course.end
-            if self.course.closed and side == -1:
-                return self._splice_end(s)
-            return _PanelEnd(s, s)
+            return self._splice_end(s) if self.course.closed and side == -1 else _PanelEnd(s, s)
         w_right, w_left = self._sides(edge.s)
         shoulders = edge.stations(side, edge.half, np.array([-w_right, w_left]))
         y = np.array([-ROOT_SHARE * w_right, -TIP_SHARE * w_right, TIP_SHARE * w_left, ROOT_SHARE * w_left])

@@ -57,9 +57,7 @@ def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Work
 
 def size_words(size: tuple[float, float]) -> str:
     """Return "2.5 x 1.25 m" or "420 x 297 mm"."""
-    if size[0] < 1:
-        return f"{MM_PER_M * size[0]:g} x {MM_PER_M * size[1]:g} mm"
-    return f"{size[0]:g} x {size[1]:g} m"
+    return f"{MM_PER_M * size[0]:g} x {MM_PER_M * size[1]:g} mm" if size[0] < 1 else f"{size[0]:g} x {size[1]:g} m"
 
 
 def money(amount: float) -> str:

@@ -126,9 +126,7 @@ def _bay(
 def _sides(member: Member) -> Floats:
     """(k, 2) widths to the left and right of the axis (m). A disc has material on both sides of its ring and an outline
     on the outer one only: its width is at least its area over its length."""
-    if member.kind != "disc":
-        return member.sides
-    return np.maximum(member.sides, member.area / member.length / 2)
+    return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divide_bay(

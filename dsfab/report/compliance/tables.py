@@ -240,9 +240,7 @@ def _value_words(value: Any) -> str:
     if isinstance(value, float | int) and not isinstance(value, bool):
         return f"{value:g}"
     if isinstance(value, list | tuple):
-        if len(value) > 6:
-            return f"{len(value)} values"
-        return f"({', '.join(_value_words(item) for item in value)})"
+        return f"{len(value)} values" if len(value) > 6 else f"({', '.join(_value_words(item) for item in value)})"
     return str(value)
 
 

@@ -27,9 +27,7 @@ Slots open by this angle; planks are spliced where they would need more."""
 
 def largest_deviation(normals: Floats) -> float:
     """Return the largest angle between unit vectors (q, 3) and their middle direction (radians); 0 for none."""
-    if len(normals) < 2:
-        return 0.0
-    return float(np.arccos(np.clip(normals @ middle_direction(normals), -1.0, 1.0)).max())
+    return 0.0 if len(normals) < 2 else float(np.arccos(np.clip(normals @ middle_direction(normals), -1.0, 1.0)).max())
 
 
 def middle_direction(normals: Floats) -> Floats:
