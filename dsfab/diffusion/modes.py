@@ -125,7 +125,6 @@ def diffusion_modes(
 
     axes     : (3, 3) rows, for signs and bases; by default those of the surface alone (`reference_axes`).
     symmetry : only modes that are equal at all of its images: more pairs are computed until k such modes exist.
-
     Raises PatternError if the mesh has too few vertices for k modes.
     """
     return family_modes(surface, [L], k, axes, symmetry)[0]

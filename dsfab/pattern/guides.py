@@ -32,7 +32,6 @@ class Guide:
     weight    : 1 counts as much as clear stress; 0 not at all; 100 and more overrules stress.
     family    : whose stripes run along it; those of the other family run across.
     member    : whether a member runs on the curve itself, whatever the weight.
-
     Raises GuideError unless there is either a curve or a region, for either without a direction, and for a member in a
     region.
     """

@@ -30,7 +30,6 @@ class Stripes:
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
     threshold : -1 (everything is material) to 1 (nothing is); half the length of a gradient line at 0.
-
     Raises PatternError for other values.
     """
 

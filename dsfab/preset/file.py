@@ -27,7 +27,6 @@ def load_preset(
 
     overrides : dotted keys and values that win over the file, e.g. {"pattern.major.frequency": 12}.
     mesh      : a mesh file in place of the preset's surface; supports and loads stay.
-
     Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values.
     """
     path = _find(name_or_path)

@@ -503,12 +503,11 @@ class Export(Section):
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
-    """STEP: planar (flat or folded), of lines and splines, faceted, or tessellated (for viewers);
-    members: curved, of four-sided patches that CAD programs cut and measure well, else smooth, else faceted.
-    smooth or compact: curved, of few skins, the smallest file; cutting it in CAD often fails.
-    auto: planar where possible, else by members up to 7000 faces, else smooth if it takes little time and OCCT cuts it,
-    else faceted within step_faces, else smooth. quick: the same, but by members for open surfaces alone, without cuts,
-    and without the last, which may take minutes and fail.
+    """STEP: planar (flat or folded), of lines and splines, faceted, or tessellated (for viewers); members: curved, of
+    four-sided patches that CAD programs cut and measure well, else smooth, else faceted. smooth or compact: curved, of
+    few skins, the smallest file; cutting it in CAD often fails. auto: planar where possible, else by members up to 7000
+    faces, else smooth if it takes little time and OCCT cuts it, else faceted within step_faces, else smooth. quick: the
+    same, but by members for open surfaces alone, without cuts, and without the last, which may take minutes and fail.
     """
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Largest error (m) of planar, smooth or simplified STEP; 0: a share of the thickness, faceted: none."""
@@ -559,7 +558,6 @@ class Preset(Section):
         supports, loads, combinations : of the surface, in place of its own: `dsfab.Support(...)`, `dsfab.Snow(...)`,
                   or their keys as in TOML.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
-
         Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh.
         """
         surface_lists = {"support": supports, "load": loads, "combination": combinations}

@@ -176,8 +176,7 @@ def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats
     """Return the light (2, k) of the sun and of all other lamps on points with normals (3, k), in radii.
 
     paired : number of first points in neighbouring pairs. Each point of a pair evaluates half of the lamps except the
-             sun,
-             for both, because they lie within a pixel of the averaged picture.
+             sun, for both, because they lie within a pixel of the averaged picture.
     """
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT

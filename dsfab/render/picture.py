@@ -69,10 +69,8 @@ def picture(
     surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
     family  : (m,) index into `look.palette.families` for each face, -1 for the members' colour.
     caption : line below the picture.
-
     Returns (height, width, 3) bytes, red green blue. Raises DsfabError for a solid without faces, and if this machine
-    cannot
-    draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
+    cannot draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
     """
     require_rendering()
     return render_picture(V, F, surface=surface, load=load, family=family, caption=caption, look=look)

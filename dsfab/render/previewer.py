@@ -64,16 +64,14 @@ class Previewer:
     design  : a Design, or a draft (see `dsfab.design.draft`): it needs no cut sheet and no solid.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.render.view.named_side`).
     show    : structure; stress (the structure, coloured); families (each in its colour); major or minor (one family,
-              and
-              kept regions); or, on the whole uncut sheet: loads, directions (principal, as crosses), major_mode or
+              and kept regions); or, on the whole uncut sheet: loads, directions (principal, as crosses), major_mode or
               minor_mode, or a result of the statics: vonmises, utilisation, energy, displacement, buckling or frequency
               (the last three exaggerated).
     marks   : whether loads, supports and a person for scale are visible; or names from `EVERY_LAYER`.
     ground  : paper, white or transparent, which adds a fourth channel with the shadows.
 
     Pictures show the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
-    pieces
-    without a support; the solid's thickness is not visible.
+    pieces without a support; the solid's thickness is not visible.
     Create, use and close it in one thread. Raises DsfabError if this machine cannot draw correctly.
     """
 

@@ -152,8 +152,7 @@ class StripeShader:
     """Shader of a body; `fields` and `settings` may change between pictures.
 
     fields : (n, 6) modes, half-widths in periods (major, minor each), and distances in metres to loads and supports,
-             and to
-             the boundary.
+             and to the boundary.
     tints  : colours of major, minor and other material in place of those of the faces.
     """
 

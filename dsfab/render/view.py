@@ -34,11 +34,8 @@ class View:
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
     """Return the unit vector (3,) that points up for V (n, 3): z, unless the loads point along -y.
-
     It is y if the whole load presses along -y and the supports are low in y, as for figures. It is also y if the load
-    lies
-    in the plane of a plate and z is normal to it.
-    """
+    lies in the plane of a plate and z is normal to it."""
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
         return z

@@ -234,11 +234,8 @@ def missing_runs_line(folder: SweepFolder) -> str:
 
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
     """Return index.html, which opens offline; `y_metric` and `x_metric` are the metrics of its chart at first.
-
     Pictures are files beside it, named relative to it; everything else is inside. It shows failed runs and missing
-    values
-    as such. See sweep_page.html for its script.
-    """
+    values as such. See sweep_page.html for its script."""
     facts = json.dumps(
         _page_facts(folder, rows, y_metric, x_metric), ensure_ascii=False, separators=(",", ":"), allow_nan=False
     )

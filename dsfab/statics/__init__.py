@@ -154,7 +154,6 @@ def solve_for(
 
     Needles among faces, which a cut may leave, may stop the more accurate elements: then elements that bear needles
     solve the sheet (see `Equilibrium.elements`).
-
     Raises StaticsError as `solve_cases`.
     """
     elements = elements_of(use)
@@ -179,7 +178,6 @@ def solve_cases(
     spreads      : by case, see `equilibrium`; of all cases, or None.
     combinations : by name, the factor of each case; they follow the cases in the result.
     bars         : whether ribs that bend twist as rectangular bars, see `torsion_loss`.
-
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases.
     """
     sums = dict(combinations or {})

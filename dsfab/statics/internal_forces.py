@@ -207,10 +207,8 @@ def section_forces(
     moments averaged around each vertex: each flat face of a curved sheet bends under its own load, which averaging
     removes.
     q balances moments (`dsfab.statics.internal_forces`): errors of Navier's plate fall as h^1.5, to .3 % of all shear
-    at
-    32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a slab with
-    ribs
-    thinner than a face.
+    at 32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a slab with
+    ribs thinner than a face.
     """
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)

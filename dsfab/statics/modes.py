@@ -115,7 +115,6 @@ def frequencies(
     spring    : (n, 3) stiffness of elastic supports, newtons per metre.
     K         : stiffness of the sheet (without springs) by the same elements, if it exists.
     factor_of : makes its factor: the cache of an `equilibrium` saves a factorisation.
-
     Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns.
     """
     surface, density = sheet.surface, sheet.material.density
@@ -146,7 +145,6 @@ def buckling(
              buckling do not count: thin shells buckle well below, cylinders under axial load at a fifth to a half
              [Koiter 1945; NASA SP-8007].
     K, factor_of : (u, u), as for `frequencies`.
-
     Raises StaticsError for mechanisms, and if the modes do not converge.
     """
     surface = sheet.surface

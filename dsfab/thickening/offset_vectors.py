@@ -166,8 +166,7 @@ class Offsets:
     smallest : the smallest remaining share of the thickness; 1 if nothing was limited.
     tightest : the vertex of that share.
     sides    : (m, 3) of 1 and -1: the side of a face on which D lies at its corners (see `corner_sides`); all 1 except
-               on
-               surfaces with one side only.
+               on surfaces with one side only.
     """
 
     D: Floats
@@ -194,7 +193,6 @@ def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> 
 
     thickness : of the whole sheet, or (n,) at each vertex.
     side : position of the sheet: around the surface, or on one side of it: "out" is where the normals point.
-
     Raises SolidError for a thickness that is not positive, for surfaces that are no manifolds or not oriented though
     they could be, and for `side` on a surface with one side only.
     """

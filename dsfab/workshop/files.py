@@ -275,7 +275,6 @@ def write_workshop(
 
     Files of an earlier plan, by its cut list, are removed if this plan does not have them.
     documents : further files by name.
-
     Raises ExportError if the folder is not writable.
     """
     with atomic_folder(folder, _outdated_files) as partial:

@@ -248,7 +248,6 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     up : (3,) unit vector, for the base plate of a model.
 
     If the stock has prices, the plan is the cheapest of those for all sizes and for the shorter sizes alone.
-
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing.
     """
     if design.preset.workshop.nesting == "spyrrow":

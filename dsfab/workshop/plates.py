@@ -167,9 +167,7 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
     """Cut a flat sheet into as few rectangles as possible, none larger than one of `room` (m).
 
     Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers all pieces together
-    are
-    the sheet; with a scarf they overlap at the joints.
-
+    are the sheet; with a scarf they overlap at the joints.
     Raises PatternError if joints, or pieces with their joints, are too long for the stock.
     """
     x = plane_coordinates(surface)

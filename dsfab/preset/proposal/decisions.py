@@ -76,7 +76,6 @@ def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, materi
     unit     : of its numbers: mm, cm, m ...; guessed for files without a unit, else metres.
     up       : its axis that points to the sky: x, y, z, -x, -y, -z; guessed by default.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
-
     Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material.
     """
     return propose(mesh, unit, up, material).preset

@@ -56,7 +56,6 @@ def nest_parts(
     stock  : lengths and widths (m).    grain : whether parts of members lie along the sheets only.
     prices : of a sheet of each size. The cheapest trial wins, or without prices the least area. Trials take each size
              first, or for each sheet the size with most used area for its price; then cheaper sizes replace sheets.
-
     Raises PatternError for a part that fits on no sheet.
     """
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)

@@ -1,8 +1,7 @@
 """The parts of a structure of planks, rolled out along the normals of the surface.
 
 A plank is P(s) + y N(s), a ruled surface with normal -B on the axis. Rolled out it bends by kn in its plane; built it
-is
-bent by kg across it and twisted by tg, which makes its edges longer than drawn by tg^2 h^2 / 8.
+is bent by kg across it and twisted by tg, which makes its edges longer than drawn by tg^2 h^2 / 8.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -83,7 +82,6 @@ def plank_parts(
     room   : lengths and widths (m) that parts may have on the stock.
     ground : base plane whose supports level the ends; None without supports.
     order  : families, from the lowest planks to the uppermost.
-
     Raises PatternError if no piece fits on the stock.
     """
     courses, stopped = plank_courses(graph, stock)
@@ -195,7 +193,6 @@ def plank_plan(
 
     normals : (n, 3) at the vertices of the graph's sheet.    limit : strain.
     order   : families, from the lowest planks to the uppermost.
-
     Raises PatternError if no piece fits on the stock.
     """
     planks = plank_parts(graph, stock, room, ground, order)
