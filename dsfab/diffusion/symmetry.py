@@ -157,8 +157,7 @@ def _generator(word: str) -> Floats:
 
 
 def symmetry_group(words: Sequence[str]) -> Floats:
-    """Return all products (g, 3, 3) of the named mirrors and rotations, the identity first.
-    Raises PatternError for other words."""
+    """Return all products (g, 3, 3) of mirrors and rotations, the identity first. PatternError for other words."""
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:

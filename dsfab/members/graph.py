@@ -234,8 +234,7 @@ class MemberGraph:
         return numbers
 
     def bays(self, name: str) -> Floats:
-        """Return arc lengths (b,) from node to node along a member (m); the last bay of a closed member ends at its
-        first node."""
+        """Return arc lengths (b,) from node to node along a member (m); a closed one ends at its first node."""
         axis, nodes = self.by_id[name].axis, self.nodes_along[name]
         if axis is None or not nodes:
             return np.empty(0)

@@ -106,10 +106,7 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
             taker = int(np.bincount(hiding[hiding >= 0]).argmax())
             gained.setdefault(taker, []).append(cells[made_by[cells] == c.field])
     for taker, groups in gained.items():
-        place, taken = (
-            result.index(components[taker]),
-            np.setdiff1d(np.concatenate(groups), components[taker].cells),
-        )
+        place, taken = (result.index(components[taker]), np.setdiff1d(np.concatenate(groups), components[taker].cells))
         result[place] = components[taker].with_cells(taken, core=True)
     return result
 

@@ -59,8 +59,7 @@ class TwistedFactors:
         return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """Return the factor of the real matrix, with real and imaginary parts side by side, so that solvers use blocks
-        of two."""
+        """Return the factor of the real matrix, real and imaginary parts side by side: solvers use blocks of two."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern

@@ -46,13 +46,7 @@ class ModeFamily:
 
     @classmethod
     def from_mode(
-        cls,
-        surface: Surface,
-        name: str,
-        stripes: Stripes,
-        x: Floats,
-        stress: Floats | None = None,
-        radius: float = 0.0,
+        cls, surface: Surface, name: str, stripes: Stripes, x: Floats, stress: Floats | None = None, radius: float = 0.0
     ) -> "ModeFamily":
         """Return the family, its slope averaged over a radius in metres; the default stress (n,) is 1 everywhere."""
         stress = np.ones(surface.n) if stress is None else stress

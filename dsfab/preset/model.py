@@ -174,13 +174,11 @@ Mode = Annotated[
     Discriminator(_number_or_word),
 ]
 Phase = Annotated[
-    Annotated[float, Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
-    Discriminator(_number_or_word),
+    Annotated[float, Tag("number")] | Annotated[Literal["auto"], Tag("auto")], Discriminator(_number_or_word)
 ]
 
 LeastWidth = Annotated[
-    Annotated[float, Ge(0), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
-    Discriminator(_number_or_word),
+    Annotated[float, Ge(0), Tag("number")] | Annotated[Literal["auto"], Tag("auto")], Discriminator(_number_or_word)
 ]
 
 

@@ -212,8 +212,7 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, and a mask (k,) of those at a
-    vertex."""
+    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, (k,) of those at a vertex."""
 
     V: Floats
     F: Ints

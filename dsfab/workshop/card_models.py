@@ -199,11 +199,7 @@ def panel_parts(
 
 
 def _crossing_edge(
-    graph: MemberGraph,
-    node: Node,
-    member: Member,
-    courses: dict[str, StripCourse],
-    rank: dict[str, tuple[int, int]],
+    graph: MemberGraph, node: Node, member: Member, courses: dict[str, StripCourse], rank: dict[str, tuple[int, int]]
 ) -> _CrossingEdge | None:
     k = node.members.index(member.id)
     crossing_name = node.members[1 - k]

@@ -97,12 +97,7 @@ def member_checks(
     sideways = np.sqrt(W * fy / slim.torsional(length, young, shear))
     tilted = strong[2] / reduction(sideways, SIDEWAYS)
     combined = _interaction(strong, weak, tilted)
-    return {
-        OUT_OF_SURFACE: n[0],
-        IN_SURFACE: n[1],
-        TORSIONAL: tilted,
-        BOTH: np.where(N > 0, combined, 0.0),
-    }
+    return {OUT_OF_SURFACE: n[0], IN_SURFACE: n[1], TORSIONAL: tilted, BOTH: np.where(N > 0, combined, 0.0)}
 
 
 def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:

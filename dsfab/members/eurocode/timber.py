@@ -145,7 +145,4 @@ def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Flo
     fm, W = np.where(lying, grade.fm, grade.fm_flat), np.where(lying, slim.Wz, slim.Wy)
     sideways = np.sqrt(fm * W / slim.torsional(length, grade.E05, grade.G05))
     tilted = strong / beam_factor(sideways)
-    return {
-        COLUMN: np.where(pressed > 0, column, 0.0),
-        BEAM: np.where(pressed > 0, tilted**2 + weak_c, tilted),
-    }
+    return {COLUMN: np.where(pressed > 0, column, 0.0), BEAM: np.where(pressed > 0, tilted**2 + weak_c, tilted)}

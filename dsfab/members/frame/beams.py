@@ -31,8 +31,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Columns of beams, see `Frame`.
-    stout : (b,) width of the member over the length of its bay; 1 beside members that it grazes."""
+    """Columns of beams, see `Frame`. stout : (b,) member's width over its bay's length; 1 beside grazed members."""
 
     ends: Ints
     normal: Floats

@@ -162,14 +162,7 @@ def _join_touching(joints: AxisJoints, trees: Trees) -> None:
             between = np.unique(patched[np.intersect1d(border, around)].indices)
             near_edges = np.intersect1d(np.concatenate([border, *(patches[k] for k in between)]), around)
             neighbours = (joints.members_with_axis[k] for k in np.unique(with_axis[near_edges].indices))
-            _join_to(
-                joints,
-                (member, s, width),
-                point,
-                [m for m in neighbours if m is not member],
-                what,
-                trees,
-            )
+            _join_to(joints, (member, s, width), point, [m for m in neighbours if m is not member], what, trees)
 
 
 def _owners(edges: list[Ints], count: int) -> csr_array:

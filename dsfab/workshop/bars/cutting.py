@@ -17,8 +17,7 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Bolt diameters from the clear end of a bar to its bolts, between bolts, and to the end of the plate.
-The first of these that fits is used."""
+"""Bolt diameters to the bolts, between bolts, and to the plate's end; the first that fits is used."""
 LEG_NAME = "ground"
 """Name of a plate's leg, in place of a bar's name."""
 

@@ -125,11 +125,7 @@ def _leg_plate(
     high = min(NODE_LETTERS, 0.9 * (root - bolt) / text_length(name, 1.0))
     marks = label(name, np.array([(root + 0.6 * bolt) / 2, 0.0]), 0.0, high)
     return FlatPart(
-        *(name, "", (0.0, 0.0), outline, tuple(holes)),
-        marks=marks,
-        layer=height,
-        folds=(fold,),
-        thickness=thickness,
+        *(name, "", (0.0, 0.0), outline, tuple(holes)), marks=marks, layer=height, folds=(fold,), thickness=thickness
     ).at_origin()
 
 

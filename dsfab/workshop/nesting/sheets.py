@@ -154,11 +154,7 @@ def _largest_first(parts: Sequence[FlatPart]) -> list[FlatPart]:
 
 
 def _fill_sheets(
-    parts: Sequence[FlatPart],
-    boxes: bool,
-    stock: Sequence[SheetSize],
-    grid: ColumnGrid,
-    limit: int,
+    parts: Sequence[FlatPart], boxes: bool, stock: Sequence[SheetSize], grid: ColumnGrid, limit: int
 ) -> list[NestedSheet] | None:
     """Fill sheets: each part goes on the first sheet with room; None for more than `limit` sheets."""
     opened = list[OpenSheet]()

@@ -173,7 +173,7 @@ def _require_solid(
         (
             abs(volume - mesh_volume) <= (CHANGED_VOLUME + rounder) * mesh_volume,
             f"its volume by members is off by {volume / mesh_volume - 1:.1%}",
-        ),
+        )
     )
     _require((not reports_list[0].fault, reports_list[0].fault), error=_RoughError)
     return forth.most, back.most, reports_list[0].shape

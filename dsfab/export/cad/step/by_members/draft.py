@@ -58,8 +58,7 @@ NO_SEAMS: Mapping[int, LongSeam] = MappingProxyType({})
 
 
 class NetWriter:
-    """Writer of a model after the entities of `new`. thickness : mm. Entities that exist on both sides of a seam are
-    shared."""
+    """Writer of a model after the entities of `new`. thickness : mm. Both sides of a seam share entities."""
 
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model

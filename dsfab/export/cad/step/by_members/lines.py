@@ -237,8 +237,7 @@ DENSE = np.linspace(0, 1, 65)
 
 
 class ArcsOnSkins:
-    """Arcs on both skins with their distance from the chains, memoised by chain. away : vectors (k, 6) from points to
-    the skins."""
+    """Arcs on both skins with distances from the chains, memoised. away : vectors (k, 6) from points to the skins."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()

@@ -28,8 +28,7 @@ class NetEdge:
 
 @dataclass(frozen=True, eq=False)
 class NetWall:
-    """Ruled face between the skins. steps : consecutive edges with the material on the left.    poles : (4, 6) of all
-    together."""
+    """Ruled face between the skins. steps : edges in order, the material on the left. poles : (4, 6) of all."""
 
     steps: ChainLoop
     poles: Floats
