@@ -220,9 +220,7 @@ class MemberGraph:
             if node.kind != "grazing":
                 for name, s in zip(node.members, node.at, strict=True):
                     nodes[name].append((s, node))
-        return {
-            name: tuple(node for _, node in sorted(entries, key=lambda one: one[0])) for name, entries in nodes.items()
-        }
+        return {name: tuple(node for _, node in sorted(pairs, key=lambda one: one[0])) for name, pairs in nodes.items()}
 
     @cached_property
     def owner(self) -> Ints:

@@ -258,9 +258,7 @@ def face_points(side: int = 3) -> Floats:
     """
     i, j = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
     upright, inverted = i + j < side, i + j < side - 1
-    thirds = [
-        np.stack([i[inside], j[inside]], axis=1) + shift for inside, shift in ((upright, 1 / 3), (inverted, 2 / 3))
-    ]
+    thirds = [np.stack([i[mask], j[mask]], axis=1) + shift for mask, shift in ((upright, 1 / 3), (inverted, 2 / 3))]
     a, b = np.concatenate(thirds).T / side
     return np.stack([a, b, 1 - a - b], axis=1)
 

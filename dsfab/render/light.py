@@ -223,16 +223,14 @@ def pixel_and_floor_light(
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:
-        points, normals = _points(scene, view, pixels, hit)
-        return _in_row_order(
-            lamp_light(scene, all_lamps, points, normals, paired * points.shape[1]).sum(axis=0), hit
-        ), None
+        points, N = _points(scene, view, pixels, hit)
+        return _in_row_order(lamp_light(scene, all_lamps, points, N, paired * points.shape[1]).sum(axis=0), hit), None
     coarse = (height // 6, width // 6)  # shadows on the floor are soft
     spots, floor_pixels = _floor_points(scene, view, floor, level, coarse)
-    points, normals = _points(scene, view, pixels, hit, spare=spots.shape[1])
+    points, N = _points(scene, view, pixels, hit, spare=spots.shape[1])
     count = points.shape[1] - spots.shape[1]
-    points[:, count:], normals[:, count:] = spots, floor[:, None]
-    light = lamp_light(scene, all_lamps, points, normals, paired * count)
+    points[:, count:], N[:, count:] = spots, floor[:, None]
+    light = lamp_light(scene, all_lamps, points, N, paired * count)
     share = _floor_share(light[:, count:], floor_pixels, all_lamps.open_light(floor), all_lamps.quality.blur)
     return _in_row_order(light[:, :count].sum(axis=0), hit), share
 

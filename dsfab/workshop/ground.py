@@ -101,11 +101,9 @@ class BasePlane:
             return self._trim_course(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()
         for at_end in (False, True):
-            station = course.end if at_end else course.begin
-            point = course.frame_at(np.array([station]))[0][0]
-            if self.is_supported(point, float(course.width(np.array([station]))[0])) and (
-                foot := self._foot(layer, station, at_end)
-            ):
+            s = course.end if at_end else course.begin
+            p = course.frame_at(np.array([s]))[0][0]
+            if self.is_supported(p, float(course.width(np.array([s]))[0])) and (foot := self._foot(layer, s, at_end)):
                 feet.append(foot)
                 middle = float(foot.shoulders[1:3].mean())
                 course = replace(course, end=middle) if at_end else replace(course, begin=middle)

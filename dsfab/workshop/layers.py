@@ -149,11 +149,7 @@ def shortened_courses(
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
     """Return courses of members, by name, that stop because the member curls up at an end (see `uncurled_span`)."""
     lengths = {member.id: member.length for member in members}
-    return {
-        name: course
-        for name, course in courses.items()
-        if not course.closed and (course.begin > 0 or course.end < lengths[name])
-    }
+    return {name: c for name, c in courses.items() if not c.closed and (c.begin > 0 or c.end < lengths[name])}
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:

@@ -329,10 +329,8 @@ def _graph_as_built(design: Design) -> tuple[MemberGraph, Layering]:
     if not options.model:
         return graph, Layering(thickness, options.layers, options.bolt)
     present = {member.family for member in graph.members if is_strip(member)}
-    families = tuple(family for family in FAMILIES_BELOW if family in present)
-    return scaled_graph(graph, options.model), Layering(
-        thickness, options.layers, options.bolt, families, MODEL_LETTERS
-    )
+    order = tuple(family for family in FAMILIES_BELOW if family in present)
+    return scaled_graph(graph, options.model), Layering(thickness, options.layers, options.bolt, order, MODEL_LETTERS)
 
 
 def _flat_design_parts(design: Design, room: list[tuple[float, float]]) -> tuple[list[FlatPart], list[str]]:

@@ -106,18 +106,15 @@ def _shortened_courses(
     for family in dict.fromkeys(member.family for member in members):
         family_courses = {member.id: courses[member.id] for member in members if member.family == family}
         nodes = {
-            name: [bolt.s for bolt in node_bolts(graph, graph.by_id[name], family_courses[name])]
-            for name in family_courses
+            name: [b.s for b in node_bolts(graph, graph.by_id[name], family_courses[name])] for name in family_courses
         }
         shortened |= shortened_courses(family_courses, nodes, joined, END_DISTANCE * layering.bolt)
-    vanished = vanished_courses(shortened, {member.id: member.mean_width for member in members})
+    gone = vanished_courses(shortened, {member.id: member.mean_width for member in members})
     for name, course in shortened.items():
         bolts = node_bolts(graph, graph.by_id[name], course)
-        parts.missed_nodes |= {
-            (bolt.name, name) for bolt in bolts if name in vanished or not course.begin <= bolt.s <= course.end
-        }
-    parts.shortened += sorted(set(shortened) - vanished)
-    parts.vanished += sorted(vanished)
+        parts.missed_nodes |= {(b.name, name) for b in bolts if name in gone or not course.begin <= b.s <= course.end}
+    parts.shortened += sorted(set(shortened) - gone)
+    parts.vanished += sorted(gone)
     return shortened
 
 

@@ -267,11 +267,9 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
     if np.ptp(z) < DIP * height:
         return [Foot("", P, polygon_perimeter(P), loop)]
     result = []
-    for valley in _valleys(z, DIP * height):
-        if z[valley] <= highest:
-            low = _bridge_gaps(
-                _stretch_around(z <= z[valley] + 2 * LEVEL * height, valley), z <= z[valley] + LEVEL * height
-            )
+    for v in _valleys(z, DIP * height):
+        if z[v] <= highest:
+            low = _bridge_gaps(_stretch_around(z <= z[v] + 2 * LEVEL * height, v), z <= z[v] + LEVEL * height)
             stretch = P[_widen_stretch(P, low, SHORTEST * span)]
             result.append(Foot("", stretch, _length(stretch)))
     return result

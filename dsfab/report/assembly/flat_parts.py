@@ -255,17 +255,15 @@ def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scal
     paper.polylines([np.array([[PAGE.x, y - 0.5], [PAGE.x + PAGE.wide, y - 0.5]])], HAIR, 0.3)
     if member.axis is None:
         return
-    start, middle = PAGE.x + NAMES, y + 11.0
-    paper.polylines([np.array([[start, middle], [start + scale * member.length, middle]])], INK, 1.6)
-    _node_ticks(paper, plan, member, (start, middle), scale)
+    start, mid = PAGE.x + NAMES, y + 11.0
+    paper.polylines([np.array([[start, mid], [start + scale * member.length, mid]])], INK, 1.6)
+    _node_ticks(paper, plan, member, (start, mid), scale)
     for part in pieces:
         if plan.bars and scale * (part.span[1] - part.span[0]) > APART:
-            paper.text(
-                (start + scale * sum(part.span) / 2, middle + 1.2), part.id.rpartition(".")[2], 5.2, RED, "middle"
-            )
+            paper.text((start + scale * sum(part.span) / 2, mid + 1.2), part.id.rpartition(".")[2], 5.2, RED, "middle")
         elif 0 < part.span[0] < member.length and not plan.bars:
             x = start + scale * part.span[0]
-            paper.polylines([np.array([[x, middle - 2.2], [x, middle + 2.2]])], RED, 1.2)
+            paper.polylines([np.array([[x, mid - 2.2], [x, mid + 2.2]])], RED, 1.2)
 
 
 def _node_ticks(paper: Paper, plan: WorkshopPlan, member: Member, origin: tuple[float, float], scale: float) -> None:

@@ -253,11 +253,9 @@ def _narrow_line(facts: Mapping[str, Any]) -> Iterator[str]:
         for key in ("min_gap", "min_member")
         if facts[MEASURED_KEY[key]] and key not in limits
     }
-    narrow = {key: value for key, value in unlimited.items() if value["m"] < thickness}
+    narrow = {key: v for key, v in unlimited.items() if v["m"] < thickness}
     if narrow:
-        places = (
-            f"{value['what']} of {length(value['m'])} at {_point_words(value['at_m'])}" for value in narrow.values()
-        )
+        places = (f"{v['what']} of {length(v['m'])} at {_point_words(v['at_m'])}" for v in narrow.values())
         missing_limits = " and ".join(f"fabrication.{key}" for key in narrow)
         yield (
             f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}; set {missing_limits} "

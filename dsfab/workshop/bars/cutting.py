@@ -115,11 +115,9 @@ def plate_part(joint: Joint, lattice: BarLattice, stock: BarStock) -> FlatPart:
     outline = _plate_outline(joint, arms)
     holes = [Hole(np.zeros(2), stock.bolt, joint.node.id)]
     anchor = joint.leg.anchor if joint.leg else 0.0
-    diameters = {arm.bar: anchor if arm.bar == LEG_NAME else stock.bolt for arm in arms}
-    holes += [Hole(arm.point(r, 0.0), diameters[arm.bar], arm.bar) for arm in arms for r in arm.holes]
-    folds = tuple(
-        Fold(np.stack([arm.point(arm.fold, -joint.half), arm.point(arm.fold, joint.half)]), arm.dip) for arm in arms
-    )
+    diameters = {a.bar: anchor if a.bar == LEG_NAME else stock.bolt for a in arms}
+    holes += [Hole(a.point(r, 0.0), diameters[a.bar], a.bar) for a in arms for r in a.holes]
+    folds = tuple(Fold(np.stack([a.point(a.fold, -joint.half), a.point(a.fold, joint.half)]), a.dip) for a in arms)
     marks = tuple(_plate_marks(joint, arms, stock))
     part = FlatPart(
         *(joint.node.id, "", (0.0, 0.0), outline, tuple(holes)),

@@ -43,17 +43,13 @@ def upright_course(course: StripCourse, depth: float) -> StripCourse:
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
     """Return courses of all planks along the surface, and those that stop before others or before a curl."""
-    members = [member for member in graph.members if is_strip(member)]
+    members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
-    courses = {member.id: member_course(graph, member, stock.overhang, extra_length) for member in members}
+    courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
     joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
     stopped = courses_without_curls(courses, members)
-    for family in dict.fromkeys(member.family for member in members):
-        family_courses = {
-            member.id: _thin_course(courses[member.id], stock.thickness)
-            for member in members
-            if member.family == family
-        }
+    for family in dict.fromkeys(m.family for m in members):
+        family_courses = {m.id: _thin_course(courses[m.id], stock.thickness) for m in members if m.family == family}
         nodes = {
             name: sorted(
                 family_courses[name].wrapped_station(node.at[node.members.index(name)])

@@ -390,10 +390,7 @@ def _with_cut_ends(
 def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
     """Poles around each trimmed region. A line is part of several outlines and moves all of them."""
     curves = lines.curves(model.trimmed)
-    return {
-        region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
-        for region in model.trimmed
-    }
+    return {r: b"".join(curves[k].spans.tobytes() for loop in net.loops[r] for k, _ in loop) for r in model.trimmed}
 
 
 def _changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:

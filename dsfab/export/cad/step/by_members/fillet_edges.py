@@ -183,10 +183,8 @@ def with_long_seams(
 def _with_tolerance(model: NetModel, corners: list[FilledCorner], loops: dict[int, set[int]]) -> list[NetEdge]:
     edges = list(model.edges)
     for corner in corners:
-        trimmed = [
-            face_edges for i, face_edges in loops.items() if i >= len(model.patches) and corner.seam in face_edges
-        ]
-        if corner.straight is not None and any(corner.straight not in face_edges for face_edges in trimmed):
+        trimmed = [group for i, group in loops.items() if i >= len(model.patches) and corner.seam in group]
+        if corner.straight is not None and any(corner.straight not in group for group in trimmed):
             poles = edges[corner.seam].poles.copy()
             across = poles[0, :3] - poles[0, 3:]
             poles[2 - corner.end] += POLE_OFFSET * np.tile(across / np.linalg.norm(across), 2)

@@ -261,9 +261,7 @@ def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on both sides of a seam stay apart
     chains = dict(net.chains)
-    loops = {
-        region: [_joined_loop(loop, chains, P, N, degree) for loop in group] for region, group in net.loops.items()
-    }
+    loops = {r: [_joined_loop(loop, chains, P, N, degree) for loop in group] for r, group in net.loops.items()}
     return replace(net, chains=chains, loops=loops)
 
 

@@ -224,13 +224,11 @@ class _FaceDivision:
         seams = self._on_skins([(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs])
         near_numbers = [i for i, cubics in enumerate(seams) if self._is_near(cubics)]
         pairs, seams = [pairs[i] for i in near_numbers], [seams[i] for i in near_numbers]
-        misfits_left, limit = list[float](), self.times * full
+        errors, limit = list[float](), self.times * full
         for (a, b), P in zip(pairs, seams, strict=True):
             two = outline.part(a, b, P), outline.part(b, a, P[::-1, ::-1])
-            misfits_left.append(
-                _worst_misfit(points, two, sorted(misfits_left)[limit - 1] if len(misfits_left) >= limit else np.inf)
-            )
-        return [(pairs[i], seams[i]) for i in np.argsort(misfits_left, kind="stable").tolist()[:limit]]
+            errors.append(_worst_misfit(points, two, sorted(errors)[limit - 1] if len(errors) >= limit else np.inf))
+        return [(pairs[i], seams[i]) for i in np.argsort(errors, kind="stable").tolist()[:limit]]
 
     def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
         """(k, 4, 6) cubics on the skins between both points (6,) of each chord, as many as needed or allowed."""
