@@ -14,21 +14,7 @@ from dsfab.diffusion.tensors import (
 )
 
 __all__ = [
-    "CLEAR_MOMENT",
-    "DiffusionTensors",
-    "Labelling",
-    "Modes",
-    "Symmetry",
-    "combined_stress",
-    "diffusion_modes",
-    "diffusion_operator",
-    "diffusion_tensors",
-    "family_modes",
-    "largest_symmetry",
-    "layer_stress",
-    "only_bends",
-    "principal_stresses",
-    "reference_axes",
-    "symmetry_group",
-    "symmetry_of",
-]
+    "CLEAR_MOMENT", "DiffusionTensors", "Labelling", "Modes", "Symmetry", "combined_stress", "diffusion_modes",
+    "diffusion_operator", "diffusion_tensors", "family_modes", "largest_symmetry", "layer_stress", "only_bends",
+    "principal_stresses", "reference_axes", "symmetry_group", "symmetry_of",
+]  # fmt: skip

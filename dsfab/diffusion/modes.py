@@ -72,8 +72,7 @@ def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Fl
 
 def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
     """Return the sign that turns an axis in a repeatable direction: by its third moment, or without a clear moment by
-    its first large coordinate.
-    """
+    its first large coordinate."""
     if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
         return float(np.sign(third_moment))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
@@ -86,18 +85,13 @@ VISIBLE = 1e-2
 """Least share of a reference field in an eigenspace for it to fix a basis or a sign."""
 
 SPARE = 2
-"""Pairs computed beyond those requested, so that a repeated eigenvalue at the end is mostly complete; else more
-follow.
-"""
+"""Pairs computed beyond those requested, so that a repeated last eigenvalue is mostly complete; else more follow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes of one diffusion operator, without the constant ones.
-
-    lam : (k,) eigenvalues, per square metre, ascending.
-    X   : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I.
-    """
+    """Modes of one diffusion operator, without the constant ones. lam : (k,) eigenvalues, per square metre, ascending.
+    X : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I."""
 
     lam: Floats
     X: Floats
@@ -108,9 +102,7 @@ class Modes:
 
     def mode(self, number: int) -> Floats:
         """Return mode `number` (n,); 1 is the first that is not constant, as in the paper's figures.
-
-        Raises PatternError for a number beyond the computed modes.
-        """
+        Raises PatternError for a number beyond the computed modes."""
         if not 1 <= number <= len(self.lam):
             raise PatternError(f"mode {number} does not exist; modes 1 to {len(self.lam)} were computed")
         return np.asarray(self.X[:, number - 1])
@@ -133,7 +125,6 @@ def diffusion_modes(
 
     axes     : (3, 3) rows, for signs and bases; by default those of the surface alone (`reference_axes`).
     symmetry : only modes that are equal at all of its images: more pairs are computed until k such modes exist.
-
     Raises PatternError if the mesh has too few vertices for k modes.
     """
     return family_modes(surface, [L], k, axes, symmetry)[0]
@@ -146,11 +137,8 @@ def family_modes(
     axes: Floats | None = None,
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
-    """Return the modes of several operators (n, n) on one surface, each as by `diffusion_modes`, with the same axes
-    (3, 3).
-
-    Operators of one mesh have one pattern: one analysis serves all, and each costs one factorisation of values.
-    """
+    """Return the modes of several operators (n, n) on one surface, each as by `diffusion_modes`, with the same axes (3,
+    3). Operators of one mesh have one pattern: one analysis serves all, and each costs one factorisation of values."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None
@@ -198,11 +186,8 @@ def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """Factorise with PARDISO if installed: it takes half of SuperLU's time with one unknown per point.
-
-    Both are faster than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a
-    surface.
-    """
+    """Factorise with PARDISO if installed: it takes half of SuperLU's time with one unknown per point. Both are faster
+    than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a surface."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
     results = derived_results(surface)  # all operators of a surface have one pattern, and so one order of elimination
@@ -213,10 +198,8 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
     """Return the smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b.
-
     Four vectors for each pair give few restarts: 33 solves for five simple modes, 52 for pairs. Tolerance 0, because
-    copies of a repeated eigenvalue grow from rounding.
-    """
+    copies of a repeated eigenvalue grow from rounding."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # fixed: the same surface gives the same modes
     try:
@@ -266,9 +249,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of `space` (n, c): each vector is a reference field minus its parts along
-    earlier ones.
-    """
+    """Return an M-orthonormal basis of `space` (n, c): reference fields minus their parts along earlier ones."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

@@ -84,10 +84,8 @@ class Symmetry:
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
         """Return the modes of X (n, k) that are equal at all images: eigenvalues, and M-orthonormal modes.
-
         The means of the modes over the group span them: their singular values are 1 or 0 on a symmetric mesh. In that
-        space L is diagonalised again (Rayleigh and Ritz).
-        """
+        space L is diagonalised again (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # squared singular values, near 0 or 1
@@ -98,9 +96,7 @@ class Symmetry:
 
 def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Symmetry:
     """Return the group that words generate: `x` mirrors x, `rot:6:z` rotates by a sixth about z, through the centroid.
-
-    Raises PatternError for other words, and if the surface, its supports or one of the loads have another symmetry.
-    """
+    Raises PatternError for other words, and if the surface, its supports or one of the loads have another symmetry."""
     return checked_symmetry(surface, symmetry_group(words), loads, str(list(words)))
 
 
@@ -115,11 +111,8 @@ def checked_symmetry(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
     """Return the symmetry of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
-
     tree : `face_tree` of the surface, if it exists.
-
-    Raises PatternError, with `words` as their name, if the surface, its supports or one of the loads do not have it.
-    """
+    Raises PatternError, with `words` as their name, if the surface, its supports or one of the loads do not have it."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // SAMPLE_POINTS, 1)]
@@ -164,10 +157,7 @@ def _generator(word: str) -> Floats:
 
 
 def symmetry_group(words: Sequence[str]) -> Floats:
-    """Return all products (g, 3, 3) of the named mirrors and rotations, the identity first.
-
-    Raises PatternError for other words.
-    """
+    """Return all products (g, 3, 3) of mirrors and rotations, the identity first. PatternError for other words."""
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
@@ -182,10 +172,8 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
     """Return the largest distance of points (p, 3) from the surface, and the interpolation (p, n) at the nearest ones.
-
     Coordinates within a thousandth of a vertex are on it, because files round them: then fields of a symmetric mesh are
-    equal at all images to the last digit, and so are all decisions by them.
-    """
+    equal at all images to the last digit, and so are all decisions by them."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
@@ -235,9 +223,7 @@ def _distance_to_marked(points: Floats, surface: Surface, marked: Bools) -> floa
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Raise PatternError unless forces equal their images: smoothed because meshes are irregular, and in their
-    resultants.
-    """
+    """Raise PatternError unless forces equal their images: smoothed (meshes are irregular), and in resultants."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
@@ -338,9 +324,7 @@ class _QuickCheck:
         ):
             return False
         reach = LENIENT * OFF_SUPPORT * edge
-        return all(
-            float(np.max(held_tree.query(held_sample @ R.T)[0])) < reach for held_sample, held_tree in self._held_points
-        )
+        return all(float(np.max(tree.query(P @ R.T)[0])) < reach for P, tree in self._held_points)
 
     def checked(self, group: Floats) -> Symmetry:
         """Return the group after checks everywhere. Raises PatternError if the surface does not have it."""
@@ -366,26 +350,20 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the mirror, through one of the farthest points or across it, that suits the mesh best.
-
     The surface is round, its mesh is not: this choice does not depend on the numbering. The best mirror maps vertices
-    best on vertices, by at least this number of outermost `samples`.
-    """
+    best on vertices, by at least this number of outermost `samples`."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]
     outer_tree, edge = cKDTree(outer), surface.mean_edge
 
-    normals = far_directions(x, surface.size)[:samples]
-    images = np.concatenate([outer @ mirror(normal).T for normal in normals])
-    misfit = np.square(outer_tree.query(images)[0]).reshape(len(normals), -1).sum(axis=1) / edge**2
-    vertices_on_mirror = sum(
-        (1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (normals, np.cross(axis, normals))
-    )
+    N = far_directions(x, surface.size)[:samples]
+    images = np.concatenate([outer @ mirror(normal).T for normal in N])
+    misfit = np.square(outer_tree.query(images)[0]).reshape(len(N), -1).sum(axis=1) / edge**2
+    on_mirror = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (N, np.cross(axis, N)))
     # rank by distance of images from vertices, then by the number of vertices on the mirror
-    ranks = zip(
-        np.round(misfit, 6).tolist(), (-np.round(vertices_on_mirror, 6)).tolist(), range(len(normals)), strict=True
-    )
-    return np.asarray(normals[min(ranks)[2]])
+    ranks = zip(np.round(misfit, 6).tolist(), (-np.round(on_mirror, 6)).tolist(), range(len(N)), strict=True)
+    return np.asarray(N[min(ranks)[2]])
 
 
 def _turn(axis: Floats, parts: int) -> Floats:

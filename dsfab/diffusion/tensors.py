@@ -39,9 +39,7 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:
-    """Return whether the middle surface has less than a thousandth of the stress of the sides; arrays of any shape,
-    Pa.
-    """
+    """Return whether the middle surface has less than a thousandth of the sides' stress; any shape, Pa."""
     return float(np.abs(membrane).max()) < 1e-3 * float(np.abs(bending).max())
 
 
@@ -132,9 +130,7 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
 
 
 def principal_stresses(surface: Surface, sigma: Floats) -> tuple[Floats, Floats]:
-    """Return principal stresses (m, 2) in each face's plane, the larger first, and directions (m, 2, 3): Mohr's
-    circle.
-    """
+    """Return principal stresses (m, 2) in each face's plane, larger first, and directions (m, 2, 3): Mohr's circle."""
     t = tangents(surface)
     planar = np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True)
     xx, yy, xy = planar[:, 0, 0], planar[:, 1, 1], planar[:, 0, 1]
@@ -155,9 +151,7 @@ def _is_isotropic(stress: Floats, labelling: Labelling, tolerance: float, refere
 
 def diffusion_operator(surface: Surface, D: Floats) -> csr_array:
     """Return the weak form of -div(D grad), paper eq. 5, on linear hats with a tensor per face [Andreux et al. 2014].
-
     D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless; it acts on gradients.
-    Returns L : (n, n) symmetric positive semidefinite, rows sum to zero; for D = I the cotangent Laplacian.
-    """
+    Returns L : (n, n) symmetric positive semidefinite, rows sum to zero; for D = I the cotangent Laplacian."""
     g, A = hat_gradients(surface), surface.areas  # (m, 3 corners, 3 xyz) per metre; (m,) square metres
     return assemble(surface, np.einsum("mia,mab,mjb,m->mij", g, D, g, A, optimize=True))

@@ -12,12 +12,6 @@ from dsfab.members.components import CellsByStripes, cells_by_stripes
 from dsfab.members.graph import Member, MemberGraph, Node
 
 __all__ = [
-    "CellsByStripes",
-    "Member",
-    "MemberAxis",
-    "MemberGraph",
-    "Node",
-    "cells_by_stripes",
-    "member_graph",
+    "CellsByStripes", "Member", "MemberAxis", "MemberGraph", "Node", "cells_by_stripes", "member_graph",
     "spherical_normals",
-]
+]  # fmt: skip

@@ -19,8 +19,7 @@ TIE = 1e-3
 """Positions along the structure are equal if they differ by less than this share of its size."""
 ROUND, HOLLOW = 0.5, 0.4
 """Members form a ring if their centroids spread in a second direction by more than ROUND times the first, and none is
-nearer to the middle than HOLLOW times the farthest.
-"""
+nearer to the middle than HOLLOW times the farthest."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
@@ -71,32 +70,25 @@ KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
     """Return names, part numbers and components in the order of their names: "A01", "A02a", "A02b", ..., "B01", "rim
-    1".
-
-    surface : its cells are those of the components.
-    """
+    1". surface : its cells are those of the components."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
-        groups = _groups(same_kind) if len(letter) == 1 else [[component] for component in same_kind]
+        groups = _groups(same_kind) if len(letter) == 1 else [[c] for c in same_kind]
         places = np.array([_place(surface, group) for group in groups]).reshape(-1, 3)
-        lengths = np.array(
-            [sum(component.line.length if component.line else 0.0 for component in group) for group in groups]
-        )
+        lengths = np.array([sum(c.line.length if c.line else 0.0 for c in group) for group in groups])
         digits = len(str(max(len(groups), 10)))
         for number, k in enumerate(along_structure(places, lengths, surface.size).tolist(), 1):
             group = groups[k]
             label = f"{letter}{number:0{digits}d}" if len(letter) == 1 else f"{letter} {number}"
-            for part, component in enumerate(group, 1):
-                listed.append((label + (_letters(part) if len(group) > 1 else ""), part, component))
+            for part, c in enumerate(group, 1):
+                listed.append((label + (_letters(part) if len(group) > 1 else ""), part, c))
     return listed
 
 
 def _kinds(pieces: Sequence[Component]) -> list[tuple[str, list[Component]]]:
-    strips = [component for component in pieces if component.kind == "strip"]
-    families = [
-        (letter, [component for component in strips if component.family == name]) for name, letter in FAMILIES.items()
-    ]
-    return families + [(kind, [component for component in pieces if component.kind == kind]) for kind in KINDS]
+    strips = [c for c in pieces if c.kind == "strip"]
+    families = [(letter, [c for c in strips if c.family == name]) for name, letter in FAMILIES.items()]
+    return families + [(kind, [c for c in pieces if c.kind == kind]) for kind in KINDS]
 
 
 def _groups(pieces: list[Component]) -> list[list[Component]]:
@@ -137,10 +129,8 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 def spherical_normals(surface: Surface) -> Floats:
     """(n, 3) unit normals at the vertices, exact on a sphere [Max 1999].
-
     Each face counts by the cross product of its two edges over their squared lengths. Area-weighted normals have an
-    error of first order where edges differ in length, and so have the twists of members.
-    """
+    error of first order where edges differ in length, and so have the twists of members."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

@@ -24,11 +24,8 @@ SPECK = 1.0
 
 @dataclass(frozen=True, eq=False)
 class MiddleLine:
-    """A polyline on a surface.
-
-    points : (k, 3) metres; a closed line repeats its first point.    normals : (k, 3) unit normals there.
-    cells  : (k - 1,) cell of each segment.
-    """
+    """A polyline on a surface. points : (k, 3) metres; a closed line repeats its first point. normals : (k, 3) unit
+    normals there. cells : (k - 1,) cell of each segment."""
 
     points: Floats
     normals: Floats
@@ -108,9 +105,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """(c, 2) positions of the zeros of offsets (c, 3) on sides (c, 2): 0 at the vertex with the lower number, 1 at
-    the other.
-    """
+    """(c, 2) positions of zeros of offsets (c, 3) on sides (c, 2): 0 at the vertex with the lower number."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -125,10 +120,8 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """Divide a line where it turns back in the surface.
-
     Turns are measured over 1.5 times the member's `width` or one `edge` of the mesh (m). Short parts at the ends are
-    dropped, because around the end of a kept support the line runs square to the rim.
-    """
+    dropped, because around the end of a kept support the line runs square to the rim."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -175,14 +168,11 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
     """Angles (radians) between the steps (k - 1, 3) of a line in the planes across its normals (k, 3): (k - 2,) at the
-    inner points, or (k - 1,) for a closed line.
-    """
-    before, after = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
+    inner points, or (k - 1,) for a closed line."""
+    a, b = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
-    before, after = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (before, after))
-    return np.asarray(
-        np.arctan2(np.einsum("ki,ki->k", np.cross(before, after), N), np.einsum("ki,ki->k", before, after))
-    )
+    a, b = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (a, b))
+    return np.asarray(np.arctan2(np.einsum("ki,ki->k", np.cross(a, b), N), np.einsum("ki,ki->k", a, b)))
 
 
 def _corner(line: MiddleLine, begin: float, end: float) -> int:

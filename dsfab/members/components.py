@@ -61,16 +61,14 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """The band of kept material from values at the vertices, and its shape: within "reach" of a place (n,), a "plate"
-    (n,), or a "band" along an outline (n, 2).
-    """
+    (n,), or a "band" along an outline (n, 2)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # column 0 is positive in the region, column 1 is minus the width at its outline
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
     if level == 0:
-        fields = np.stack([x, np.full(len(x), -2.0)], axis=1)
-        return "plate", DrawnBand(name, fields, zero, NOWHERE, hides=True)
+        return "plate", DrawnBand(name, np.stack([x, np.full(len(x), -2.0)], axis=1), zero, NOWHERE, hides=True)
     reach = -level
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
@@ -102,9 +100,7 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Return the mean width (m) from the areas (m,) of all cells; without a line the side of a square of equal
-        area.
-        """
+        """Return the mean width (m) from areas (m,) of all cells; without a line the side of an equal square."""
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
@@ -118,9 +114,7 @@ class Component:
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
     """Return the components of all stripes; cells at crossings are in several, cells of slivers may be in none.
-
-    normals : (n, 3) unit normals at the vertices of the overlay.    edge : of the uncut mesh, metres.
-    """
+    normals : (n, 3) unit normals at the vertices of the overlay.    edge : of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
     for k, band in enumerate(bands):
@@ -139,8 +133,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
     """The middle lines of the stripes of a field. Where the middle is outside of the sheet, as for half a stripe along
-    its edge, the line runs at the mean offset.
-    """
+    its edge, the line runs at the mean offset."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -160,10 +153,8 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
     """Detect connected cells (c,) beside the middle of their band that are shorter than the band's width.
-
     Snapping and rounding of walls leave such pieces of millimetres at a vertex of their stripe; an axis along them is
-    meaningless.
-    """
+    meaningless."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
@@ -251,11 +242,8 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 
 class CellsByStripes(NamedTuple):
-    """Cells labelled by their stripes.
-
-    sheet : m cells, divided along hidden edges too.   label : (m,) equal for cells of the same stripes.
-    loose : (m,) cells outside of all stripes.
-    """
+    """Cells labelled by their stripes. sheet : m cells, divided along hidden edges too. label : (m,) equal for cells of
+    the same stripes. loose : (m,) cells outside of all stripes."""
 
     sheet: Sheet
     label: Ints
@@ -264,9 +252,7 @@ class CellsByStripes(NamedTuple):
 
 def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> CellsByStripes:
     """Return the cells of a sheet that was cut from `surface` along a pattern, labelled by their stripes.
-
-    A disc around a point is one region, because stripes that end below it would cut it to pieces.
-    """
+    A disc around a point is one region, because stripes that end below it would cut it to pieces."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     part, round_ = overlay.part.copy(), roundness(overlay)
@@ -280,8 +266,7 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
     """Give connected loose cells the label of their neighbours, if the neighbours have a single label. Fairing of walls
-    leaves such cells.
-    """
+    leaves such cells."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

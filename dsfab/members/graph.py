@@ -18,14 +18,12 @@ if TYPE_CHECKING:
 
 EXACT = 2.0**-30
 """Smaller offsets (periods or metres) count as this much, with the sign at the edge's first end, so that a crossing on
-an edge is in exactly one of its two cells.
-"""
+an edge is in exactly one of its two cells."""
 
 
 class SharedPatch(NamedTuple):
     """Connected cells (c,) that members a, b share; points (k, 3) at which their middle lines cross there, metres, and
-    the cell of each (k,).
-    """
+    the cell of each (k,)."""
 
     a: int
     b: int
@@ -62,10 +60,7 @@ class _SharedCells:
 
 
 def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
-    """Return every patch of cells that two members share.
-
-    member : (m, f) member of each cell for each field, -1 for none.
-    """
+    """Return every patch of cells that two members share. member : (m, f) of each cell for each field, or -1."""
     patches = []
     count = member.shape[1]
     for k in range(count):
@@ -114,8 +109,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
     """(q, 2) corners at the ends of two sides (q, 2) of cells F (q, 3), the lower vertex number first, and (q, 2)
-    shares between them at which offsets (q, 3) are 0; equal from both cells at an edge.
-    """
+    shares between them at which offsets (q, 3) are 0; equal from both cells at an edge."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -202,12 +196,8 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
-    """Members and nodes of a design.
-
-    sheet  : the kept sheet, its cells divided along the edges of hidden members too. Every cell is in at least one
-             member.
-    source : (m,) cell of the design's sheet that contains each cell.
-    """
+    """Members and nodes of a design. sheet : the kept sheet, its cells divided along the edges of hidden members too.
+    Every cell is in at least one member. source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
     source: Ints
@@ -230,24 +220,19 @@ class MemberGraph:
             if node.kind != "grazing":
                 for name, s in zip(node.members, node.at, strict=True):
                     nodes[name].append((s, node))
-        return {
-            name: tuple(node for _, node in sorted(entries, key=lambda one: one[0])) for name, entries in nodes.items()
-        }
+        return {name: tuple(node for _, node in sorted(pairs, key=lambda one: one[0])) for name, pairs in nodes.items()}
 
     @cached_property
     def owner(self) -> Ints:
         """(m,) number of the member that each cell is counted with: the widest of its members, then the first. The
-        areas of all members add up to that of the sheet.
-        """
+        areas of all members add up to that of the sheet."""
         numbers = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
             numbers[self.members[k].cells] = k
         return numbers
 
     def bays(self, name: str) -> Floats:
-        """Return arc lengths (b,) from node to node along a member (m); the last bay of a closed member ends at its
-        first node.
-        """
+        """Return arc lengths (b,) from node to node along a member (m); a closed one ends at its first node."""
         axis, nodes = self.by_id[name].axis, self.nodes_along[name]
         if axis is None or not nodes:
             return np.empty(0)
@@ -256,10 +241,7 @@ class MemberGraph:
 
     def to_compas(self) -> "compas.datastructures.Graph":
         """Return nodes with x, y, z, metres, and an edge for each bay with its `member` and its `length` along the
-        axis.
-
-        Raises SurfaceError if compas is not installed.
-        """
+        axis. Raises SurfaceError if compas is not installed."""
         return _compas_graph(self)
 
     @cached_property
@@ -270,17 +252,15 @@ class MemberGraph:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on stubs and grazing members, to read before building."""
-        sentences = []
+        lines = []
         stubs, grazing = self._of_kind("stub"), [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
-            sentences.append(
+            lines.append(
                 f"{len(stubs)} stubs, under twice as long as they are wide, hold {self.stub_share:.1%} of the sheet"
             )
         if grazing:
-            sentences.append(
-                f"{len(grazing)} overlaps are no nodes: members graze there, and their middles do not meet"
-            )
-        return tuple(sentences)
+            lines.append(f"{len(grazing)} overlaps are no nodes: members graze there, and their middles do not meet")
+        return tuple(lines)
 
     def _of_kind(self, kind: Kind) -> list[Member]:
         return [member for member in self.members if member.kind == kind]
@@ -348,8 +328,7 @@ class Joints:
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
         """(k, 3) end of a line inside of the material shared with another member, and (k,) its cell: there the members
-        meet, as two edges of a surface do at its corner.
-        """
+        meet, as two edges of a surface do at its corner."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:
@@ -412,9 +391,7 @@ def _angle(a: Floats, b: Floats) -> float:
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
     """Return the members with their two ends: the last node if it is near enough (`ENDS`), the member that the end
     runs into, "edge" of the surface, or "free".
-
-    owner : (m, f) member of each cell for each field, -1 for none.    surface : before it was cut.
-    """
+    owner : (m, f) member of each cell for each field, -1 for none.    surface : before it was cut."""
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}
     nodes_on: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}

@@ -38,21 +38,19 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
     inside = np.flatnonzero(loose)[np.argsort(patch_of_cell[loose], kind="stable")]
     cells = np.split(inside, np.cumsum(np.bincount(patch_of_cell[loose]))[:-1])
     begin = np.searchsorted(borders[:, 0], np.arange(count + 1))
-    new_components = list[Component]()
+    result = list[Component]()
     for number, patch_cells in enumerate(cells):
         rows = slice(begin[number], begin[number + 1])
         neighbours, shared = borders[rows, 1], length[rows]
-        neighbour = int(neighbours[shared.argmax()]) if len(neighbours) else -1
-        broad = len(neighbours) > 1 and 4 * area[number] / around[number] > 0.5 * components[neighbour].width(
-            surface.areas
-        )
+        j = int(neighbours[shared.argmax()]) if len(neighbours) else -1
+        broad = len(neighbours) > 1 and 4 * area[number] / around[number] > 0.5 * components[j].width(surface.areas)
         if broad or not len(neighbours):
-            new_components.append(
+            result.append(
                 Component("fill" if broad else "plate", "", 0, patch_cells, np.ones(len(patch_cells), dtype=bool))
             )
         else:
-            components[neighbour] = components[neighbour].with_cells(patch_cells, core=len(neighbours) == 1)
-    return components + new_components
+            components[j] = components[j].with_cells(patch_cells, core=len(neighbours) == 1)
+    return components + result
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
@@ -84,46 +82,38 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 FOLLOWS, INTO = 3.0, 1.5
 """A line follows kept material if it runs inside of it over more than FOLLOWS widths of that; a crossing at 20 degrees
-takes 2.9. It ends INTO widths after it enters, beyond the middle, so that both meet.
-"""
+takes 2.9. It ends INTO widths after it enters, beyond the middle, so that both meet."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
     """Return the components. Where a strip runs along another component, that component takes over the cells."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
-    is_kept = np.array([component.kind != "strip" and component.field >= 0 for component in components], dtype=bool)
-    width = np.array(
-        [component.width(areas) if keeps else 0.0 for component, keeps in zip(components, is_kept, strict=True)] + [0.0]
-    )
+    is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)
+    width = np.array([c.width(areas) if keeps else 0.0 for c, keeps in zip(components, is_kept, strict=True)] + [0.0])
     over = np.where((made_by >= 0) & overlay.own, member[np.arange(len(made_by)), made_by], -1)
     over[~np.append(is_kept, False)[over]] = -1
     result, gained = list[Component](), dict[int, list[Ints]]()
-    for component in components:
-        if component.kind != "strip" or component.line is None:
-            result.append(component)
+    for c in components:
+        if c.kind != "strip" or c.line is None:
+            result.append(c)
             continue
-        line, gone = _hidden_parts(component.line, width[over[component.line.cells]], component.width(areas))
-        parts, rest = _split_strip(overlay, component, line, gone)
+        line, gone = _hidden_parts(c.line, width[over[c.line.cells]], c.width(areas))
+        parts, rest = _split_strip(overlay, c, line, gone)
         result += parts
         for cells, (first, last) in rest:
             hiding = over[line.cells[first:last]]
             taker = int(np.bincount(hiding[hiding >= 0]).argmax())
-            gained.setdefault(taker, []).append(cells[made_by[cells] == component.field])
-    for taker, cell_groups in gained.items():
-        place, taken = (
-            result.index(components[taker]),
-            np.setdiff1d(np.concatenate(cell_groups), components[taker].cells),
-        )
+            gained.setdefault(taker, []).append(cells[made_by[cells] == c.field])
+    for taker, groups in gained.items():
+        place, taken = (result.index(components[taker]), np.setdiff1d(np.concatenate(groups), components[taker].cells))
         result[place] = components[taker].with_cells(taken, core=True)
     return result
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
     """A line, opened where it is free if closed, and the first and last points of its parts inside of kept material.
-
-    width : (k - 1,) width of the material that hides each segment, metres, or 0.    own_width : of the line's member.
-    """
+    width : (k - 1,) width of the material that hides each segment, metres, or 0. own_width : of the line's member."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

@@ -20,9 +20,7 @@ ALONG = 0.3
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
     """Return vertices (n,) of the boundary along which stripes run, for gradients along g (n, 3).
-
-    shortest : metres; shorter runs do not count, for example across the corner of a plate.
-    """
+    shortest : metres; shorter runs do not count, for example across the corner of a plate."""
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     moment = np.zeros((surface.n, 3, 3))
@@ -42,10 +40,8 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
     """Return vertices (n,) where the other family continues in the direction along (n, 3), a unit tangent up to sign.
-
     In a region the direction rotates by less than 45 degrees from vertex to vertex. The largest region keeps its name,
-    and its neighbours change theirs. A curve that ends inside the surface bounds no region.
-    """
+    and its neighbours change theirs. A curve that ends inside the surface bounds no region."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -98,13 +94,11 @@ def _cut_edges(surface: Surface, singular: Bools) -> Bools:
     meeting = np.flatnonzero(reached & (end_f != end_g))
     meeting = meeting[np.argsort(steps_from[f[meeting]] + steps_from[g[meeting]], kind="stable")]
     low, high = np.minimum(end_f, end_g)[meeting], np.maximum(end_f, end_g)[meeting]
-    _, shortest = np.unique(low * (name.max() + 1) + high, return_index=True)
+    _, least = np.unique(low * (name.max() + 1) + high, return_index=True)
     steps = steps_from[f[meeting]] + steps_from[g[meeting]] + 1
     count = int(name.max()) + 1
-    tree = minimum_spanning_tree(
-        coo_array((steps[shortest], (low[shortest], high[shortest])), shape=(count, count)).tocsr()
-    )
-    number = csr_array((shortest + 1, (low[shortest], high[shortest])), shape=(count, count))
+    tree = minimum_spanning_tree(coo_array((steps[least], (low[least], high[least])), shape=(count, count)).tocsr())
+    number = csr_array((least + 1, (low[least], high[least])), shape=(count, count))
     predecessor = preceding.astype(np.int64)
     for pair in meeting[np.asarray(number[tree.nonzero()]).ravel() - 1].tolist():
         is_cut[edge[pair]] = True
@@ -150,9 +144,7 @@ def _propagated_signs(surface: Surface, against: Bools, crossed: Bools) -> Float
 
 
 def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
-    """Return products (k,) of the signs of links along the paths of a search; each round halves the paths to its
-    root.
-    """
+    """Return products (k,) of the signs of links along paths of a search; each round halves the paths."""
     parent = predecessor[order[1:]]
     sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
     place = np.empty(len(predecessor), dtype=np.int64)
@@ -170,20 +162,15 @@ FLOOR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class StressDirections:
-    """Stresses that the field follows, on the faces.
-
-    stress    : (m, 2) principal stresses, any unit; major stripes run along the first.
-    direction : (m, 2, 3) their unit directions.
-    """
+    """Stresses that the field follows, on the faces. stress : (m, 2) principal stresses, any unit; major stripes run
+    along the first. direction : (m, 2, 3) their unit directions."""
 
     stress: Floats
     direction: Floats
 
     def confidence(self, areas: Floats) -> Floats:
         """Return D / (D + 0.3 reference) (m,), 0 to 1: D the difference of the stresses, the reference their RMS.
-
-        Raises PatternError if the stress is zero.
-        """
+        Raises PatternError if the stress is zero."""
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
         if not reference > 0:

@@ -15,8 +15,7 @@ from dsfab.surface.mesh import Surface
 
 FEW = 16
 """Most vertices at reversed edges that are eliminated separately: each costs one solve for every factor. At 10,000
-points, twice as many take as long as the real matrix of twice the size.
-"""
+points, twice as many take as long as the real matrix of twice the size."""
 
 Solve = Callable[[Complexes], Complexes]
 
@@ -29,9 +28,7 @@ class TwistedFactors:
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
         """Return b -> (K + diagonal)^-1 b, (n,) complex, valid until the next factor.
-
-        coupling : (e,) w e^{i turn}.    diagonal : (n,).    turned : (e,) edges with a conjugate; by default none.
-        """
+        coupling : (e,) w e^{i turn}.    diagonal : (n,).    turned : (e,) edges with a conjugate; by default none."""
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
@@ -45,9 +42,7 @@ class TwistedFactors:
         return _corrected_solver(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
-        """Return the same for a matrix with coupling (e,) from the second end of each edge to the first, diagonal
-        (n,).
-        """
+        """Return the same for a matrix with coupling (e,) from each edge's second end to the first, diagonal (n,)."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
         )
@@ -64,9 +59,7 @@ class TwistedFactors:
         return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """Return the factor of the real matrix, with real and imaginary parts side by side, so that solvers use blocks
-        of two.
-        """
+        """Return the factor of the real matrix, real and imaginary parts side by side: solvers use blocks of two."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern
@@ -101,9 +94,7 @@ class _EntryPositions:
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
     """Return b -> x with H x - W conj(x) = b by `solve` for H alone; W (n, s) couples conjugates at vertices (s,).
-
-    x = H^-1 b + Z conj(x) with Z = H^-1 W: at these vertices 2 s real equations.
-    """
+    x = H^-1 b + Z conj(x) with Z = H^-1 W: at these vertices 2 s real equations."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(
@@ -122,10 +113,7 @@ def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
 @dataclass(frozen=True, eq=False)
 class Frames:
     """Frames at the vertices of an oriented surface.
-
-    normal, t1, t2 : (n, 3) right-handed and orthonormal.
-    weight         : (e,) cotangent weights of the edges, not negative.
-    """
+    normal, t1, t2 : (n, 3) right-handed and orthonormal. weight : (e,) cotangent weights of the edges, not negative."""
 
     surface: Surface
     normal: Floats
@@ -149,9 +137,7 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """Angle r (e,): a direction at angle a in the frame of the second end is at angle a + r in that of the
-        first.
-        """
+        """Angle r (e,): a direction at angle a in the second end's frame is at angle a + r in the first's."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]
@@ -161,9 +147,7 @@ class Frames:
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
         """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point the same way, -1 if one is reversed.
-
-        If they are perpendicular, the surface's sense of rotation decides: rounding would depend on the coordinates.
-        """
+        If they are perpendicular, the surface's sense of rotation decides: rounding would depend on the coordinates."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 

@@ -32,7 +32,6 @@ class Guide:
     weight    : 1 counts as much as clear stress; 0 not at all; 100 and more overrules stress.
     family    : whose stripes run along it; those of the other family run across.
     member    : whether a member runs on the curve itself, whatever the weight.
-
     Raises GuideError unless there is either a curve or a region, for either without a direction, and for a member in a
     region.
     """
@@ -69,10 +68,8 @@ class Guide:
 @dataclass(frozen=True, eq=False)
 class Guidance:
     """The term of a guide in the minimisation of a cross field z: weight |z^2 - square / weight|^2.
-
     weight : (n,) at the vertices.    square : (n,) complex, in their frames: weight times the square of the direction
-    of the major stripes.
-    """
+    of the major stripes."""
 
     weight: Floats
     square: Complexes
@@ -80,26 +77,18 @@ class Guidance:
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
         """Return the guidance of each guide with a weight.
-
-        spacing : default reach of curves, metres.
-
-        Raises PatternError for a guide that acts nowhere.
-        """
+        spacing : default reach of curves, metres. Raises PatternError for a guide that acts nowhere."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
         """Return symmetric tensors (n, 3, 3) in space, of trace 0, to compare vertices that lie apart.
-
-        Their size is 1 for a guide that overrules stress: twice the weight then changes the field little.
-        """
-        axis_1, axis_2 = frames.t1[:, :, None], frames.t2[:, :, None]
-        x, y = axis_1.transpose(0, 2, 1), axis_2.transpose(0, 2, 1)
+        Their size is 1 for a guide that overrules stress: twice the weight then changes the field little."""
+        e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
+        x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
-        tensor = strength.real[:, None, None] * (axis_1 * x - axis_2 * y) + strength.imag[:, None, None] * (
-            axis_1 * y + axis_2 * x
-        )
+        tensor = strength.real[:, None, None] * (e1 * x - e2 * y) + strength.imag[:, None, None] * (e1 * y + e2 * x)
         return np.asarray(tensor / np.sqrt(2))
 
 
@@ -127,9 +116,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return the square (n,), complex, of the nearest piece's direction, less with the distance from the curve.
-
-    Pieces count if they are farther than the nearest by less than a tenth of the reach.
-    """
+    Pieces count if they are farther than the nearest by less than a tenth of the reach."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -168,9 +155,7 @@ ON_EDGE = 1e-9
 @dataclass(frozen=True, eq=False)
 class GuideLine:
     """Points (k, 3) of a curve on a surface, metres, in order, and their faces (k,).
-
-    number : of the guide.    family : that gets the member.
-    """
+    number : of the guide.    family : that gets the member."""
 
     number: int
     family: str
@@ -180,9 +165,7 @@ class GuideLine:
     @classmethod
     def from_guides(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
         """Return the curves of guides that become members, on the surface and within its boundary.
-
-        Raises PatternError for a curve off the surface.
-        """
+        Raises PatternError for a curve off the surface."""
         lines = []
         for k, guide in enumerate(guides):
             if not guide.member:
@@ -198,32 +181,24 @@ class GuideLine:
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
         """Return vertices (v,) of faces that the curve passes, and target phases (v,) there, in periods, -1/2 to 1/2.
-
-        g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre.
-        """
+        g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
-        piece_start = np.arange(len(self.points) - 1)
-        nearest_points = nearest_places(
-            surface.V[vertices], self.points, np.stack([piece_start, piece_start + 1], axis=1)
-        )
+        begin = np.arange(len(self.points) - 1)
+        nearest_points = nearest_places(surface.V[vertices], self.points, np.stack([begin, begin + 1], axis=1))
         piece = nearest_points.simplex
         left_direction = np.cross(frames.normal[vertices], unit_vectors(np.diff(self.points, axis=0))[piece])
         away = dots(surface.V[vertices] - nearest_points.place, left_direction) * np.where(
             dots(left_direction, g[vertices]) < 0, -1.0, 1.0
         )
         F = surface.F[self.faces[piece]]
-        shares = _barycentric(surface.V[F], self.points[piece])
-        phase = away * np.einsum("vc,vc->v", density[F], shares)
+        phase = away * np.einsum("vc,vc->v", density[F], _barycentric(surface.V[F], self.points[piece]))
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the share of the curve on a centre line, within 5 % of a spacing, of a phase with a line at every
-        `step`.
-        """
+        """Return the share of the curve within 5 % of a spacing of a centre line, for a line at every `step`."""
         F = surface.F[self.faces]
-        weight = _barycentric(surface.V[F], self.points)
-        z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], weight)
+        z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))
         return float(((distance < 0.05) & ~phase.singular[self.faces]).mean())
 

@@ -18,26 +18,22 @@ EVEN = 0.01
 
 SNAP = 0.05
 """The usual `slicing.snap`: a cut moves vertices onto the edge of a region if they are nearer than this share of the
-growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are halved.
-"""
+growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are halved."""
 
 SHORT = 1 / 16
 """Shorter edges, as a share of the reach, are not halved: two parts of the boundary are equally near there."""
 
 FINEST = 1 / 16
 """Edges shorter than this share of their face's longest side are not halved: much smaller parts make the cut sheet hard
-to solve. Corners of a region are blunt by at most half of this share of a side.
-"""
+to solve. Corners of a region are blunt by at most half of this share of a side."""
 
 NEAR = 0.3
 """Values within this share of the growth of the distance along one of a vertex's edges move onto the edge of the
-region, unless by more than `EVEN`: lines that pass close by a vertex leave needles.
-"""
+region, unless by more than `EVEN`: lines that pass close by a vertex leave needles."""
 
 ASIDE = 0.1
 """Edges are divided at the edge of a region if this crosses them less than this share off their middle; otherwise it
-would pass close by the new vertex.
-"""
+would pass close by the new vertex."""
 
 
 def curve_fields(
@@ -52,21 +48,18 @@ def curve_fields(
     """
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
-        distances_of = [
+        fields = [
             geodesic_distances(divided.surface, divided.origins_on_parts(origins), reach) for origins, reach in regions
         ]
-        marks = _edges_to_halve(divided, distances_of, reaches)
+        marks = _edges_to_halve(divided, fields, reaches)
         if not (rounds_left and marks.any()) or divided.surface.m > surface.m + most_parts:
             break
-        divided = divided.with_halved_edges(marks, _crossings(divided.surface, distances_of, reaches))
+        divided = divided.with_halved_edges(marks, _crossings(divided.surface, fields, reaches))
     if divided.surface is surface:
-        return [
-            _undivided_field(surface, region, distances)
-            for region, distances in zip(regions, distances_of, strict=True)
-        ]
+        return [_undivided_field(surface, region, d) for region, d in zip(regions, fields, strict=True)]
     return [
-        DividedField(divided, -_snapped_distances(divided.surface, _finite_distances(distances.vertex, reach), reach))
-        for reach, distances in zip(reaches, distances_of, strict=True)
+        DividedField(divided, -_snapped_distances(divided.surface, _finite_distances(d.vertex, reach), reach))
+        for reach, d in zip(reaches, fields, strict=True)
     ]
 
 
@@ -87,9 +80,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
     """Return where to divide edges (e,), from 0 at their first end to 1.
-
-    At the edge of a region if that crosses near the middle (see `ASIDE`), else in the middle; also if several cross.
-    """
+    At the edge of a region if that crosses near the middle (see `ASIDE`), else in the middle; also if several cross."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -110,9 +101,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,), moved onto the reach if close to it (see `NEAR`), except at faces with all corners
-    close.
-    """
+    """Return distances (n,), moved onto the reach if close (see `NEAR`), except at faces with all corners close."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -133,7 +122,6 @@ def _undivided_field(surface: Surface, region: tuple[Origins, float], distances:
 
 
 def _finite_distances(distance: Floats, reach: float) -> Floats:
-    """Replace infinite distances by the largest finite one, which does not affect slopes."""
     is_finite = np.isfinite(distance)
     return np.where(is_finite, distance, max(2 * reach, distance[is_finite].max(initial=0.0)))
 
@@ -155,9 +143,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
 
 
 def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
-    """Return the straight distance (n,), metres, to the nearest of faces, edges and vertices, given by their
-    corners.
-    """
+    """Return the straight distance (n,), metres, to the nearest face, edge or vertex, given by corners."""
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -167,11 +153,8 @@ def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RegionBand:
-    """A band along the outline of a region, on its inside.
-
-    outline : the edges between faces in the region and outside, as origins of distances.    width : metres.
-    inside  : (n,) 1 in the region, 0 on its outline, -1 outside.
-    """
+    """A band along the outline of a region, on its inside. outline : the edges between faces in the region and outside,
+    as origins of distances. width : metres. inside : (n,) 1 in the region, 0 on its outline, -1 outside."""
 
     outline: Origins
     width: float
@@ -179,10 +162,8 @@ class RegionBand:
 
     def layer(self, field: Floats | DividedField) -> Layer:
         """Return the layer of minus the distance (n,) from the outline, metres: the region without its middle.
-
         Two fields with a level at 0: material is where the first exceeds it and the second does not (see
-        `dsfab.slicing.cutting.cut`).
-        """
+        `dsfab.slicing.cutting.cut`)."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -192,10 +173,7 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return the solid regions, each as a field (n,) that is 0 along its outline.
-
-    Raises PatternError for a region off the surface.
-    """
+    """Return solid regions, each as a field (n,), 0 along its outline. Raises PatternError for one off the surface."""
     half_width = np.full(surface.n, np.inf)
     return [
         Layer("keep", region_sides(surface, faces), np.zeros(1), half_width)
@@ -205,9 +183,7 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
     """Return the bands of regions, by default as wide as the `rim`, metres, or a quarter of half the region's width.
-
-    Raises PatternError for a region off the surface, and for one that covers a piece of it wholly.
-    """
+    Raises PatternError for a region off the surface, and for one that covers a piece of it wholly."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
@@ -257,9 +233,7 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
     """Return the distance (n,), metres, to the span of marked vertices.
-
-    To patches it is straight, to points and curves along the surface, as in `distance_to_boundary`.
-    """
+    To patches it is straight, to points and curves along the surface, as in `distance_to_boundary`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
@@ -267,10 +241,8 @@ def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.in
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
     """Return the marked vertices (n,) that faces connect; the rest are points and curves.
-
     Three vertices of the boundary mark no face, and two of them no inner edge: only the mesh decides how far these
-    extend beyond the intended curve.
-    """
+    extend beyond the intended curve."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))

@@ -36,9 +36,7 @@ class Layer(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ModeFamily:
     """Stripes on a mode x (n,), with the slope and stress that decide their widths.
-
-    slope  : (n,) |grad z|, periods per metre.    stress : (n,) size of the stress along the stripes; any unit.
-    """
+    slope : (n,) |grad z|, periods per metre.    stress : (n,) size of the stress along the stripes; any unit."""
 
     name: str
     stripes: Stripes
@@ -50,9 +48,7 @@ class ModeFamily:
     def from_mode(
         cls, surface: Surface, name: str, stripes: Stripes, x: Floats, stress: Floats | None = None, radius: float = 0.0
     ) -> "ModeFamily":
-        """Return the family, with its slope averaged over a radius in metres; the default stress (n,) is 1
-        everywhere.
-        """
+        """Return the family, its slope averaged over a radius in metres; the default stress (n,) is 1 everywhere."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
@@ -81,11 +77,8 @@ class ModeFamily:
 
 
 class DrawableFamily(Protocol):
-    """A family of stripes, on a mode or evenly spaced.
-
-    density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
-    adds    : order of families in which finer stripes are added.
-    """
+    """A family of stripes, on a mode or evenly spaced. density : (n,) stripes per metre. stress : (n,) size of the
+    stress along the stripes; any unit. adds : order of families in which finer stripes are added."""
 
     @property
     def adds(self) -> int: ...
@@ -131,35 +124,27 @@ def stripe_layers(
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
     """Return the factor at which families of graded width keep the mean duty of their thresholds.
-
     One factor for all: the family with the larger stress gets the larger share. Bounds in metres apply afterwards.
-    Raises PatternError if too little of the surface is stressed for that.
-    """
+    Raises PatternError if too little of the surface is stressed for that."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
         means = [surface.vertex_areas @ family.half_widths(free, factor) for family in families]
         return float(2 * sum(means) / (len(families) * surface.area))
 
-    target = float(np.mean([2 * family.stripes.half_width for family in families]))
-    return solved_factor(duty, target, 1e-9)
+    return solved_factor(duty, float(np.mean([2 * family.stripes.half_width for family in families])), 1e-9)
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
 """Widths over the crowded width between which an opening closes gradually: members crowd around a load. Up to the
 first, members become thinner; from the second on they merge. Only for openings that do not close as a whole
-(`Layer.closed`).
-"""
+(`Layer.closed`)."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
 """The same if widths follow the stress, which needs material there: with `CLOSING_WIDTHS` a dome at half of its
-material is 5
-% softer.
-"""
+material is 5 % softer."""
 WHOLE = 1.3
 """Mean width over the crowded width at which an opening closes as a whole; the mean of `FOLLOWING_WIDTHS` if widths
-follow the
-stress. With 1.5 the crown of a dome under a point load stays open, and it is 2 % softer.
-"""
+follow the stress. With 1.5 the crown of a dome under a point load stays open, and it is 2 % softer."""
 
 WIDTH_RULES = {
     "solid": SOLID,
@@ -198,11 +183,8 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return d (n,), in periods of the drawn lines.
-
-        Except by the rule `plain`, members that would leave a slit are thinner, or merge if they crowd more or have
-        more stress.
-        """
+        """Return d (n,), in periods of the drawn lines. Except by the rule `plain`, members that would leave a slit are
+        thinner, or merge if they crowd more or have more stress."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
@@ -263,9 +245,7 @@ def _closing_limits(widths: Widths) -> tuple[float, float]:
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
     """Return half-widths (n,) in periods of the finest lines, from local ones in periods of the drawn lines.
-
-    If drawn neighbours touch, all space between the coarsest lines is material.
-    """
+    If drawn neighbours touch, all space between the coarsest lines is material."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
@@ -278,9 +258,7 @@ def face_points(side: int = 3) -> Floats:
     """
     i, j = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
     upright, inverted = i + j < side, i + j < side - 1
-    thirds = [
-        np.stack([i[inside], j[inside]], axis=1) + shift for inside, shift in ((upright, 1 / 3), (inverted, 2 / 3))
-    ]
+    thirds = [np.stack([i[mask], j[mask]], axis=1) + shift for mask, shift in ((upright, 1 / 3), (inverted, 2 / 3))]
     a, b = np.concatenate(thirds).T / side
     return np.stack([a, b, 1 - a - b], axis=1)
 
@@ -321,10 +299,7 @@ def _is_drawn(field: CornerField) -> Bools:
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
     """Return a function that counts points to estimate which share of the surface layers cover; layers begin with the
-    kept layers.
-
-    It is off by a few thousandths, at a tenth of the time of a cut; kept layers are counted once.
-    """
+    kept layers. It is off by a few thousandths, at a tenth of the time of a cut; kept layers are counted once."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 

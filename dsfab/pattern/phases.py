@@ -20,9 +20,7 @@ SHIFT = 1e-3
 FLOW = 0.25
 """Length of a round: 1 / tau, tau = this share of (2 pi / spacing)^2."""
 LOCKED_PHASE = 0.05
-"""Largest miss, in periods, of a locked phase that is rounded to its target: edges of a surface get straight
-members.
-"""
+"""Largest miss, in periods, of a locked phase that is rounded to its target: edges get straight members."""
 LOCK = 3.0
 """Weight of a locked phase, over (2 pi / spacing)^2."""
 
@@ -30,10 +28,7 @@ LOCK = 3.0
 @dataclass(frozen=True, eq=False)
 class Flow:
     """Gradient that the phase of a family follows.
-
-    g       : (n, 3) unit direction of its gradient at the vertices, up to sign.
-    density : (n,) periods per metre.
-    """
+    g : (n, 3) unit direction of its gradient at the vertices, up to sign. density : (n,) periods per metre."""
 
     frames: Frames
     g: Floats
@@ -104,9 +99,7 @@ class Flow:
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
     """Return the result (n,) of 20 inverse iterations with B from start (n,), approximated to 1e-5 by 12 solves.
-
-    The lowest eigenvectors are almost equally good. Pairs of real numbers make conjugation linear.
-    """
+    The lowest eigenvectors are almost equally good. Pairs of real numbers make conjugation linear."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -125,10 +118,8 @@ def _complex_numbers(x: Floats) -> Complexes:
 @one_blas_thread()  # hundreds of products of vectors: on two busy cores, threads took three times as long
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """Return B^power x, of length 1 in the mass (N,), from the Krylov space of `products` products with a linear B.
-
     Arnoldi's method [Saad 1992]: B as a small matrix H on an orthonormal basis of B x, B B x, ..., and powers of that.
-    With as many products as powers it is exact.
-    """
+    With as many products as powers it is exact."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
@@ -157,10 +148,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
     """Return phases (n,), in periods, shifted by half a period if more weight (n,) is then on lines.
-
     `Flow.solve` does not distinguish the two, nor do signs and images of phases: 1/2 and -1/2 are equal. A mean cosine
-    within 2 % of 0 does not decide.
-    """
+    within 2 % of 0 does not decide."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -216,10 +205,8 @@ class CornerPhase:
 
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
-    """Return the phases (n,), in periods, of `Flow.solve` as the faces see them.
-
-    alternative : makes other phases (n,), used if they break off on fewer faces; called if the first break off at all.
-    """
+    """Return the phases (n,), in periods, of `Flow.solve` as the faces see them. alternative : makes other phases (n,),
+    used if they break off on fewer faces; called if the first break off at all."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -227,11 +214,8 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases (n,) as each face sees them by itself.
-
-    From corner to corner a phase grows by the value nearest to `flow.turn`; the face is singular if it does not return
-    to its start, or to its own sign.
-    """
+    """Return phases (n,) as each face sees them by itself. From corner to corner a phase grows by the value nearest to
+    `flow.turn`; the face is singular if it does not return to its start, or to its own sign."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
@@ -255,9 +239,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     """Return the phase with signs and periods of the faces carried from neighbour to neighbour, beginning at one face.
-
-    Seen by the corner where its half-edge starts, the phase of face g is s times that of face f plus q.
-    """
+    Seen by the corner where its half-edge starts, the phase of face g is s times that of face f plus q."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
@@ -274,8 +256,7 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     signs, shifts = np.ones(surface.m), np.zeros(surface.m)
     unvisited = ~phase.singular
     while unvisited.any():
-        root = int(np.argmax(unvisited))
-        order, predecessor = breadth_first_order(link, root, directed=False)
+        order, predecessor = breadth_first_order(link, int(np.argmax(unvisited)), directed=False)
         unvisited[order] = False
         _propagate(link, order.astype(np.int64), predecessor.astype(np.int64), s, q, signs, shifts)
     shift_all = signs[:, None] * phase.shift + shifts[:, None]
@@ -287,10 +268,8 @@ def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
     """Set signs and shifts (m,) of the faces in the order of a search, each from the face before it.
-
     Each face has its step from an earlier one, and in every round the earlier one's step is put before it: paths to the
-    root are halved.
-    """
+    root are halved."""
     child = order[1:]
     if not len(child):
         return
@@ -310,9 +289,7 @@ def _propagate(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with the value at each vertex as its first face sees it: signs 1 and shifts 0 except along
-    seams.
-    """
+    """Return the phase as the first face of each vertex sees it: signs 1 and shifts 0 except along seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

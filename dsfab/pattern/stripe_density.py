@@ -27,10 +27,8 @@ MOST_HALVINGS = 3
 
 def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     """Return u (n,), the logarithm of the relative density of stripes with gradients along g (n, 3), median 0.
-
     On each face, with signs of g aligned at its corners, p . grad u = curl g / |mean g| along the stripe, p = n x g.
-    confidence : (m,) weight of that, 0 to 1.
-    """
+    confidence : (m,) weight of that, 0 to 1."""
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]
@@ -58,11 +56,8 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
 
 
 class Halving(NamedTuple):
-    """Number of halvings: at most `most`, and at each vertex the integer below `wish` (n,).
-
-    wish   : in powers of two, 0 to `most`.    free : also under 0 and over `most`.
-    limits : bounds of the logarithm of the density of all lines.
-    """
+    """Number of halvings: at most `most`, and at each vertex the integer below `wish` (n,). wish : in powers of two, 0
+    to `most`. free : also under 0 and over `most`. limits : bounds of the logarithm of the density of all lines."""
 
     most: int
     wish: Floats

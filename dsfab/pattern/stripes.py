@@ -30,7 +30,6 @@ class Stripes:
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
     threshold : -1 (everything is material) to 1 (nothing is); half the length of a gradient line at 0.
-
     Raises PatternError for other values.
     """
 
@@ -62,9 +61,7 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d and z - d (n, 2) for half-widths d (n,): material has more integers below the first than the
-        second.
-        """
+        """Return z + d and z - d (n, 2) for half-widths d (n,): material has more integers below the first."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
@@ -79,10 +76,8 @@ class Stripes:
 
     def levels(self, x: Floats) -> Floats:
         """Return ascending values (k,) of the mode at the edges of material, over the range of x (n,).
-
         In phase z = frequency x + phase material is |z - k| < d for integers k, so it begins at every k - d and ends at
-        every k + d: an odd number of levels lies below material.
-        """
+        every k + d: an odd number of levels lies below material."""
         d = half_width(self.threshold)
         if d == 0:
             return np.empty(0)

@@ -39,17 +39,13 @@ class Images:
     def marked_in_any(self, marked: Bools) -> Bools:
         """Return faces (m,) with a marked image, because a singular point at a vertex lies in one of its faces by
         chance.
-
-        On a mesh that is less symmetric than its surface, images of faces are no faces, and marks stay unchanged.
-        """
+        On a mesh that is less symmetric than its surface, images of faces are no faces, and marks stay unchanged."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
         """Return unit tangents (n, 3), up to sign, of the symmetric field nearest to the given tangents.
-
-        The products v v^T of the coordinates, which do not depend on signs, are averaged.
-        """
+        The products v v^T of the coordinates, which do not depend on signs, are averaged."""
         if len(self.maps) == 1:
             return along
         n = len(along)
@@ -81,9 +77,7 @@ class Images:
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
         """Return the maps (n, n) from phases, and from their conjugates, to images.
-
-        growth : (n, 3) gradient of the phase, up to sign, periods per metre.
-        """
+        growth : (n, 3) gradient of the phase, up to sign, periods per metre."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         growth_there, growth_here = growth[row] @ R.T, growth[column]

@@ -22,8 +22,7 @@ SOLID = 0.5
 ROUNDS = (2, 60)
 """Fewest and most rounds of averaging."""
 JUMP = 5e-3
-"""Largest accepted jump of a share past the wanted one, as tidied ends appear and vanish: the nearest share suffices.
-"""
+"""Largest accepted jump of a share past its target, as tidied ends appear and vanish: the nearest suffices."""
 
 
 class ShareJumpError(PatternError):
@@ -120,10 +119,7 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
     """Return means (n, ...) of values x (m, ...) of the faces over about a disc of that radius, metres, around each
-    vertex.
-
-    They extend over at least two rings of faces, and along the surface, not through a gap between sheets.
-    """
+    vertex. They extend over at least two rings of faces, and along the surface, not through a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
     # the variance of a round is h^2 / 3 on a regular mesh of width h; that of a disc is R^2 / 4
@@ -142,9 +138,7 @@ def _averaging(surface: Surface) -> csr_array:
 
 def relative_stresses(surface: Surface, principal: Floats) -> Floats:
     """Return sizes of both principal stresses (m, 2) at the vertices, (n, 2), over their common mean over the area.
-
-    Raises PatternError if the stress is zero.
-    """
+    Raises PatternError if the stress is zero."""
     size = vertex_means(surface, np.abs(principal))
     mean = float(surface.vertex_areas @ size.mean(axis=1)) / surface.area
     if not mean > 0:
@@ -204,9 +198,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Return an interval around the solution, or the solution twice, by secants from 1; None if they do not
-    converge.
-    """
+    """Return an interval around the solution, or the solution twice, by secants from 1; None without convergence."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:

@@ -23,23 +23,6 @@ from dsfab.preset.model import (
 )
 
 __all__ = [
-    "AUTO",
-    "FAMILIES",
-    "STAGES",
-    "STRIPES_ACROSS",
-    "Diffusion",
-    "Export",
-    "Fabrication",
-    "Family",
-    "FormatName",
-    "LeastWidth",
-    "Method",
-    "Mode",
-    "Pattern",
-    "Phase",
-    "Preset",
-    "Slicing",
-    "Statics",
-    "Thickening",
-    "Width",
-]
+    "AUTO", "FAMILIES", "STAGES", "STRIPES_ACROSS", "Diffusion", "Export", "Fabrication", "Family", "FormatName",
+    "LeastWidth", "Method", "Mode", "Pattern", "Phase", "Preset", "Slicing", "Statics", "Thickening", "Width",
+]  # fmt: skip

@@ -104,9 +104,7 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows a sum of stress magnitudes rather than the stress of one case or
-    combination.
-    """
+    """Return True if the pattern follows a sum of stress magnitudes rather than one case or combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
@@ -114,10 +112,8 @@ def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
     """Return the stresses that the pattern follows, as name -> weight: one name, or the combined names.
-
     Combined are the combinations, or the cases of a preset without combinations. The default weight is 1; names of
-    weight 0 are left out.
-    """
+    weight 0 are left out."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -126,16 +122,13 @@ def follow_weights(
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
     """Return the names that a combined pattern follows: the combinations without those for displacements alone (SLS),
-    unless all are such; or the cases if there are no combinations.
-    """
+    unless all are such; or the cases if there are no combinations."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations for a limit state: its own combinations, else those without a limit state,
-    else all.
-    """
+    """Return cases and combinations for a limit state: its own combinations, else those without one, else all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):

@@ -27,7 +27,6 @@ def load_preset(
 
     overrides : dotted keys and values that win over the file, e.g. {"pattern.major.frequency": 12}.
     mesh      : a mesh file in place of the preset's surface; supports and loads stay.
-
     Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values.
     """
     path = _find(name_or_path)
@@ -51,9 +50,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return `preset` with other values at dotted keys; raises PresetError as `load_preset` does, and for other
-    objects.
-    """
+    """Return `preset` with other values at dotted keys; raises PresetError as `load_preset`, and for other objects."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # the other sections have passed their checks
@@ -73,9 +70,7 @@ def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
 
 def parse_override(text: str) -> tuple[str, Any]:
     """Parse 'pattern.major.frequency=12' to (key, 12); values are TOML, and a bare word is text.
-
-    Raises PresetError for text without '='.
-    """
+    Raises PresetError for text without '='."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise PresetError(f"--set {text!r} is not KEY=VALUE; write for instance --set pattern.major.frequency=12")
@@ -95,10 +90,8 @@ def require_mesh(preset: Preset) -> None:
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset, defaults included, as TOML that builds the same design again.
-
     A material has its name, and only those values that differ from its own.
-    for_people : replaces the numbers of a mesh from Python by its size.
-    """
+    for_people : replaces the numbers of a mesh from Python by its size."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
@@ -149,9 +142,7 @@ def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys. Setting one of two exclusive keys removes the other; a new material removes the values of
-    the old one.
-    """
+    """Set dotted keys, which removes the other of two exclusive keys; a new material removes the old one's values."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # a later key may reach into this value

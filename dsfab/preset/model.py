@@ -65,15 +65,13 @@ class Statics(Section):
     """plane_stress (a thin sheet) or stvk (the paper to the letter)."""
     membrane: Membrane = "constant"
     """constant strain (the paper), or quadratic or hybrid: accurate for slender parts too, at several times the
-    cost.
-    """
+    cost."""
     bending: Bending = "hinge"
     """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
     """Stress that the pattern follows: membrane, of the middle surface (the paper; of the lower side for a flat sheet
     that only bends, because its middle surface has none); layers, of all layers, with bending; auto: layers where
-    bending stores at least half of the energy.
-    """
+    bending stores at least half of the energy."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
     """Pa, for comparison with the largest stress (steel S235: 235e6); 0: no comparison."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0
@@ -82,8 +80,7 @@ class Statics(Section):
     """Number of buckling load factors of the uncut sheet to compute."""
     check: bool = True
     """Refuse before the cut a sheet that moves by over a tenth of its span, stands on one vertex, or has a support or
-    load at a point far off the surface; false only reports it.
-    """
+    load at a point far off the surface; false only reports it."""
 
     _named = model_validator(mode="before")(with_material)
 
@@ -129,9 +126,8 @@ class Statics(Section):
 
     @property
     def analyses(self) -> ResultRequest:
-        """Requests for strength, natural frequencies and buckling; with any of them, other elements solve the
-        statics again.
-        """
+        """Requests for strength, natural frequencies and buckling; with any of them, other elements solve the statics
+        again."""
         return ResultRequest(self.strength, self.frequencies, self.buckling)
 
 
@@ -150,8 +146,7 @@ class Diffusion(Section):
     """Modes computed per family."""
     follow: str | None = None
     """A case or combination; or combined, the sum of the magnitudes of their stresses: the default with several
-    cases.
-    """
+    cases."""
     weights: dict[str, float] = Field(default_factory=dict)
     """combined: weight of each combination (each case, without combinations) in the sum; default 1."""
     symmetry: tuple[str, ...] = ()
@@ -202,12 +197,10 @@ class Family(Section):
     """Mode of the stripes; 1 is the first that is not constant. auto: of the first four, the stiffest."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
     """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end). 0: by spacing. Evenly spaced
-    stripes have no frequency.
-    """
+    stripes have no frequency."""
     spacing: Annotated[float, Ge(0)] = 0.0
     """Mean distance (m) between the middles of stripes. 0: by frequency; for evenly spaced stripes a twelfth of the
-    surface's side, but not less than an edge of its mesh.
-    """
+    surface's side, but not less than an edge of its mesh."""
     phase: Phase = 0.0
     """Shift of the stripes, in periods. auto: the stiffest of several."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
@@ -226,9 +219,7 @@ class Family(Section):
 
     def distance(self, area: float, edge: float) -> float:
         """Return the spacing (m) of evenly spaced stripes on a surface of that area; by default a twelfth of its side.
-
-        edge : mean edge of the mesh (m), the least default.
-        """
+        edge : mean edge of the mesh (m), the least default."""
         return self.spacing or max(float(np.sqrt(area)) / STRIPES_ACROSS, edge)
 
     @property
@@ -252,8 +243,7 @@ class Width(Section):
 
     rule: Rule = "plain"
     """plain: by the thresholds (the paper); constant: equal width in metres; graded: by the stress; stressed: graded,
-    then cut, solved and widened where the energy is largest, again and again: the stiffest and slowest.
-    """
+    then cut, solved and widened where the energy is largest, again and again: the stiffest and slowest."""
     member: Annotated[float, Ge(0)] = 0.0
     """constant: width of the members, metres; with solid_fraction dsfab solves for it."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
@@ -263,8 +253,7 @@ class Width(Section):
     min_width: LeastWidth = AUTO
     """Least width of members, metres. 0 sets no limit. auto: for evenly spaced members of graded width the thickness,
     or half of the constant width if that is less; for stressed width with pattern.workshop half of the thickness, or
-    the same; otherwise no limit.
-    """
+    the same; otherwise no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0 sets no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -289,9 +278,7 @@ class Width(Section):
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
         """Return the width rule; a width to be solved for is a multiple of a hundredth of `length`, metres.
-
-        least : least width (m) if `min_width` is auto, unless `max_width` is less.
-        """
+        least : least width (m) if `min_width` is auto, unless `max_width` is less."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
@@ -326,35 +313,29 @@ class Pattern(Section):
     """stripes: end every second stripe on a crossing member where stripes crowd; false keeps all."""
     families: Literal["both", "major", "minor"] = "both"
     """Families of stripes. A single one has no crossings: it is neither halved nor tidied, and rim and keep connect
-    it.
-    """
+    it."""
     symmetry: Literal["auto", "none"] = "auto"
     """stripes: use the mirrors and turns that surface, supports and loads share, or none."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
     """stripes: rotation of both families from the stress, degrees, counter-clockwise seen from the side of the normals
-    (outside of a closed surface); 90 exchanges them.
-    """
+    (outside of a closed surface); 90 exchanges them."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """stripes: forces for their direction and grading: of the uncut sheet, or of the stiffest sheet of varying
-    thickness with the same material (solid_fraction), which is stiffer in a plane, and at edges and openings.
-    """
+    thickness with the same material (solid_fraction), which is stiffer in a plane, and at edges and openings."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
     """stripes: number of further searches for directions with the weight of the stripes; 0: weight of the uncut sheet.
-    Useful where weight is most of the load.
-    """
+    Useful where weight is most of the load."""
     guide: tuple[Guide, ...] = ()
     """stripes: curves and regions that direct them."""
     region: tuple[PatternRegion, ...] = ()
     """Doors, oculi, solid bands: parts of the surface that are solid, void, or have a solid band inside of their
-    edge.
-    """
+    edge."""
     major: Family = Family()
     minor: Family = Family()
     width: Width = Width()
     tidy: bool | None = None
     """Remove stripes that end in the air or turn back, as far as the last crossing, and fill openings narrower than the
-    members beside them. Default: on for stripes of both families, off on modes (the paper).
-    """
+    members beside them. Default: on for stripes of both families, off on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Metres around loads and supports that stay material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -363,8 +344,7 @@ class Pattern(Section):
     """Radius (m) of the corners of openings, less where room is short; 0 leaves them sharp."""
     workshop: bool | None = None
     """Close openings, fill tips and widen members below the workshop's limits, slicing.min_gap and slicing.min_member.
-    Default: on for evenly spaced stripes, unless their widths are stressed; off on modes.
-    """
+    Default: on for evenly spaced stripes, unless their widths are stressed; off on modes."""
 
     @model_validator(mode="before")
     @classmethod
@@ -458,17 +438,14 @@ class Slicing(Section):
     min_opening: Annotated[float, Ge(0)] | None = None
     """Metres; smaller openings are filled. 0 fills none. Default: none on modes; between evenly spaced stripes those
     under 15 % of their spacing; of tidied stripes, which have no opening narrower than the members beside it, those
-    also narrower than the sheet is thick. Of both also openings under 35 % of the usual size.
-    """
+    also narrower than the sheet is thick. Of both also openings under 35 % of the usual size."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Metres; with pattern.workshop narrower openings are bridged, and their narrower tips filled. 0 leaves them.
-    Default: a quarter of the thickness, or 3 mm if that is more (of small things a 500th of their size).
-    """
+    Default: a quarter of the thickness, or 3 mm if that is more (of small things a 500th of their size)."""
     min_member: Annotated[float, Ge(0)] | None = None
     """Metres; members of tidied stripes between openings with round corners are widened where they are narrower, and
     narrower than 0.8 of the usual width. With pattern.workshop all members are, up to half of the thickness, or the
-    limit of [pattern.width] if that is less (none by its min_width = 0), which is the default. 0 widens none.
-    """
+    limit of [pattern.width] if that is less (none by its min_width = 0), which is the default. 0 widens none."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -484,8 +461,7 @@ class Thickening(Section):
     """Refuse a solid with a smaller share of the thickness left at sharp curvature."""
     side: Side = "mid"
     """Position of the sheet: mid (around the surface), out (on the side of its normals; outside of closed ones) or
-    in.
-    """
+    in."""
     strict: bool = False
     """Refuse a solid whose faces still intersect after all repairs, instead of reporting the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
@@ -503,8 +479,7 @@ class Fabrication(Section):
     """Least thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
     """Write files in spite of loads without a path to a support, of a sheet thinned to a film where it would meet
-    itself, and of members and openings under 1 mm below their limit.
-    """
+    itself, and of members and openings under 1 mm below their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Size of the machine along x, y, z, metres; the solid may lie on any of its sides."""
 
@@ -526,12 +501,11 @@ class Export(Section):
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
-    """STEP: planar (flat or folded), of lines and splines, faceted, or tessellated (for viewers);
-    members: curved, of four-sided patches that CAD programs cut and measure well, else smooth, else faceted.
-    smooth or compact: curved, of few skins, the smallest file; cutting it in CAD often fails.
-    auto: planar where possible, else by members up to 7000 faces, else smooth if it takes little time and OCCT cuts it,
-    else faceted within step_faces, else smooth. quick: the same, but by members for open surfaces alone, without cuts,
-    and without the last, which may take minutes and fail.
+    """STEP: planar (flat or folded), of lines and splines, faceted, or tessellated (for viewers); members: curved, of
+    four-sided patches that CAD programs cut and measure well, else smooth, else faceted. smooth or compact: curved, of
+    few skins, the smallest file; cutting it in CAD often fails. auto: planar where possible, else by members up to 7000
+    faces, else smooth if it takes little time and OCCT cuts it, else faceted within step_faces, else smooth. quick: the
+    same, but by members for open surfaces alone, without cuts, and without the last, which may take minutes and fail.
     """
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Largest error (m) of planar, smooth or simplified STEP; 0: a share of the thickness, faceted: none."""
@@ -582,7 +556,6 @@ class Preset(Section):
         supports, loads, combinations : of the surface, in place of its own: `dsfab.Support(...)`, `dsfab.Snow(...)`,
                   or their keys as in TOML.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
-
         Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh.
         """
         surface_lists = {"support": supports, "load": loads, "combination": combinations}
@@ -606,9 +579,8 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """A void removes vertices, so that vertex numbers of guides and regions would change; supports and loads
-        are picked first.
-        """
+        """A void removes vertices, so that vertex numbers of guides and regions would change; supports and loads are
+        picked first."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [
@@ -631,8 +603,7 @@ class Preset(Section):
 
     def judged_in(self, state: LimitState, names: Iterable[str]) -> list[str]:
         """Return the cases and combinations that govern stress and buckling (`ULS`) or displacements (`SLS`): all of
-        them if no combination has a limit state.
-        """
+        them if no combination has a limit state."""
         return judged_names(names, self.surface.sums, state)
 
     @property
@@ -659,25 +630,19 @@ class Preset(Section):
 
     def self_contained(self) -> "Preset":
         """Return the preset with the curves of drawings that its pickers name; raises SurfaceError for a missing
-        drawing.
-        """
+        drawing."""
         lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():
             section = getattr(self, name)
-            entries = {key: tuple(_with_curves(entry) for entry in getattr(section, key)) for key in keys}
-            if any(
-                new is not old for key in keys for new, old in zip(entries[key], getattr(section, key), strict=True)
-            ):
+            entries = {k: tuple(_with_curves(entry) for entry in getattr(section, k)) for k in keys}
+            if any(new is not old for k in keys for new, old in zip(entries[k], getattr(section, k), strict=True)):
                 changes[name] = section.model_copy(update=entries)
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage whose section differs, or None; name and description make no difference.
-
-        The surface depends on the outlines of regions, because they cut it, and on the statics if its mesh follows the
-        stress.
-        """
+        """Return the first stage whose section differs, or None; name and description make no difference. The surface
+        depends on the outlines of regions, because they cut it, and on the statics if its mesh follows the stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

@@ -26,8 +26,7 @@ class Workshop(Section):
     """Metres; length and width of the sheets to cut from, of one size or of several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
     """Price of a sheet of each size of the stock, in its order and in any currency: the cheapest combination is used.
-    Without prices it is the least area.
-    """
+    Without prices it is the least area."""
     thickness: Annotated[float, Ge(0)] = 0.0
     """Thickness of one layer, of planks or of bars, metres. 0: that of [statics], divided by the layers."""
     depth: Annotated[float, Ge(0)] = 0.0
@@ -38,8 +37,7 @@ class Workshop(Section):
     """Thickness of the plates of nodes (bars) and of anchors, metres."""
     anchor: Annotated[float, Ge(0)] = 0.0
     """Diameter of anchors, metres. At supports plates reach the ground in a folded leg with two holes for these; 0:
-    without.
-    """
+    without."""
     bolt: Annotated[float, Gt(0)] = 0.012
     """Diameter of the bolts and of their holes, metres."""
     gap: Annotated[float, Ge(0)] = 0.008
@@ -48,14 +46,12 @@ class Workshop(Section):
     """Grain runs along the sheets; members lie along it and are never cut across."""
     nesting: Literal["stacked", "spyrrow"] = "stacked"
     """stacked: parts are stacked on sheets; spyrrow: that solver then tries to empty the least used sheets. It takes
-    minutes and needs: pip install "dsfab[nesting]".
-    """
+    minutes and needs: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
     """50: a model in card at 1:50, and all lengths of this section are the model's. 0: full size."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock: members with a bolted cover plate, flat sheets butted; glued on a bevel of
-    eight times the thickness (scarf); flat sheets with fingers; or all just butted.
-    """
+    eight times the thickness (scarf); flat sheets with fingers; or all just butted."""
 
     @field_validator("stock", mode="before")
     @classmethod
@@ -92,15 +88,13 @@ Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 
 class Eurocode(Section):
     """[eurocode]: checks of members, by EN 1993-1-1 for steel, by EN 1995-1-1 for timber. They do not change the
-    design.
-    """
+    design."""
 
     service_class: Literal[1, 2, 3] = 2
     """Timber: 1 heated rooms, 2 under a roof, 3 in the open."""
     duration: dict[str, Duration] = Field(default_factory=dict)
     """Timber, by case: duration of its loads; default: weight permanent, stores long, wind and maintenance short, all
-    others medium.
-    """
+    others medium."""
     gamma_m: Annotated[float, Gt(0)] | None = None
     """Timber: partial factor; default: 1.3 for solid timber, 1.25 for glulam, 1.2 for LVL."""
     gamma_m0: Annotated[float, Gt(0)] = 1.0
@@ -113,8 +107,7 @@ class Eurocode(Section):
     """Times the distance of nodes along the member."""
     bent_in: bool = False
     """Timber: members are layers bent into shape from straight ones (`workshop.thickness`, or that of [statics] over
-    `workshop.layers`): the stress from it is added.
-    """
+    `workshop.layers`): the stress from it is added."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield cases without a load, as 'key = value: allowed values'."""

@@ -64,11 +64,8 @@ class Section(BaseModel):
 
 
 class SurfaceSection(Section):
-    """Keys of every surface.
-
-    pydantic builds its checks on first use, because a preset builds those of all kinds together. Separate checks of
-    supports and loads took half of the time of starting dsfab.
-    """
+    """Keys of every surface. pydantic builds its checks on first use, because a preset builds those of all kinds
+    together. Separate checks of supports and loads took half of the time of starting dsfab."""
 
     model_config = ConfigDict(defer_build=True)
 
@@ -79,17 +76,15 @@ class SurfaceSection(Section):
     combinations: CombinationRule | None = None
     """Combinations after a standard, besides those in the list."""
     actions: dict[CaseName, ActionKind] = {}
-    """Kind of action of a case for the standard, where its loads do not tell: weight is permanent, snow is snow,
-    wind wind.
-    """
+    """Kind of action of a case for the standard, where its loads do not tell: weight is permanent, snow is snow, wind
+    wind."""
     factors: DesignFactors | None = None
     """Factors of the standard that a national annex changes."""
     refine: Annotated[float, Ge(0)] = 0.0
     """Largest edge, metres; longer ones are divided. 0 leaves them as they are."""
     smooth: bool = False
-    """Let refining round the facets (Loop subdivision), or put the vertices of a new mesh on the smooth surface
-    through the old ones; boundaries and creases stay.
-    """
+    """Let refining round the facets (Loop subdivision), or put the vertices of a new mesh on the smooth surface through
+    the old ones; boundaries and creases stay."""
 
     @property
     def sums(self) -> tuple[Combination, ...]:
@@ -121,15 +116,13 @@ class OwnSurface(SurfaceSection):
     """Keys of the user's meshes: the length of the edges of a new mesh."""
 
     edge: Annotated[float, Ge(0)] = 0.0
-    """Length of edges, metres; the surface gets a new mesh of even triangles, boundaries and creases kept. 0: no
-    new mesh.
-    """
+    """Length of edges, metres; the surface gets a new mesh of even triangles, boundaries and creases kept. 0: no new
+    mesh."""
     finest: Annotated[float, Ge(0)] = 0.0
     """Least length of edges, metres; with `edge`, edges are shorter where `finest_at` says. 0: all are equal."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
     """Where edges are shorter: where the surface is curved, where its stress changes, or at both: by a quarter of its
-    root mean square along an edge, in statics on even triangles.
-    """
+    root mean square along an edge, in statics on even triangles."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -150,9 +143,7 @@ class OwnSurface(SurfaceSection):
 
     def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
         """Return the surface, with edges of these sizes if it gets a new mesh; raises SurfaceError.
-
-        base : result of `base_surface()`, if known.
-        """
+        base : result of `base_surface()`, if known."""
         base = base or self.base_surface()
         if not self.edge:
             return refined_surface(base, self.refine, self.smooth) if self.refine else base
@@ -165,8 +156,7 @@ class FileSurface(OwnSurface):
 
     file: Path
     """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; relative paths start at the preset's folder, in
-    Python at the current one.
-    """
+    Python at the current one."""
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files name their own."""
     up: Up = "z"
@@ -175,16 +165,13 @@ class FileSurface(OwnSurface):
     """Metres, with z up; the point of the file that becomes the design's origin, for a survey's coordinates."""
     mend: bool = False
     """Mend small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes, and even
-    out ragged edges.
-    """
+    out ragged edges."""
     repair: bool = False
     """Repair a raw scan: as `mend`, and split edges of more than two faces, drop pieces under a twentieth of the
-    largest, fill holes with an outline under 15 % of the largest side, turn faces to the same side.
-    """
+    largest, fill holes with an outline under 15 % of the largest side, turn faces to the same side."""
     max_triangles: Annotated[int, Ge(1)] | None = None
     """Largest number of triangles in the file; it limits bytes, vertices and seconds of reading too. Default: 4
-    million.
-    """
+    million."""
 
     @property
     def waits(self) -> bool:
@@ -196,9 +183,7 @@ class FileSurface(OwnSurface):
         return self.read().surface
 
     def read(self) -> SurfaceInFile:
-        """Return the surface with the record of reading and repairs; raises PresetError if the user has to supply
-        it.
-        """
+        """Return the surface with the record of reading and repairs; raises PresetError if the user must supply it."""
         if self.waits:
             raise PresetError(
                 f"this preset needs a mesh of yours in place of {self.file.name}: write "
@@ -226,7 +211,6 @@ def _mesh_from(value: Any) -> Surface:
 
 
 def _mesh_text(surface: Surface) -> str:
-    """Both sizes, V and F, little endian, packed without loss."""
     sizes = np.array([surface.n, surface.m], dtype="<i8")
     data = sizes.tobytes() + surface.V.astype("<f8").tobytes() + surface.F.astype("<i8").tobytes()
     return base64.b64encode(zlib.compress(data, 1)).decode("ascii")
@@ -237,9 +221,7 @@ Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text
 
 class MeshSurface(OwnSurface):
     """A surface from a mesh in Python; `dsfab.save` writes it beside the preset, which then names the file.
-
-    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces.
-    """
+    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces."""
 
     mesh: Annotated[Mesh, Field(repr=False)]
 
@@ -267,7 +249,6 @@ class ShapeSurface(SurfaceSection):
 
 
 def _shape_model(name: str) -> type[ShapeSurface]:
-    """The section of a shape, with the parameters, defaults and ranges of its function."""
     signature = inspect.signature(SHAPES[name], eval_str=True)
     fields: dict[str, Any] = {p.name: (p.annotation, p.default) for p in signature.parameters.values()}
     fields["shape"] = (Literal[name], name)
@@ -303,10 +284,8 @@ def plain(value: Any) -> Any:
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
     """Return `surface` of Python code as a table, with `lists` in place of its own lists.
-
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
-    Raises SurfaceError for an invalid mesh.
-    """
+    Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
     elif isinstance(surface, SurfaceSection | Mapping):

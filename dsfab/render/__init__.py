@@ -6,17 +6,9 @@ from dsfab.render.lettering import PAPER, Nameplate, Palette, PlacedName, place_
 from dsfab.render.view import up_axis
 
 __all__ = [
-    "PAPER",
-    "Nameplate",
-    "Palette",
-    "PlacedName",
-    "band_colours",
-    "member_places",
-    "members_picture",
-    "place_names",
-    "rated_members_picture",
-    "up_axis",
-]
+    "PAPER", "Nameplate", "Palette", "PlacedName", "band_colours", "member_places", "members_picture",
+    "place_names", "rated_members_picture", "up_axis",
+]  # fmt: skip
 
 if TYPE_CHECKING:
     from dsfab.render.members import band_colours as band_colours

@@ -86,9 +86,7 @@ class ColourBar:
 @dataclass(frozen=True, eq=False)
 class Colouring:
     """Face colours (m, 3) bytes, with their bar if they need it.
-
-    V     : (n, 3) vertices to draw in place of the surface's (m); None for these.    words : for the caption.
-    """
+    V : (n, 3) vertices to draw in place of the surface's (m); None for these.    words : for the caption."""
 
     face: Bytes
     bar: ColourBar | None = None
@@ -126,8 +124,7 @@ def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
         return _mode_colouring(design, show)
     neutral = palette.plain
     colour = {"major": palette.families[0], "minor": palette.families[2], "loads": neutral, "directions": neutral}
-    single_colour = np.array(colour.get(show, palette.members), dtype=np.uint8)
-    face = np.broadcast_to(single_colour, (design.surface.m, 3))
+    face = np.broadcast_to(np.array(colour.get(show, palette.members), dtype=np.uint8), (design.surface.m, 3))
     if show == "loads":
         return Colouring(
             face, words=f"loads, {force_label(float(np.linalg.norm(design.load.force.sum(axis=0))))} in all"
@@ -135,8 +132,7 @@ def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
     if show == "directions":
         if design.preset.combines:
             return Colouring(face, words="directions of several cases together: red where most is carried, blue across")
-        signs = ColourBar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING)
-        return Colouring(face, signs)
+        return Colouring(face, ColourBar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING))
     return Colouring(face)
 
 

@@ -110,10 +110,8 @@ def start_picture_program() -> Iterator[None]:
 @contextmanager
 def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> Iterator[Callable[[], None]]:
     """Draw the picture of `write_picture` in another process inside the context; the yielded function waits for it.
-
     With one core, or if the other process fails, that function draws the picture itself.
-    Raises DsfabError if this machine cannot draw.
-    """
+    Raises DsfabError if this machine cannot draw."""
     if (os.cpu_count() or 1) == 1:
         yield lambda: write_picture(design, path, look)
         return

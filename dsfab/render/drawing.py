@@ -98,10 +98,8 @@ def page_view(
 ) -> View:
     """Return the view in which bodies fill a page, above a strip for words, or for words and a colour scale."""
     aspect = size[0] / size[1]
-    half_width, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
-    return fit_view(
-        np.concatenate([body.V for body in bodies]), side, (-half_width * aspect, half_width * aspect, bottom, top)
-    )
+    half, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
+    return fit_view(np.concatenate([body.V for body in bodies]), side, (-half * aspect, half * aspect, bottom, top))
 
 
 def _stands_on_ground(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
@@ -168,9 +166,7 @@ def legend(
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     names = [
-        name
-        for name in kinds
-        if any(np.array_equal(body.colour, palette.colour_bytes(name)) for body in stage.bodies[1:])
+        name for name in kinds if any(np.array_equal(b.colour, palette.colour_bytes(name)) for b in stage.bodies[1:])
     ]
     return Legend(caption, names, size[1] / 2 / (stage.view.slope * depth), swatches)
 
@@ -306,9 +302,7 @@ def _codes(colours: Bytes) -> Ints:
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
     """Return line strengths (h, w) 0..1 where depth jumps by more than `jump` (radii), or where normals turn.
-
-    Lines lie on the nearer of two pixels, and so on the body that they bound (Saito and Takahashi 1990).
-    """
+    Lines lie on the nearer of two pixels, and so on the body that they bound (Saito and Takahashi 1990)."""
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows bound the memory
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))

@@ -19,11 +19,8 @@ MarkName = Literal["load", "support", "reaction", "person", "tension", "compress
 
 @dataclass(frozen=True)
 class Palette:
-    """Colours, red green blue in 0..255.
-
-    families : of members by family (major, minor, kept).    tints : of the same in pictures of families.
-    ink      : darkness of edge lines, 0..1.
-    """
+    """Colours, red green blue in 0..255. families : of members by family (major, minor, kept). tints : of the same in
+    pictures of families. ink : darkness of edge lines, 0..1."""
 
     paper: Colour = (253, 252, 249)
     shadow: Colour = (118, 112, 110)

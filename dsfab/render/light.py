@@ -1,7 +1,5 @@
 """Light of pictures: a sun with a soft edge, an overcast sky and a faint floor, as many small lamps with shadow maps.
-
-A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows.
-"""
+A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -178,8 +176,7 @@ def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats
     """Return the light (2, k) of the sun and of all other lamps on points with normals (3, k), in radii.
 
     paired : number of first points in neighbouring pairs. Each point of a pair evaluates half of the lamps except the
-             sun,
-             for both, because they lie within a pixel of the averaged picture.
+             sun, for both, because they lie within a pixel of the averaged picture.
     """
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
@@ -222,31 +219,25 @@ def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
     """Return the light (k,) on the drawn pixels, and the floor's coarse (h, w) share of its unshaded light.
-
-    The floor is the plane at `level` along `floor`, in scene units; None without a level.
-    """
+    The floor is the plane at `level` along `floor`, in scene units; None without a level."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:
-        points, normals = _points(scene, view, pixels, hit)
-        return _in_row_order(
-            lamp_light(scene, all_lamps, points, normals, paired * points.shape[1]).sum(axis=0), hit
-        ), None
+        points, N = _points(scene, view, pixels, hit)
+        return _in_row_order(lamp_light(scene, all_lamps, points, N, paired * points.shape[1]).sum(axis=0), hit), None
     coarse = (height // 6, width // 6)  # shadows on the floor are soft
     spots, floor_pixels = _floor_points(scene, view, floor, level, coarse)
-    points, normals = _points(scene, view, pixels, hit, spare=spots.shape[1])
+    points, N = _points(scene, view, pixels, hit, spare=spots.shape[1])
     count = points.shape[1] - spots.shape[1]
-    points[:, count:], normals[:, count:] = spots, floor[:, None]
-    light = lamp_light(scene, all_lamps, points, normals, paired * count)
+    points[:, count:], N[:, count:] = spots, floor[:, None]
+    light = lamp_light(scene, all_lamps, points, N, paired * count)
     share = _floor_share(light[:, count:], floor_pixels, all_lamps.open_light(floor), all_lamps.quality.blur)
     return _in_row_order(light[:, :count].sum(axis=0), hit), share
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
     """Return points (3, k + spare) of the k drawn pixels in scene units, and normals towards the eye.
-
-    Columns in strips of rows keep neighbours together, which saves two thirds of the time.
-    """
+    Columns in strips of rows keep neighbours together, which saves two thirds of the time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))

@@ -41,9 +41,7 @@ LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
     """Return indices of a few of the points (k, 3), evenly apart, each in the middle of its neighbourhood.
-
-    Farthest points first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982).
-    """
+    Farthest points first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982)."""
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
     while len(chosen_list) < spacing.most:
@@ -226,8 +224,7 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
 def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Floats) -> MarkMesh:
     """Return copies of a template of length 1 along x, from `start` (k, 3) along unit vectors, `long` (k,) metres."""
     vertices, faces = template
-    helper = np.eye(3)[np.argmin(np.abs(along), axis=1)]
-    second = np.cross(along, helper)
+    second = np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)])
     second /= np.linalg.norm(second, axis=1, keepdims=True)
     frame = np.stack([along, second, np.cross(along, second)], axis=1) * long[:, None, None]
     copies = np.einsum("vi,kij->kvj", vertices, frame) + start[:, None]
@@ -243,11 +240,8 @@ BAR_LENGTH, BAR_WIDTH = 0.8, 0.09
 
 def crosses(design: "Design", palette: Palette) -> Body:
     """Return bars along the two directions of diffusion at evenly spaced places, except in isotropic faces.
-
     Blue and red are compression and tension. For combined cases, whose stress has no sign, red is the first direction.
-
-    Raises DsfabError if no face has a direction: at r = 1, or without a stress.
-    """
+    Raises DsfabError if no face has a direction: at r = 1, or without a stress."""
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"

@@ -52,8 +52,7 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
 def _places(member: "Member", centroids: Floats) -> tuple[Floats, float]:
     if member.axis:
         count = int(np.clip(np.ceil(member.length / (0.5 * member.mean_width)), 2, 400))
-        P = member.axis.frames_at(np.linspace(0, member.length, count))[0]
-        return P, float(np.max(member.width)) / 2
+        return member.axis.frames_at(np.linspace(0, member.length, count))[0], float(np.max(member.width)) / 2
     points = centroids[member.cells[:: max(1, len(member.cells) // 60)]]
     return points, float(np.sqrt(member.area / (np.pi * len(points)))) * 2
 
@@ -87,11 +86,7 @@ def members_picture(
     palette: Palette = PAPER,
 ) -> Bytes:
     """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes.
-
-    Names of wholly hidden members are pale; another view shows them.
-
-    Raises DsfabError if this machine cannot draw.
-    """
+    Names of wholly hidden members are pale; another view shows them. Raises DsfabError if this machine cannot draw."""
     graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
     names = {member.id: _colour(member.kind, member.family, palette) for member in graph.members}
@@ -103,10 +98,8 @@ def rated_members_picture(
     design: "Design", band: Ints, count: int, names: Sequence[str], *, size: tuple[int, int], palette: Palette = PAPER
 ) -> Bytes:
     """Return a picture of a design's sheet in colour bands, with the names of chosen members, (height, width, 3) bytes.
-
     band : (m,) band of each cell of the members' sheet, 0 to `count` - 1 (see `band_colours`); -1 for none.
-    Raises DsfabError if this machine cannot draw.
-    """
+    Raises DsfabError if this machine cannot draw."""
     table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
     ink = dict.fromkeys(names, palette.text)
     return _MembersDrawing(design, size, "iso", "paper", palette).picture(table[band], ink, "", ())
@@ -178,8 +171,7 @@ def _plates(
     """Yield names with their possible places, best first; look : size, colours by name, and palette."""
     size, names, palette = look
     for member in (member for member in graph.members if member.id in names):
-        points = _points(graph, member, stage.view)
-        seen = stage.view.page_coordinates(points)
+        seen = stage.view.page_coordinates(_points(graph, member, stage.view))
         pixels = np.stack([size[0] / 2 + seen[:, 0] * size[1] / 2, size[1] / 2 - seen[:, 1] * size[1] / 2], axis=1)
         column, row = (np.clip(FINER * pixels[:, k], 0, FINER * size[k] - 1).astype(int) for k in (0, 1))
         visible = np.asarray(depth[row, column] > seen[:, 2] - 0.02 * stage.radius)

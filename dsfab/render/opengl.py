@@ -58,10 +58,8 @@ def assume_window(window: str | None = None) -> str:
 
 def require_rendering() -> None:
     """Ensure that this machine can draw, choosing VTK's window for a machine without a screen.
-
     Sets VTK_DEFAULT_OPENGL_WINDOW if it is not set and a choice is necessary. The result holds for this process.
-    Raises DsfabError with the packages to install if this machine cannot draw.
-    """
+    Raises DsfabError with the packages to install if this machine cannot draw."""
     chosen = _window_choice()
     while _PROBES:
         _PROBES.pop().join()

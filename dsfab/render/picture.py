@@ -19,9 +19,7 @@ from dsfab.surface import LoadCase, Surface
 
 def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
     """Write a picture, whole or not at all, and return its path. Raises ExportError if the file is not writable.
-
-    effort : of compression, 1 to 9; 6 saves a twentieth of the bytes of 4 in twice the time.
-    """
+    effort : of compression, 1 to 9; 6 saves a twentieth of the bytes of 4 in twice the time."""
     from PIL import Image
 
     from dsfab.export.writing import atomic_file
@@ -42,11 +40,8 @@ def png_bytes(pixels: Bytes) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Style of a picture.
-
-    size : (width, height) in pixels.    up : (3,) of any length; None derives it.
-    letters : size over that of a build's preview.
-    """
+    """Style of a picture. size : (width, height) in pixels. up : (3,) of any length; None derives it. letters : size
+    over that of a build's preview."""
 
     size: tuple[int, int] = (1600, 1200)
     up: ArrayLike | None = None
@@ -74,10 +69,8 @@ def picture(
     surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
     family  : (m,) index into `look.palette.families` for each face, -1 for the members' colour.
     caption : line below the picture.
-
     Returns (height, width, 3) bytes, red green blue. Raises DsfabError for a solid without faces, and if this machine
-    cannot
-    draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
+    cannot draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
     """
     require_rendering()
     return render_picture(V, F, surface=surface, load=load, family=family, caption=caption, look=look)

@@ -64,16 +64,14 @@ class Previewer:
     design  : a Design, or a draft (see `dsfab.design.draft`): it needs no cut sheet and no solid.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.render.view.named_side`).
     show    : structure; stress (the structure, coloured); families (each in its colour); major or minor (one family,
-              and
-              kept regions); or, on the whole uncut sheet: loads, directions (principal, as crosses), major_mode or
+              and kept regions); or, on the whole uncut sheet: loads, directions (principal, as crosses), major_mode or
               minor_mode, or a result of the statics: vonmises, utilisation, energy, displacement, buckling or frequency
               (the last three exaggerated).
     marks   : whether loads, supports and a person for scale are visible; or names from `EVERY_LAYER`.
     ground  : paper, white or transparent, which adds a fourth channel with the shadows.
 
     Pictures show the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
-    pieces
-    without a support; the solid's thickness is not visible.
+    pieces without a support; the solid's thickness is not visible.
     Create, use and close it in one thread. Raises DsfabError if this machine cannot draw correctly.
     """
 
@@ -218,16 +216,11 @@ class Previewer:
         quality: light.LightQuality = light.FINE,
         words: bool = True,
     ) -> Bytes:
-        """Return the current picture, (height, width, 3) bytes, or (height, width, 4) on transparent ground.
-
-        size: (width, height) in pixels; words: caption and legend.
-
-        Raises PatternError if the pattern leaves no material.
-        """
+        """Return the current picture, (height, width, 3) bytes, or (height, width, 4) on transparent ground. size:
+        (width, height) in pixels; words: caption and legend. Raises PatternError if the pattern leaves no material."""
         if threading.get_ident() != self._thread:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
-        view = self._view(size, words)
-        stage = replace(self._stage, view=view)
+        stage = replace(self._stage, view=self._view(size, words))
         image = render_stage(self._scene, stage, self._palette, size, quality, self._clear)
         release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
         alone = len(stage.bodies) == 1  # then the eye's picture shows whether material is left
@@ -318,9 +311,7 @@ def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
 
 class Previewers:
     """Previewers for presets that follow each other; use as `with Previewers(view=..., ...) as previewers`.
-
-    sketched : called with a sketch of each new design (see `Design.sketch`).    options : of `Previewer`, for all.
-    """
+    sketched : called with a sketch of each new design (see `Design.sketch`).    options : of `Previewer`, for all."""
 
     def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
         self._sketched, self._options = sketched, options
@@ -383,10 +374,8 @@ def panels(
     **options: Any,
 ) -> PanelsPicture:
     """Return one picture with those of all `names`, each of a size in pixels; `options` are those of `Previewer`.
-
     If loads have their own picture, the others have no arrows, unless the options have `marks`.
-    A picture without a result in this design is omitted and reported. Raises DsfabError if none is left.
-    """
+    A picture without a result in this design is omitted and reported. Raises DsfabError if none is left."""
     pictures, refused = [], []
     alone = "marks" not in options and "loads" in names
     for name in names:

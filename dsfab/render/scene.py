@@ -29,9 +29,7 @@ NORMAL_STEPS = 1 << 10
 
 class Window:
     """Off-screen window: black, without lamps, and without multisampling, which would mix normals at edges.
-
-    Create, use and close it in one thread.
-    """
+    Create, use and close it in one thread."""
 
     def __init__(self) -> None:
         import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  (it brings what draws)
@@ -131,9 +129,7 @@ def load_renderer() -> bool:
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
     """Return a mesh of points (n, 3) and faces (m, 3), split at edges sharper than `split` degrees.
-
-    It comes with normals (k, 3) of its points, and the input point (k,) of each.
-    """
+    It comes with normals (k, 3) of its points, and the input point (k,) of each."""
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
     source_mesh = _polydata(points, F)
@@ -242,11 +238,8 @@ def shading(V: Floats, F: Ints) -> Floats32:
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """Depth, normal and colour in a picture of (h, w) pixels, row 0 on top; lengths in units of `Scene.radius`.
-
-    depth : (h, w) along the view, infinity where it is empty.
-    normal: (h, w, 3) 0..255 for -1..1.      colour: (h, w, 3) 0..255.
-    """
+    """Depth, normal and colour in a picture of (h, w) pixels, row 0 on top; lengths in units of `Scene.radius`. depth :
+    (h, w) along the view, infinity where it is empty. normal: (h, w, 3) 0..255 for -1..1. colour: (h, w, 3) 0..255."""
 
     depth: Floats32
     normal: Bytes
@@ -255,10 +248,8 @@ class Pixels:
 
 class Scene:
     """Bodies on the graphics side, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
-
     Inside, `centre` is the origin and `radius` (of a ball around all shadow-casting bodies) the unit of length, so that
-    millimetres and kilometres look alike. Create, use and close it in one thread.
-    """
+    millimetres and kilometres look alike. Create, use and close it in one thread."""
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius
@@ -356,10 +347,8 @@ class Scene:
 
     def lamp(self, frame: Floats, side: int) -> Floats32:
         """Return the depth (s, s) of the first body seen by a lamp, with s = `side`.
-
         It is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, 1 where it is empty.
-        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
-        """
+        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i)."""
         self.window.resize(side, side)
         camera = self.window.camera
         camera.SetParallelProjection(True)
@@ -401,7 +390,6 @@ class Scene:
             mapper.SelectColorArray(name)
 
     def _add(self, body: Body) -> Any:
-        """Add a body to VTK, coloured by "normal" of its corners or by "colour" of its faces."""
         from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
         points = (body.V - self.centre) / self.radius

@@ -92,10 +92,8 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 @dataclass(frozen=True)
 class StripeSettings:
     """Numbers of a pattern for the major and the minor family.
-
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
-    reach      : distances around loads and supports, and at the rim, that stay material (m), or `NO_REACH`.
-    """
+    reach      : distances around loads and supports, and at the rim, that stay material (m), or `NO_REACH`."""
 
     frequency: tuple[float, float] = (1.0, 1.0)
     phase: tuple[float, float] = (0.0, 0.0)
@@ -111,10 +109,8 @@ ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.
 @dataclass(frozen=True)
 class ShaderProgram:
     """Parts of the shader's program; software rendering pays for each further number per triangle.
-
     vary : names of `FIELDS` that it reads at the vertices, with modes.
-    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints.
-    """
+    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints."""
 
     vary: tuple[str, ...] = ("modes",)
     walls: bool = False
@@ -156,8 +152,7 @@ class StripeShader:
     """Shader of a body; `fields` and `settings` may change between pictures.
 
     fields : (n, 6) modes, half-widths in periods (major, minor each), and distances in metres to loads and supports,
-             and to
-             the boundary.
+             and to the boundary.
     tints  : colours of major, minor and other material in place of those of the faces.
     """
 
@@ -199,9 +194,7 @@ class StripeShader:
 
     def set(self, settings: StripeSettings) -> None:
         """Replace the numbers, in microseconds unless the program changes for widths or reaches."""
-        shown_widths = [
-            d if is_shown > 0.5 else 0.0 for d, is_shown in zip(settings.half_width, settings.shown, strict=True)
-        ]
+        shown_widths = [d if s > 0.5 else 0.0 for d, s in zip(settings.half_width, settings.shown, strict=True)]
         widths, reads_kept = min(shown_widths) < 0, max(settings.reach) > NO_REACH
         self._change_program(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if reads_kept else ())))
         for uniforms in self._uniforms():
@@ -214,9 +207,7 @@ class StripeShader:
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
         """Show walls of a sheet with half its thickness from `eye` (3,), both in scene units, or none without an eye.
-
-        Walls are only a hint: those of a slab in the plane of each triangle, without the surface's rim.
-        """
+        Walls are only a hint: those of a slab in the plane of each triangle, without the surface's rim."""
         walls = eye is not None and half > 0
         self._change_program(walls=walls)
         for uniforms in self._uniforms():
@@ -242,8 +233,4 @@ class StripeShader:
 
     def _uniforms(self) -> list[Any]:
         codes = [part["actor"].GetShaderProperty() for part in self._parts]
-        return [
-            uniforms
-            for code in codes
-            for uniforms in (code.GetVertexCustomUniforms(), code.GetFragmentCustomUniforms())
-        ]
+        return [uniforms for c in codes for uniforms in (c.GetVertexCustomUniforms(), c.GetFragmentCustomUniforms())]

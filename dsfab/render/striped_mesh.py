@@ -34,9 +34,7 @@ REGION_REACH = -1e6
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
     """Mesh of the stripes: the uncut surface (n, m), or the chart of evenly spaced stripes (n', m').
-
-    Places, loads and supports always have the numbers of the uncut surface.
-    """
+    Places, loads and supports always have the numbers of the uncut surface."""
 
     uncut: Surface
     even: EvenStripes | None
@@ -91,9 +89,7 @@ class StripedMesh:
     @cached_property
     def normals(self) -> Floats:
         """(n', 3) unit normals of the uncut surface, so that light does not show its division."""
-        if self.even is None:
-            return self.uncut.vertex_normals
-        return unit_vectors(self.carry(self.uncut.vertex_normals))
+        return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
         """Return (n', 2) modes of both families, or the phases of even stripes."""
@@ -122,9 +118,7 @@ class StripedMesh:
 
 def distances(design: Design) -> tuple[Floats, Floats]:
     """Return distances (n,) to loads and supports, and to the boundary (m), as far as a slider or the preset reaches.
-
-    With drawn regions the first is the distance outside of them and of kept material, times `REGION_FACTOR`.
-    """
+    With drawn regions the first is the distance outside of them and of kept material, times `REGION_FACTOR`."""
     return _distances(design)
 
 

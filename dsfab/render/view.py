@@ -15,9 +15,7 @@ VIEW_DEGREES = 24.0
 @dataclass(frozen=True, eq=False)
 class View:
     """Camera at `eye` along `forward`; `right` and `up` span the picture; `slope` is tan(half its angle).
-
-    floor : unit normal of the floor. A plate seen face on (`front`) has a board behind it as its floor.
-    """
+    floor : unit normal of the floor. A plate seen face on (`front`) has a board behind it as its floor."""
 
     eye: Floats
     right: Floats
@@ -36,11 +34,8 @@ class View:
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
     """Return the unit vector (3,) that points up for V (n, 3): z, unless the loads point along -y.
-
     It is y if the whole load presses along -y and the supports are low in y, as for figures. It is also y if the load
-    lies
-    in the plane of a plate and z is normal to it.
-    """
+    lies in the plane of a plate and z is normal to it."""
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
         return z
@@ -97,10 +92,8 @@ NAMED_ANGLES = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
 
 def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
     """Return the side of V (n, 3) for a name: iso, top, front, side, or 'azimuth,elevation' in degrees.
-
     iso is `best_side`. Azimuth turns from the front to the right, elevation starts at the ground.
-    Raises DsfabError for other names.
-    """
+    Raises DsfabError for other names."""
     if name == "iso":
         return best_side(V, up)
     azimuth, elevation = NAMED_ANGLES[name] if name in NAMED_ANGLES else _angles(name)
@@ -158,14 +151,12 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
     low, high = points.min(axis=0), points.max(axis=0)
     middle, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     distance, centre = 2 * reach / slope, middle
-    left_edge, right_edge, bottom, top = box
+    left_x, right_x, bottom, top = box
     for _ in range(30):
         view = View(centre + distance * towards, right, vertical, forward, slope, side.floor, side.front)
         x, y, _ = view.page_coordinates(points).T
-        scale = max(np.ptp(x) / (right_edge - left_edge), np.ptp(y) / (top - bottom))
-        shift = (x.min() + x.max() - left_edge - right_edge) / 2 * right + (
-            y.min() + y.max() - bottom - top
-        ) / 2 * vertical
+        scale = max(np.ptp(x) / (right_x - left_x), np.ptp(y) / (top - bottom))
+        shift = (x.min() + x.max() - left_x - right_x) / 2 * right + (y.min() + y.max() - bottom - top) / 2 * vertical
         centre = centre + shift * slope * distance
         distance *= scale
         if abs(scale - 1) < 1e-4 and np.linalg.norm(shift) < 1e-4:

@@ -23,19 +23,13 @@ if TYPE_CHECKING:
 def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
-    """Write results.csv and results.json, and return the text of the latter; `verdict` is the full check of the
-    design.
-    """
+    """Write results.csv and results.json, and return the latter's text; `verdict` is the design's full check."""
     from dsfab.preset.file import preset_toml
 
-    rows = [{"volume": share, **row} for share, compared in comparisons for row in compared.record()["competitors"]]
+    rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]
     origin = {"name": preset.name, "command": command, "versions": versions(), "preset": preset_toml(preset)}
-    design_comparison = next((compared for share, compared in comparisons if share is None), None)
-    alternatives = (
-        {"alternatives": [compared.record() for compared in design_comparison.alternatives]}
-        if design_comparison
-        else {}
-    )
+    comparison = next((a for share, a in comparisons if share is None), None)
+    alternatives = {"alternatives": [a.record() for a in comparison.alternatives]} if comparison else {}
     document = json.dumps({**origin, **_verdict_facts(comparisons), **alternatives, "competitors": rows}, indent=2)
     (folder / "results.json").write_text(document + "\n", encoding="utf-8")
     (folder / "results.csv").write_text(_csv(rows), encoding="utf-8", newline="")
@@ -58,7 +52,6 @@ def _verdict_facts(comparisons: "Sequence[tuple[float | None, Comparison]]") -> 
 
 
 def _csv(rows: list[dict[str, Any]]) -> str:
-    """A line each; points as 'x y z', reactions as JSON."""
     columns = list(dict.fromkeys(key for row in rows for key in row))
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, restval="")
@@ -74,9 +67,7 @@ def _cell(value: Any) -> Any:
 
 
 def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
-    """Return a document on several designs. rows : see `dsfab.app.compare.SummaryRow`.    folder : where the page will
-    stand.
-    """
+    """Return a document on several designs. rows : see `dsfab.app.compare.SummaryRow`. folder : of the page."""
     compared = [row for row in rows if not row["error"]]
     blocks: list[Block] = [Paragraph(_verdict_counts(rows), "lead")]
     if compared:

@@ -31,9 +31,7 @@ PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 @dataclass(frozen=True, eq=False)
 class ContactTile:
     """A variant: its number from 1, parameters as (short name, text), command, and picture or error.
-
-    png : the picture as a PNG file, because hundreds of images in memory would take ten times as much.
-    """
+    png : the picture as a PNG file, because hundreds of images in memory would take ten times as much."""
 
     number: int
     parameters: tuple[tuple[str, str], ...]
@@ -77,10 +75,7 @@ def contact_sheet(
     aspect: float,
     palette: Palette,
 ) -> "Image":
-    """Return all tiles on one sheet, each `tile_width` pixels of width to height `aspect`, with a title and a line
-    below
-    it.
-    """
+    """Return a sheet of tiles, `tile_width` pixels wide, of width to height `aspect`, with title and last line."""
     from PIL import Image, ImageDraw, ImageFont
 
     tile_height, rows = round(tile_width / aspect), -(-len(tiles) // columns)
@@ -166,7 +161,6 @@ def contact_page(tiles: Sequence[ContactTile], title: str, subtitle: str, column
 
 
 def _page_columns(columns: int) -> int:
-    """Columns of the page that keep rows of the sheet together."""
     return columns if columns <= 4 else next((k for k in (4, 3) if columns % k == 0), 4)
 
 
@@ -229,9 +223,7 @@ def check_film(values: Values, fps: float) -> None:
 
 
 def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, palette: Palette) -> None:
-    """Write the pictures and their parameters as a film, forth and back without end; skip variants without a
-    picture.
-    """
+    """Write the pictures and their parameters as an endless film, forth and back; skip variants without a picture."""
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}

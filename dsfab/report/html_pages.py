@@ -114,9 +114,7 @@ class Banner:
 @dataclass(frozen=True)
 class Table:
     """Rows under a head; the first `left` columns are flush left, numbers flush right; `pass` and `fail` are coloured.
-
-    widths : shares of the page's width, or none for even ones.    note : below it.   strong : emphasised rows.
-    """
+    widths : shares of the page's width, or none for even ones.    note : below it.   strong : emphasised rows."""
 
     caption: str
     head: Sequence[str]
@@ -139,9 +137,7 @@ class ColourScale:
 @dataclass(frozen=True)
 class ReportFigure:
     """A picture: PNG or JPEG bytes of (width, height) pixels, and its share `width` of the page, 0 to 1.
-
-    missing : reason for a missing picture.
-    """
+    missing : reason for a missing picture."""
 
     caption: str
     image: bytes
@@ -352,6 +348,4 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   caption { max-width: calc(100vw - 2.4rem); } }
 """
 """Rules of a document: an A4 sheet on screen and on paper.
-
-RUNNING and FOOTER stand at the edges of printed pages. QUIET replaces a variable, which these boxes cannot read.
-"""
+RUNNING and FOOTER stand at the edges of printed pages. QUIET replaces a variable, which these boxes cannot read."""

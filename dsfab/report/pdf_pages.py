@@ -250,7 +250,6 @@ def _title(document: Document, styles: PdfStyles) -> list[Any]:
 
 
 def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequence[tuple[Any, ...]] = ()) -> Any:
-    """Cells in columns of these widths, millimetres, with the lines that `lines` names."""
     from reportlab.platypus import Table as Cells
 
     line_styles = [(*line, 0.5, reportlab_colour(COLOURS["hair"])) for line in lines]

@@ -56,10 +56,8 @@ def require_view(name: str) -> None:
 @dataclass(frozen=True)
 class SheetDrawer:
     """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. It can be pickled.
-
     The uncut surface fills the page, so that designs of one surface can be overlaid.
-    Raises DsfabError if this machine cannot draw, and for unknown views.
-    """
+    Raises DsfabError if this machine cannot draw, and for unknown views."""
 
     size: tuple[int, int]
     view: str
@@ -69,8 +67,7 @@ class SheetDrawer:
 
         sheet = design.sheet.surface
         stage = self._empty_stage(design)
-        body = Body(sheet.V, sheet.F, MEMBERS, casts=True)
-        stage = replace(stage, bodies=[body])
+        stage = replace(stage, bodies=[Body(sheet.V, sheet.F, MEMBERS, casts=True)])
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             picture: Image.Image = render_stage(scene, stage, PAPER, self.size, light.QUICK)
         file = io.BytesIO()
@@ -78,7 +75,6 @@ class SheetDrawer:
         return file.getvalue()
 
     def _empty_stage(self, design: Design) -> Stage:
-        """Camera and ground of a surface; each thread keeps the last one."""
         if getattr(_stages, "of", None) != (id(design.surface), self):
             require_rendering()
             surface, load = design.surface, design.load
@@ -209,9 +205,7 @@ def sweep_summary(folder: SweepFolder) -> str:
 
 def loss_sentence(folder: SweepFolder) -> str:
     """Return a sentence if an alternative is stiffer than the best run of a search; else ''.
-
-    If the runs did not measure it, the best design is made again.
-    """
+    If the runs did not measure it, the best design is made again."""
     ranked = best(folder.rows(), first_metric(folder.plan), folder.plan.limits)
     if not ranked:
         return ""
@@ -227,10 +221,7 @@ def loss_sentence(folder: SweepFolder) -> str:
 
 
 def missing_runs_line(folder: SweepFolder) -> str:
-    """Return a line on the runs without a result, with the numbers of killed ones; '' if none is missing.
-
-    A failed run has a result.
-    """
+    """Return a line on runs without a result, with the numbers of killed ones; '' if none. Failed runs have results."""
     rows = folder.rows()
     killed = [row.number for row in rows if row.state == "killed"]
     missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)
@@ -243,11 +234,8 @@ def missing_runs_line(folder: SweepFolder) -> str:
 
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
     """Return index.html, which opens offline; `y_metric` and `x_metric` are the metrics of its chart at first.
-
     Pictures are files beside it, named relative to it; everything else is inside. It shows failed runs and missing
-    values
-    as such. See sweep_page.html for its script.
-    """
+    values as such. See sweep_page.html for its script."""
     facts = json.dumps(
         _page_facts(folder, rows, y_metric, x_metric), ensure_ascii=False, separators=(",", ":"), allow_nan=False
     )

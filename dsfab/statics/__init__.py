@@ -59,93 +59,26 @@ from dsfab.statics.variable_thickness import optimality_step, varying_thickness
 from dsfab.surface.loads.load_case import LoadCase
 
 __all__ = [
-    "CONVENTION",
-    "LAYERS",
-    "PAPER",
-    "REPORTED",
-    "USES",
-    "Aid",
-    "Answers",
-    "Bending",
-    "Buckling",
-    "Elements",
-    "Equilibrium",
-    "FaceStiffness",
-    "Factor",
-    "FactorCache",
-    "FactorFunction",
-    "Law",
-    "Layer",
-    "LoadEntry",
-    "Material",
-    "Membrane",
-    "ModeSupports",
-    "Peak",
-    "Principal",
-    "Quantity",
-    "ResultRequest",
-    "Resultant",
-    "RibShape",
-    "SectionForces",
-    "ShearRecovery",
-    "SheetMaterial",
-    "SheetModel",
-    "SheetStress",
-    "SolvedCase",
-    "SpreadLoad",
-    "SupportEntry",
-    "Use",
-    "Vibration",
-    "bending_stiffness",
-    "buckling",
-    "elements_of",
-    "equilibria",
-    "equilibrium",
-    "facet_number",
-    "flat_axis",
-    "flatness",
-    "frequencies",
-    "load_entries",
-    "matrix_sum",
-    "membrane_stiffness",
-    "membrane_strains",
-    "membrane_stresses",
-    "mode_supports",
-    "needle_message",
-    "optimality_step",
-    "plane_von_mises",
-    "resultant",
-    "rib_shape",
-    "section_forces",
-    "sheet_answers",
-    "sheet_stiffness",
-    "sheet_stress",
-    "solve_cases",
-    "solve_for",
-    "solve_statics",
-    "spread_load",
-    "stiffness_factor",
-    "stress",
-    "support_entries",
-    "support_reactions",
-    "tolerance_of",
-    "torsion_loss",
-    "torsion_share",
-    "varying_thickness",
-    "von_mises",
-    "with_springs",
-]
+    "CONVENTION", "LAYERS", "PAPER", "REPORTED", "USES", "Aid", "Answers", "Bending", "Buckling", "Elements",
+    "Equilibrium", "FaceStiffness", "Factor", "FactorCache", "FactorFunction", "Law", "Layer", "LoadEntry",
+    "Material", "Membrane", "ModeSupports", "Peak", "Principal", "Quantity", "ResultRequest", "Resultant",
+    "RibShape", "SectionForces", "ShearRecovery", "SheetMaterial", "SheetModel", "SheetStress", "SolvedCase",
+    "SpreadLoad", "SupportEntry", "Use", "Vibration", "bending_stiffness", "buckling", "elements_of", "equilibria",
+    "equilibrium", "facet_number", "flat_axis", "flatness", "frequencies", "load_entries", "matrix_sum",
+    "membrane_stiffness", "membrane_strains", "membrane_stresses", "mode_supports", "needle_message",
+    "optimality_step", "plane_von_mises", "resultant", "rib_shape", "section_forces", "sheet_answers",
+    "sheet_stiffness", "sheet_stress", "solve_cases", "solve_for", "solve_statics", "spread_load",
+    "stiffness_factor", "stress", "support_entries", "support_reactions", "tolerance_of", "torsion_loss",
+    "torsion_share", "varying_thickness", "von_mises", "with_springs",
+]  # fmt: skip
 
 
 def solve_statics(
     sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
     """Return displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
-
     A flat sheet loaded in its plane is solved in 2D, without bending.    spread : see `equilibrium`.
-
-    Raises StaticsError for mechanisms and for loads that act on nothing.
-    """
+    Raises StaticsError for mechanisms and for loads that act on nothing."""
     spreads = None if spread is None else {"load": spread}
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
 
@@ -157,7 +90,6 @@ def solve_for(
 
     Needles among faces, which a cut may leave, may stop the more accurate elements: then elements that bear needles
     solve the sheet (see `Equilibrium.elements`).
-
     Raises StaticsError as `solve_cases`.
     """
     elements = elements_of(use)
@@ -182,7 +114,6 @@ def solve_cases(
     spreads      : by case, see `equilibrium`; of all cases, or None.
     combinations : by name, the factor of each case; they follow the cases in the result.
     bars         : whether ribs that bend twist as rectangular bars, see `torsion_loss`.
-
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases.
     """
     sums = dict(combinations or {})

@@ -99,9 +99,7 @@ class VertexPairs:
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
         """Row pointers and columns of the matrix in blocks, and the number of each block.
-
-        Blocks: p above the diagonal, the same p below it, then n on it.
-        """
+        Blocks: p above the diagonal, the same p below it, then n on it."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # in this order the columns of each row ascend by themselves
@@ -123,10 +121,8 @@ class VertexPairs:
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
     """A stiffness as 3 x 3 blocks on pairs of vertices; stiffnesses on the same pairs are added before assembly.
-
     between : (9, p) the blocks of `pairs.ends`, row by row, smaller vertex first, N/m.
-    own     : (9, n) the blocks on the diagonal, symmetric.
-    """
+    own     : (9, n) the blocks on the diagonal, symmetric."""
 
     pairs: VertexPairs
     between: Floats

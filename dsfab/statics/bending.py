@@ -41,9 +41,7 @@ def curvatures(surface: Surface) -> Floats:
 
 
 def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
-    """Return lengths (m, 3) of half-edges, and their direction t and outward normal m in the face's frame, (m, 3,
-    2).
-    """
+    """Return lengths (m, 3) of half-edges, direction t and outward normal m in the face's frame, (m, 3, 2)."""
     frame = tangents(surface)
     P = surface.V[surface.F]
     edge = np.einsum("mck,mak->mca", np.roll(P, -1, axis=1) - P, frame)
@@ -54,10 +52,8 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
-
     D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. Converges to Kirchhoff's plate on every mesh,
-    from the soft side: a plate of 16 x 16 cells sags 1.3 % (simply supported) to 8 % (clamped) too much.
-    """
+    from the soft side: a plate of 16 x 16 cells sags 1.3 % (simply supported) to 8 % (clamped) too much."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
@@ -103,10 +99,8 @@ def moment_loads(surface: Surface) -> Floats:
 
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
-
     D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. The *decoupled* form: the bubble along an edge's
-    mean normal bends the faces, the other two stretch them; coupling all three locks on coarse thin curved meshes.
-    """
+    mean normal bends the faces, the other two stretch them; coupling all three locks on coarse thin curved meshes."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)
@@ -128,9 +122,7 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
 
 def bending_stiffness(surface: Surface, material: Material, thickness: float, elements: Elements = PAPER) -> csr_array:
     """Return K_b, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
-
-    Raises ValueError for elements without bending.
-    """
+    Raises ValueError for elements without bending."""
     if elements.bending == "hinge":
         return zero_padded(hinge_blocks(surface, material, thickness).matrix(), elements.unknowns(surface))
     if elements.bending == "midedge":
@@ -147,13 +139,11 @@ def hinge_blocks(surface: Surface, material: Material, thickness: float) -> Pair
     *directions* but does not converge to Kirchhoff's plate on general meshes: at 80 x 80 cells the centre of a clamped
     plate moves by 0.56 (one diagonal) to 1.21 (crossed) of the exact value.
     """
-    hinge = hinges(surface)
-    gradients, weight = angle_gradients(surface, hinge)
+    h = hinges(surface)
+    gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)
-    pairs = vertex_pairs(surface, hinge)
+    pairs = vertex_pairs(surface, h)
     lower, upper = ([pair[k] for pair in CORNERS] for k in (0, 1))
-    ascending = (hinge[:, lower] < hinge[:, upper]).T
+    ascending = (h[:, lower] < h[:, upper]).T
     u, v = (x.reshape(3, -1) for x in ascending_pairs(g[:, lower], g[:, upper], ascending))
-    return PairBlocks.without_shifts(
-        pairs, summed_blocks(u, v, pairs.of_hinge(surface, hinge).ravel(), len(pairs.ends))
-    )
+    return PairBlocks.without_shifts(pairs, summed_blocks(u, v, pairs.of_hinge(surface, h).ravel(), len(pairs.ends)))

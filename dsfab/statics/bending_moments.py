@@ -71,9 +71,7 @@ def _deflection(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m: `dsfab.statics.bending.curvatures` applied, without forming
-    it.
-    """
+    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m: `dsfab.statics.bending.curvatures` applied, not formed."""
     length, t, out = half_edge_frames(surface)
     w, rotation = _deflection(surface, answer), answer.on_edges["rotation"][surface.edges.of]
     step = (np.roll(w, -1, axis=1) - w)[:, :, None] * voigt(t, out)
@@ -101,18 +99,15 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r, r the work of unit moments on each
-    hat.
-
-    r is `dsfab.statics.bending.moment_loads` times the unknowns, without forming the 108 numbers of each face.
-    """
-    edge, edge_unknowns = surface.edges.of, answer.on_edges
+    hat. r is `dsfab.statics.bending.moment_loads` times the unknowns, without forming the 108 numbers of each face."""
+    edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     after = np.roll(slope, -1, axis=1)
     w = _deflection(surface, answer)
-    bubble = edge_unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
+    bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
     tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the corners' hats on each half-edge
-    turn = half_edge_signs(surface) * edge_unknowns["rotation"][edge]
+    turn = half_edge_signs(surface) * unknowns["rotation"][edge]
     # with m at corner c: d(4 phi_c phi_c+1)/dm on half-edge c; other bubbles' slopes there are linear too
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)
     bent = (8 / 3 * surface.areas[:, None, None] * voigt(slope, after) * bubble[:, :, None]).sum(axis=1)
@@ -122,9 +117,7 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
             weights = np.zeros(3)
             weights[c], weights[(c + 1) % 3] = 1 - x, x
             curl = 4 * (weights * ahead[:, c] + np.roll(weights, -1) * behind[:, c])
-            gap = (
-                tilt[:, c] + (curl * bubble).sum(axis=1) + turn[:, c] + (2 * x - 1) * edge_unknowns["slope"][edge[:, c]]
-            )
+            gap = tilt[:, c] + (curl * bubble).sum(axis=1) + turn[:, c] + (2 * x - 1) * unknowns["slope"][edge[:, c]]
             jump = (gap * length[:, c] / 2)[:, None] * voigt(outward[:, c], outward[:, c])
             work -= weights[:, None] * jump[:, None, :]
     return np.asarray(np.einsum("ab,mbi->mai", CONDENSED, work @ D) / surface.areas[:, None, None])

@@ -82,12 +82,9 @@ def _merge_hint(surface: Surface) -> str:
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
     """Return names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops.
-
     A basis of shifts and rotations, each named by its largest part.
-    clamped : (k, 2) ends of the edges that do not rotate: a rotation about w rotates edge t by w . t.
-    """
-    motion = rigid_motions(V[vertices])
-    at_supports = motion[fixed[vertices]]  # (number of fixed freedoms, 6)
+    clamped : (k, 2) ends of the edges that do not rotate: a rotation about w rotates edge t by w . t."""
+    at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (number of fixed freedoms, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
@@ -169,9 +166,7 @@ def all_clamped(load: LoadCase) -> Bools | None:
 
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
-    """Return K (u, u), N/m, with the springs of `load` on the diagonal of its first 3 n unknowns; K itself without
-    any.
-    """
+    """Return K (u, u), N/m, with the springs of `load` on the diagonal of its first 3 n unknowns, if any."""
     if not load.spring.any():
         return K
     springs = np.zeros(K.shape[0])
@@ -182,10 +177,7 @@ def with_springs(K: csr_array, load: LoadCase) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class SpreadLoad:
     """The part of a load that is constant on each face or edge.
-
-    face : (m, 3) force per area on each face, Pa.
-    edge : (e, 3) force per length on each edge, N/m.
-    """
+    face : (m, 3) force per area on each face, Pa. edge : (e, 3) force per length on each edge, N/m."""
 
     face: Floats
     edge: Floats
@@ -218,9 +210,7 @@ class SpreadLoad:
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
         """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on each bubble.
-
-        The integral of 4 phi_j phi_k is A / 3 on a face and 2 l / 3 on its edge.
-        """
+        The integral of 4 phi_j phi_k is A / 3 on a face and 2 l / 3 on its edge."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         in_frame = np.einsum("edx,ex->ed", edge_frames(surface), work)
@@ -233,9 +223,7 @@ class SpreadLoad:
 
 def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
     """Return the part of `loads` on faces and lines; forces on picked vertices are not part of it.
-
-    weight : of the sheet, newtons per square metre, as for `LoadCase.build`.
-    """
+    weight : of the sheet, newtons per square metre, as for `LoadCase.build`."""
     face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
     for load in loads:
         if isinstance(load, Line):

@@ -65,9 +65,7 @@ class Elements:
         return 3 * surface.n + len(self.on_edges) * len(surface.edges.ends)
 
     def columns(self, surface: Surface, *names: str) -> Ints:
-        """Return unknowns (m, 9 + 3 len(names)) of each face: x, y, z of its corners, then `names` on its
-        half-edges.
-        """
+        """Return unknowns (m, 9 + 3 len(names)) of each face: x, y, z of corners, then `names` on its half-edges."""
         corners = (3 * surface.F[:, :, None] + np.arange(3)).reshape(-1, 9)
         count = len(surface.edges.ends)
         groups = [3 * surface.n + self.on_edges.index(name) * count + surface.edges.of for name in names]

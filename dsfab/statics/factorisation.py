@@ -35,9 +35,7 @@ class LinearMap(Protocol):
 @dataclass(frozen=True, eq=False)
 class ScaledStiffness:
     """diag(scale) K diag(scale) on the unknowns `free` as a linear map, without a matrix of its own: see `Factor`.
-
-    dtype : of the numbers in the product.
-    """
+    dtype : of the numbers in the product."""
 
     K: csr_array
     free: Ints
@@ -63,12 +61,8 @@ class ScaledStiffness:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """A factorised stiffness.
-
-    K     : the stiffness of all unknowns.
-    free  : (N,) the unknowns that move.            scale : (N,) 1 / sqrt of their diagonal.
-    solve : the function b -> inner^-1 b.
-    """
+    """A factorised stiffness. K : the stiffness of all unknowns. free : (N,) the unknowns that move. scale : (N,) 1 /
+    sqrt of their diagonal. solve : the function b -> inner^-1 b."""
 
     K: csr_array
     free: Ints
@@ -88,9 +82,7 @@ class Factor:
 
 def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
     """Factorise K (u, u) without held unknowns (u,) and without those of no stiffness (vertices of no face).
-
-    Raises StaticsError if it is not positive definite.
-    """
+    Raises StaticsError if it is not positive definite."""
     diagonal = K.diagonal()
     free = np.flatnonzero(~is_held & (diagonal > 0))
     # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
@@ -135,7 +127,6 @@ def _equal_matrices(A: csr_array, B: csr_array) -> bool:
 
 
 def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
-    """Return diag(scale) K diag(scale) on the free unknowns."""
     inner = csr_array(K[free][:, free])
     inner.data *= np.repeat(scale, np.diff(inner.indptr))
     inner.data *= scale[inner.indices]

@@ -39,9 +39,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the recovery for a surface. linear : whether moments are linear on each face: M is then quadratic,
-        else linear.
-        """
+        """Return the recovery for a surface. linear : whether moments are linear on each face, and M quadratic."""
         side_a, side_b = _smooth_pairs(surface)
         rim = np.ones(3 * surface.m)
         rim[side_a], rim[side_b] = 0.0, 0.0
@@ -60,10 +58,8 @@ class ShearRecovery:
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
-
         moments : (m, 3 corners, 3) newtons, of the elements, in `SheetStress.frame`.
-        twist   : the same, whose m_nt counts on free edges and folds.
-        """
+        twist   : the same, whose m_nt counts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
         if nodes == 6:  # from hats and bubbles to functions that are 1 at one node
@@ -125,9 +121,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`: from unknowns on splinters to their neighbours, in proportion to the area
-    around these.
-    """
+    """Return `ShearRecovery.spread`: from unknowns on splinters to neighbours, in proportion to their area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -161,9 +155,8 @@ CONVENTION = (
 
 
 class PrincipalForces(NamedTuple):
-    """values : (m, 2), the algebraically larger first.    angle : (m,) degrees from local x to the first, towards
-    local y, from -90 to 90.    direction : (m, 3) unit vectors of the first; the second is the normal cross it.
-    """
+    """values : (m, 2), the algebraically larger first. angle : (m,) degrees from local x to the first, towards local y,
+    from -90 to 90. direction : (m, 3) unit vectors of the first; the second is the normal cross it."""
 
     values: Floats
     angle: Floats
@@ -214,10 +207,8 @@ def section_forces(
     moments averaged around each vertex: each flat face of a curved sheet bends under its own load, which averaging
     removes.
     q balances moments (`dsfab.statics.internal_forces`): errors of Navier's plate fall as h^1.5, to .3 % of all shear
-    at
-    32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a slab with
-    ribs
-    thinner than a face.
+    at 32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a slab with
+    ribs thinner than a face.
     """
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
@@ -247,7 +238,6 @@ def local_frames(surface: Surface) -> Floats:
 
 
 def _rotated_tensors(plane: Floats, rotation: Floats) -> Floats:
-    """Return tensors (m, 3), (xx, yy, xy), in a frame rotated by `rotation` (m, 2, 2)."""
     xx, yy, xy = plane.T
     full = (
         rotation

@@ -57,9 +57,7 @@ STRESSES = _airy_stresses(AIRY)
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     """Return D (m, 9, 9) of each face, for strains (xx, yy, 2 xy) at its three corners, in its tangent frame.
-
-    C : (3, 3) stress, or force per length, from strain: plane stress or plane strain of an isotropic material.
-    """
+    C : (3, 3) stress, or force per length, from strain: plane stress or plane strain of an isotropic material."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
     x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6) without a unit
@@ -166,9 +164,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
 
 
 def corner_strains(surface: Surface) -> Floats:
-    """Return the strain (m, 3, 9) of each face for unit displacements x, y, z of its corners, dimensionless per
-    metre.
-    """
+    """Return the strain (m, 3, 9) of each face for unit displacements x, y, z of its corners, per metre."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
@@ -177,9 +173,7 @@ def corner_strains(surface: Surface) -> Floats:
 
 def bubble_strains(surface: Surface, weights: Floats) -> Floats:
     """Return the strain (m, 3, 6) at a point with barycentric coordinates `weights` (3,), per metre.
-
-    Columns: unit bubbles along t on the three half-edges, then along m.
-    """
+    Columns: unit bubbles along t on the three half-edges, then along m."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     gradient = 4 * (
@@ -205,9 +199,7 @@ def _hybrid(surface: Surface, C: Floats, elements: Elements) -> csr_array:
 
 
 def _point_strains(surface: Surface, points: Floats) -> Floats:
-    """Return strains (m, 3 points, 3, 15) at points with barycentric coordinates (3, 3), of corners, then of
-    bubbles.
-    """
+    """Return strains (m, 3 points, 3, 15) at barycentric coordinates (3, 3), of corners, then of bubbles."""
     B = np.empty((surface.m, 3, 3, 15))
     B[..., :9] = corner_strains(surface)[:, None]
     for k, weights in enumerate(points):

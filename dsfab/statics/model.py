@@ -16,9 +16,7 @@ Law = Literal["plane_stress", "stvk"]
 @dataclass(frozen=True)
 class Material:
     """Young's modulus (Pa), Poisson's ratio and density (kg/m^3) of a linear elastic, isotropic solid.
-
-    Raises StaticsError unless young > 0, -1 < poisson < 0.5 and density >= 0.
-    """
+    Raises StaticsError unless young > 0, -1 < poisson < 0.5 and density >= 0."""
 
     young: float
     poisson: float
@@ -57,11 +55,8 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class SheetModel:
-    """A thin elastic sheet.
-
-    surface   : its middle surface.            thickness : metres.            law : see `Material.membrane`.
-    clamped   : (e,) edges that may not turn about themselves, besides those of a load's supports; None without any.
-    """
+    """A thin elastic sheet. surface : its middle surface. thickness : metres. law : see `Material.membrane`. clamped :
+    (e,) edges that may not turn about themselves, besides those of a load's supports; None without any."""
 
     surface: Surface
     material: Material

@@ -51,10 +51,8 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
     except StaticsError:
         edges = surface.edges
         upright = edges.boundary & held_vertices[edges.ends].all(axis=1)
-        clamped_edges = all_clamped(load)
-        return ModeSupports(
-            replace(across, clamped=upright if clamped_edges is None else upright | clamped_edges), UPRIGHT
-        )
+        clamped = all_clamped(load)
+        return ModeSupports(replace(across, clamped=upright if clamped is None else upright | clamped), UPRIGHT)
     return ModeSupports(across, HELD_ACROSS)
 
 
@@ -73,17 +71,12 @@ HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 
 MODE_RESIDUAL = 1e-4
 """Largest accepted relative residual of a mode, in the norm of the stiffness, which bounds its relative error [Parlett
-1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long.
-"""
+1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long."""
 
 
 @dataclass(frozen=True, eq=False)
 class Vibration:
-    """Free vibrations.
-
-    hertz  : (k,) natural frequencies, ascending.
-    shapes : (k, n, 3) displacements, the largest of each 1.
-    """
+    """Free vibrations. hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3), each with maximum 1."""
 
     hertz: Floats
     shapes: Floats
@@ -95,11 +88,8 @@ class Vibration:
 
 @dataclass(frozen=True, eq=False)
 class Buckling:
-    """Linear buckling.
-
-    factor : (k,) load factors at buckling, ascending; fewer than requested, or none, if few parts are compressed.
-    shapes : (k, n, 3) displacements, the largest of each 1.
-    """
+    """Linear buckling. factor : (k,) load factors at buckling, ascending; fewer than requested, or none, if few parts
+    are compressed. shapes : (k, n, 3) displacements, the largest of each 1."""
 
     factor: Floats
     shapes: Floats
@@ -125,7 +115,6 @@ def frequencies(
     spring    : (n, 3) stiffness of elastic supports, newtons per metre.
     K         : stiffness of the sheet (without springs) by the same elements, if it exists.
     factor_of : makes its factor: the cache of an `equilibrium` saves a factorisation.
-
     Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns.
     """
     surface, density = sheet.surface, sheet.material.density
@@ -156,7 +145,6 @@ def buckling(
              buckling do not count: thin shells buckle well below, cylinders under axial load at a fifth to a half
              [Koiter 1945; NASA SP-8007].
     K, factor_of : (u, u), as for `frequencies`.
-
     Raises StaticsError for mechanisms, and if the modes do not converge.
     """
     surface = sheet.surface
@@ -175,9 +163,7 @@ def buckling(
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
     """Return M (u, u), kg, over the unknowns of `elements`: hats and edge bubbles; rotations have no mass.
-
-    per_area : kg/m2. The sum over x, y and z of the corners' part is three times the mass of the sheet.
-    """
+    per_area : kg/m2. The sum over x, y and z of the corners' part is three times the mass of the sheet."""
     scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
     shapes = np.broadcast_to(per_area * scalar, (surface.m, 6, 6)) * surface.areas[:, None, None]
     return _on_unknowns(surface, shapes, elements)
@@ -223,10 +209,8 @@ def _largest_eigenpairs(
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
-
     Lanczos on K^-1 A in the product of K [Lehoucq et al. 1998, ARPACK]: K is positive on held sheets whatever A is, and
-    only its factor is needed. As in `equilibrium`, the diagonal of K scales the unknowns.
-    """
+    only its factor is needed. As in `equilibrium`, the diagonal of K scales the unknowns."""
     clamped = all_clamped(load)
     require_clampable(surface, elements, clamped)
     turning = clamped if "rotation" in elements.on_edges else None

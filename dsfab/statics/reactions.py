@@ -37,10 +37,8 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques.
-
     The torque of an edge goes to the supports that clamp it. If none does, and yet it cannot rotate, it goes to the
-    supports of its ends. Together they balance the loads, unless edges are clamped away from all supports.
-    """
+    supports of its ends. Together they balance the loads, unless edges are clamped away from all supports."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -53,9 +51,7 @@ def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equ
 
 def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
     """Return the forces (s, n, 3), N, of each support on each vertex.
-
-    Supports that hold the same direction of a vertex share it equally, springs in proportion to their stiffness.
-    """
+    Supports that hold the same direction of a vertex share it equally, springs in proportion to their stiffness."""
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
     # a spring at a held place does not stretch
@@ -95,11 +91,8 @@ class SupportEntry:
 
 @dataclass(frozen=True, eq=False)
 class LoadEntry:
-    """A load and its resultant.
-
-    force    : (3,) its resultant, newtons.    total : the sum of the magnitudes of its forces, newtons.
-    area     : m2 of the faces that it acts on.    length : metres of edges.    vertices : number of loaded vertices.
-    """
+    """A load and its resultant. force : (3,) its resultant, newtons. total : the sum of the magnitudes of its forces,
+    newtons. area : m2 of the faces that it acts on. length : metres of edges. vertices : number of loaded vertices."""
 
     name: str
     kind: str
@@ -118,9 +111,7 @@ def support_entries(
     surface: Surface, supports: Sequence[Support], answers: Mapping[str, Equilibrium] | None = None
 ) -> tuple[SupportEntry, ...]:
     """Return each support, with its reactions under each case if `answers` has them.
-
-    Raises SurfaceError for pickers that select nothing.
-    """
+    Raises SurfaceError for pickers that select nothing."""
     reactions: dict[str, list[Floats]] = {}
     shares: dict[str, Floats] = {}
     for case, answer in (answers or {}).items():
@@ -142,9 +133,7 @@ def support_entries(
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
     """Return number and mean of picked vertices (n,), metres of edges along them and m2 of faces among them.
-
-    An edge within the sheet counts if no face beside it is picked wholly: then the pick is a line, not a region.
-    """
+    An edge within the sheet counts if no face beside it is picked wholly: then the pick is a line, not a region."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True
@@ -160,11 +149,8 @@ def _holds(support: Support) -> str:
 
 
 def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
-    """Return each load by itself, without the factors of combinations.
-
-    weight : of the sheet, newtons per square metre, as for `LoadCase.build`.
-    Raises SurfaceError for loads that act on nothing.
-    """
+    """Return each load by itself, without the factors of combinations. weight : of the sheet, newtons per square metre,
+    as for `LoadCase.build`. Raises SurfaceError for loads that act on nothing."""
     entries = []
     for name, load in zip(load_names(loads), loads, strict=True):
         force, spread = load.forces(surface, weight), spread_load(surface, [load], weight)

@@ -22,11 +22,8 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultRequest:
-    """Requested results of a sheet, beyond those that cost almost nothing.
-
-    strength    : Pa, compared with the largest stress; 0 for no comparison.
-    frequencies : number of natural frequencies.      buckling : number of load factors.
-    """
+    """Requested results of a sheet, beyond those that cost almost nothing. strength : Pa, compared with the largest
+    stress; 0 for no comparison. frequencies : number of natural frequencies. buckling : number of load factors."""
 
     strength: float = 0.0
     frequencies: int = 0
@@ -42,16 +39,11 @@ class ResultRequest:
 
     def elements_for(self, elements: Elements) -> Elements:
         """Return the elements for the results: the given ones if they are verified (`REPORTED`), else the pair for
-        stress.
-
-        Without a request, stress and energy are by the given elements.
-        """
+        stress. Without a request, stress and energy are by the given elements."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the statics by these elements, with a cache if the modes need the
-        factor again.
-        """
+        """Return the function that factorises the statics, with a cache if the modes need the factor again."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 

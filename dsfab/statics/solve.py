@@ -97,7 +97,6 @@ def equilibrium(
     spread   : the part of the load on faces and edges, which bubbles carry too; its share on vertices is in `load`
                already.
     factor_of : makes the factor: `stiffness_factor`, or a `FactorCache` if it is needed again.
-
     Raises StaticsError if the supports leave a motion free, if a load acts on nothing, if edges without rotations are
     clamped, or if the solution does not balance the loads.
     """
@@ -118,7 +117,6 @@ def equilibria(
     K    : (u, u), see `equilibrium`.
     sums : factors of the k loads in each combination. A combination is summed, not solved; its residual is the bound
            that follows from those of its parts.
-
     Raises StaticsError as `equilibrium`, and for loads on different supports.
     """
     _require_same_supports(loads)
@@ -225,9 +223,7 @@ def _solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
     """Return unknowns (N, k) under forces F (N, k) and relative residuals (k,), from one factorisation.
-
-    Unknowns without stiffness stay 0.
-    """
+    Unknowns without stiffness stay 0."""
     U = np.zeros(F.shape)
     if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])

@@ -99,9 +99,8 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Return the factor of K at face scales (m,), with the analysis of an `earlier` one. Raises StaticsError
-        for a mechanism.
-        """
+        """Return the factor of K at face scales (m,), with the analysis of an `earlier` one. Raises StaticsError for a
+        mechanism."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)
@@ -122,9 +121,7 @@ class FaceStiffness:
 def face_blocks(
     surface: Surface, material: Material, thickness: float, law: Law, elements: Elements
 ) -> tuple[Floats, Ints]:
-    """Return the stiffness (m, c, c) of each face, N/m, and its unknowns (m, c): c = 9 in the plane, 12 with
-    mid-edge bending.
-    """
+    """Return the stiffness (m, c, c) of each face, N/m, and unknowns (m, c): c = 9, or 12 with mid-edge bending."""
     names = ("rotation",) if elements.bending else ()
     columns = elements.columns(surface, *names)
     blocks = np.zeros((surface.m, columns.shape[1], columns.shape[1]))
@@ -151,9 +148,7 @@ def _held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elemen
 
 
 def _sparse_pattern(blocks: Floats, unknown: Ints, count: int) -> tuple[csr_array, Ints, Ints, Ints]:
-    """Return the matrix from face factors to values of K, columns and row pointers of K, and positions of its
-    diagonal.
-    """
+    """Return the matrix from face factors to values of K, K's columns and row pointers, and its diagonal."""
     m, c = unknown.shape
     row, column = np.repeat(unknown, c, axis=1).ravel(), np.tile(unknown, (1, c)).ravel()
     free_entries = np.flatnonzero((row < count) & (column < count))

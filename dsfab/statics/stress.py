@@ -26,8 +26,7 @@ def stress(
     bubbles : (e, 2) metres, `Equilibrium.bubbles`: with them it is the mean on each face of the linear stress of
               `quadratic` elements; None for constant strain.
     """
-    strain = mean_strain(surface, u, bubbles)
-    return tensors_in_space(surface, strain @ material.membrane(law).T)
+    return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
 
 def tensors_in_space(surface: Surface, planar: Floats) -> Floats:
@@ -46,9 +45,7 @@ def von_mises(sigma: Floats) -> Floats:
 
 def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
     """Return in-plane strains (m, 3 corners, 3), (xx, yy, 2 xy), of the middle surface in each face's frame.
-
-    With edge bubbles they are those of the quadratic triangle, with which `hybrid` elements share the work.
-    """
+    With edge bubbles they are those of the quadratic triangle, with which `hybrid` elements share the work."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the frame
@@ -197,11 +194,8 @@ class SheetStress:
 
     @cached_property
     def von_mises(self) -> Floats:
-        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`).
-
-        At a built-in edge the mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, where corners are
-        2 % off.
-        """
+        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`). At a built-in
+        edge the mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, where corners are 2 % off."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property
@@ -216,9 +210,7 @@ class SheetStress:
 
     @cached_property
     def peak(self) -> Peak:
-        """The most stressed face and layer. Under a point load and in a held corner it grows with every refinement
-        of the mesh.
-        """
+        """The most stressed face and layer. Under point loads and in held corners it grows with refinement."""
         face = int(self.largest.argmax())
         row = self.von_mises[face]
         layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"
@@ -226,18 +218,14 @@ class SheetStress:
 
     def utilisation(self, strength: float) -> Floats:
         """Return the largest von Mises stress over the strength, Pa, (m,): above 1 the material yields.
-
-        Raises StaticsError for a strength that is not positive.
-        """
+        Raises StaticsError for a strength that is not positive."""
         if not (strength > 0 and np.isfinite(strength)):
             raise StaticsError(f"strength = {strength} Pa must be positive (steel 235e6, plywood about 30e6)")
         return np.asarray(self.largest / strength)
 
 
 def principal_values(plane: Floats, frame: Floats) -> Principal:
-    """Return principal values and directions of tensors (m, 3), (xx, yy, xy), in frames (m, 2, 3) [Mohr 1882], in
-    their unit.
-    """
+    """Return principal values and directions of tensors (m, 3), (xx, yy, xy), in frames (m, 2, 3) [Mohr 1882]."""
     xx, yy, xy = plane.T
     centre, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     turn = np.arctan2(xy, (xx - yy) / 2) / 2
@@ -253,12 +241,8 @@ def plane_von_mises(stress: Floats) -> Floats:
 
 
 def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> SheetStress:
-    """Return the stress and the energy of a solved sheet.
-
-    answer : made with `elements`.
-
-    `stvk` has a stress across the sheet, which a thin sheet has not; von Mises leaves it out.
-    """
+    """Return the stress and the energy of a solved sheet. answer : made with `elements`. `stvk` has a stress across the
+    sheet, which a thin sheet has not; von Mises leaves it out."""
     surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
     membrane = membrane_stresses(surface, material, law, elements, strain)
@@ -276,7 +260,5 @@ def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
 
 
 def _mean_product(a: Floats, b: Floats) -> Floats:
-    """Return exact means (m,) over each face of a . b, both linear on it, from their corner values (m, 3 corners,
-    3).
-    """
+    """Return exact means (m,) over faces of a . b, both linear on them, from corner values (m, 3 corners, 3)."""
     return np.asarray((np.einsum("mci,mci->m", a, b) + np.einsum("mi,mi->m", a.sum(axis=1), b.sum(axis=1))) / 12)

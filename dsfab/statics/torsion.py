@@ -20,10 +20,8 @@ one side [Ma, Bae and Choi 2012]."""
 
 def torsion_share(ratio: Floats) -> Floats:
     """Return the torsional stiffness of a rectangle over G w h^3 / 3 of a thin strip; ratio : w / h, (...).
-
     1 - .63 h / w (1 - h^4 / 12 w^4) if it is wider than thick, else the same with w and h exchanged, times w^2 / h^2
-    [Saint-Venant 1855; Timoshenko and Goodier 1970, 109].
-    """
+    [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # narrower ribs make equations that no solver can solve
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
@@ -39,26 +37,20 @@ class RibShape(NamedTuple):
 
 
 def rib_shape(surface: Surface) -> RibShape:
-    """Return the width of the material around each face and its direction.
-
-    The width is that of the largest disc in the material that touches the border where this is nearest [medial discs,
-    Blum
-    1967].
-    """
+    """Return the width of the material around each face and its direction. The width is that of the largest disc in the
+    material that touches the border where this is nearest [medial discs, Blum 1967]."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
-    points, half_edge = _border_points(surface, border)
+    points, h = _border_points(surface, border)
     begin, end = half_edges(surface.F)
-    direction = surface.V[end[border]] - surface.V[begin[border]]
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    d = surface.V[end[border]] - surface.V[begin[border]]
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
     tree = cKDTree(points)
     small = float(np.median(surface.edge_lengths))
-    radius = _disc_radii(
-        tree, points, np.cross(surface.normals[border // 3], direction)[half_edge], small, surface.size
-    )
+    radius = _disc_radii(tree, points, np.cross(surface.normals[border // 3], d)[h], small, surface.size)
     nearest = np.asarray(tree.query(surface.centroids)[1])
-    along = direction[half_edge[nearest]]
+    along = d[h[nearest]]
     along -= np.einsum("mx,mx->m", along, surface.normals)[:, None] * surface.normals
     return RibShape(2 * radius[nearest], along / np.linalg.norm(along, axis=1, keepdims=True))
 

@@ -37,11 +37,8 @@ class VaryingSheet(NamedTuple):
 
 def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats, share: float) -> VaryingSheet:
     """Return the stiffest sheet with a mean thickness of `share` over the area.
-
     weights : (k,) of the loads' compliances in the sum to minimise.
-
-    Raises StaticsError for a sheet that is not held, or a load that acts on nothing.
-    """
+    Raises StaticsError for a sheet that is not held, or a load that acts on nothing."""
     surface = sheet.surface
     K = FaceStiffness.from_sheet(sheet, loads)
     x, factor = np.full(surface.m, share), None

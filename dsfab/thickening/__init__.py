@@ -10,23 +10,6 @@ from dsfab.thickening.skin import closed_skin
 from dsfab.thickening.solid import Repairs, Solid, parts, thicken
 
 __all__ = [
-    "SHIFT",
-    "Base",
-    "Extra",
-    "Feet",
-    "Holes",
-    "OffsetLayer",
-    "Offsets",
-    "Repairs",
-    "Ring",
-    "Side",
-    "Solid",
-    "SplitBodies",
-    "Trim",
-    "closed_skin",
-    "offsets",
-    "parts",
-    "proven_cells",
-    "thicken",
-    "with_extras",
-]
+    "SHIFT", "Base", "Extra", "Feet", "Holes", "OffsetLayer", "Offsets", "Repairs", "Ring", "Side", "Solid",
+    "SplitBodies", "Trim", "closed_skin", "offsets", "parts", "proven_cells", "thicken", "with_extras",
+]  # fmt: skip

@@ -47,8 +47,7 @@ def check_contacts(surface: Surface) -> None:
 
 
 def _edge_names(ends: Ints, count: int = 5) -> str:
-    shown = ", ".join(f"{a}-{b}" for a, b in ends[:count])
-    return shown + (", ..." if len(ends) > count else "")
+    return ", ".join(f"{a}-{b}" for a, b in ends[:count]) + (", ..." if len(ends) > count else "")
 
 
 VISIBILITY_GAP = 0.001
@@ -99,8 +98,7 @@ def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
 def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats, limit: float = 2.0) -> Floats:
     """(n,) 1 / mean cosine between each normal N and the faces around it (see `visible_normals`), up to `limit`."""
     cosine = np.stack([np.einsum("mi,mi->m", N.take(surface.F[:, v], axis=0), faces[:, v]) for v in range(3)], axis=1)
-    mean = _corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0]
-    return 1 / np.clip(mean, 1 / limit, 1)
+    return 1 / np.clip(_corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0], 1 / limit, 1)
 
 
 def _corner_mean(surface: Surface, weights: Floats, values: Floats) -> Floats:
@@ -135,8 +133,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
     """Unit normals from the points; the mean, or any face's normal, if a point sees a face from behind."""
-    seen = _sees_all(surface, point, faces)
-    N = np.where(seen[:, None], point, mean)
+    N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
         some_face = np.zeros_like(N)
@@ -169,8 +166,7 @@ class Offsets:
     smallest : the smallest remaining share of the thickness; 1 if nothing was limited.
     tightest : the vertex of that share.
     sides    : (m, 3) of 1 and -1: the side of a face on which D lies at its corners (see `corner_sides`); all 1 except
-               on
-               surfaces with one side only.
+               on surfaces with one side only.
     """
 
     D: Floats
@@ -184,9 +180,7 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """(m, 3, 3) D at the corners of the faces F (m, 3), on the side of each face: input of
-        `Sheet.carry_corners`.
-        """
+        """(m, 3, 3) D at corners of the faces F (m, 3), on each face's side: input of `Sheet.carry_corners`."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 
@@ -199,7 +193,6 @@ def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> 
 
     thickness : of the whole sheet, or (n,) at each vertex.
     side : position of the sheet: around the surface, or on one side of it: "out" is where the normals point.
-
     Raises SolidError for a thickness that is not positive, for surfaces that are no manifolds or not oriented though
     they could be, and for `side` on a surface with one side only.
     """

@@ -25,10 +25,8 @@ class UnfoldedSheet:
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
     """Smooth small folds of a sheet away, up to twice its thickness in size. D (n, 3): its half thickness, metres.
-
     Such a fold, of a few faces as a rule, is a fault of the mesh that no offset can pass: prisms over it turn over
-    however thin they are. Larger folds are intended: there the surface crosses itself.
-    """
+    however thin they are. Larger folds are intended: there the surface crosses itself."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -52,10 +50,8 @@ def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
     """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
-
     Faces that meet become thinner, to a film if necessary. If an offset hardly sees a face around its vertex,
-    shortening does not help: both then move half of the way to the mean of the neighbours. Returns the best state.
-    """
+    shortening does not help: both then move half of the way to the mean of the neighbours. Returns the best state."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # rounding to single precision would show at half of this length
     result = V, D, pairs
@@ -104,8 +100,7 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
 def _averages(surface: Surface) -> csr_array:
     """(n, n) the mean over the neighbours of each vertex, along the boundary for boundary vertices."""
     i, j = smoothing_neighbours(surface.edges, surface.n)
-    count = np.bincount(i, minlength=surface.n)
-    return csr_array((1 / count[i], (i, j)), shape=(surface.n,) * 2)
+    return csr_array((1 / np.bincount(i, minlength=surface.n)[i], (i, j)), shape=(surface.n,) * 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +124,8 @@ class RepairedSkin:
 
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
-
     Thinning does not help a sheet that crosses itself: it is cut into patches, whose solids are united.
-    among : faces of the skin that may intersect, with these offsets and any diagonals; default all.
-    """
+    among : faces of the skin that may intersect, with these offsets and any diagonals; default all."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -153,8 +146,7 @@ def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = N
         union = prism_union(surface, corners, skin, pairs)
         if union is not None and len(union.pairs) < len(pairs):
             return RepairedSkin(V, D, backslash, union.pairs, pair_count, crosses, union)
-    every = np.ones(surface.n, dtype=bool)
-    D, pairs = _thin_offsets(skin, V, D, backslash, pairs, every)
+    D, pairs = _thin_offsets(skin, V, D, backslash, pairs, np.ones(surface.n, dtype=bool))
     if not crosses:
         V, D, pairs = flatten_contacts(surface, skin, D, backslash, pairs)
     return RepairedSkin(V, D, backslash, pairs, pair_count, crosses)
@@ -190,9 +182,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
     """Shorten offsets around the pairs until none remains or none may be shorter; return the best state.
-
-    free : (n,) vertices that may be shortened.
-    """
+    free : (n,) vertices that may be shortened."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

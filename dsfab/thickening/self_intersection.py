@@ -36,9 +36,7 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
     """`intersecting_pairs` of V (n, 3) and F (m, 3) after some vertices `moved` (n,), from the pairs `before` (k, 2).
-
-    Only faces around moved vertices, and faces near them, are tested.
-    """
+    Only faces around moved vertices, and faces near them, are tested."""
     changed = np.asarray(moved[F].any(axis=1))
     if not changed.any():
         return before
@@ -86,9 +84,7 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
     """True if triangles (s, a, b) and (s, c, d) meet outside s, exactly.
-
-    They do when the edge ab meets the other triangle, or cd the first; in a common plane, when their angles overlap.
-    """
+    They do when the edge ab meets the other triangle, or cd the first; in a common plane, when their angles overlap."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
     meet: Bools = (a * b <= 0) & (c * d <= 0)
@@ -127,8 +123,7 @@ def _angles_overlap(S: Floats, A: Floats, B: Floats, C: Floats, D: Floats) -> Bo
 def _over_edges(V: Floats, F: Ints) -> Ints:
     """Pairs that share an edge and are folded flat onto each other."""
     p, q, apex = F.ravel(), np.roll(F, -1, axis=1).ravel(), np.roll(F, 1, axis=1).ravel()
-    n = len(V)
-    order = sorted_order(np.minimum(p, q) * n + np.maximum(p, q))
+    order = sorted_order(np.minimum(p, q) * len(V) + np.maximum(p, q))
     h, g = order[:-1], order[1:]
     twins = (p[h] == q[g]) & (q[h] == p[g])
     h, g = h[twins], g[twins]
@@ -150,9 +145,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
     """(k,) exact sign of the area of triangles, each projected along a coordinate axis; all triangles on an axis have
     the same sense of rotation.
-
-    A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign.
-    """
+    A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
 

@@ -31,10 +31,8 @@ def rounding_step(V: Floats, D: Floats) -> float:
 
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Collapse short edges and flat neighbours of a closed mesh V (n, 3), F (m, 3), which stays closed and oriented.
-
     tolerance : in the unit of V, for each collapse; the sum may move 1.5 to 3 times as far.
-    Raises SolidError when manifold3d rejects the mesh, or nothing is left of it.
-    """
+    Raises SolidError when manifold3d rejects the mesh, or nothing is left of it."""
     import manifold3d
 
     solid = manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64)))
@@ -47,11 +45,8 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
 
 
 def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
-    """Return vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet.
-
-    D : (n, 3) half-thickness vectors. shift : as in `Skin`. The mesh is neither proven nor repaired if it crosses
-        itself.
-    """
+    """Return vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet. D : (n, 3)
+    half-thickness vectors. shift : as in `Skin`. The mesh is neither proven nor repaired if it crosses itself."""
     skin = Skin.from_surface(surface, shift)
     return skin.vertices(surface.V, D), skin.faces(skin.shorter_diagonals(surface.V, D))
 
@@ -108,10 +103,8 @@ class Skin:
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
         first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))
-        second_triangle = np.where(
-            across, np.stack([p, below_p, below_q], axis=1), np.stack([q, below_p, below_q], axis=1)
-        )
-        return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second_triangle])
+        second = np.where(across, np.stack([p, below_p, below_q], axis=1), np.stack([q, below_p, below_q], axis=1))
+        return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second])
 
     def walls(self, faces: Ints) -> Ints:
         """(k,) the walls of faces (f,) of the solid, each once."""

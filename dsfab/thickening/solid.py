@@ -263,9 +263,7 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 def check_solid(solid: Solid) -> None:
     """Raise SolidError unless manifold3d accepts the solid as a closed manifold of the same, positive volume.
-
-    Its status must be read, because a bad mesh turns empty without an error. It does not test intersections.
-    """
+    Its status must be read, because a bad mesh turns empty without an error. It does not test intersections."""
     import manifold3d
 
     mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # it takes no locked arrays
@@ -300,9 +298,7 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
         raise SolidError(
             f"{len(bad)} offset vectors are zero or not finite (first: {first_few(bad)}); carry them from `offsets`"
         )
-    if used.all():
-        return surface, D
-    return Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used]
+    return (surface, D) if used.all() else (Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used])
 
 
 def _euler_characteristic(F: Ints) -> int:
@@ -338,9 +334,7 @@ def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
 
 def parts(solid: Solid) -> tuple[Solid, ...]:
     """Divide a solid into its pieces, sorted from low to high, then from front to back and left to right.
-
-    A closed surface inside a piece is a void of it and stays with the smallest piece around.
-    """
+    A closed surface inside a piece is a void of it and stays with the smallest piece around."""
     if solid.pieces == 1:
         return (solid,)
     count, shell = pieces(solid.F, edge_table(solid.F))

@@ -30,10 +30,8 @@ class Overlap:
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return the parts of each colour (m,); lower colours extend into higher ones, except where they would meet.
-
     clashes : (k, 2) faces of the sheet whose prisms meet.
-    Near a seam parts are thinner, by 1 % one vertex away and 2 % on it, and half as much again for every colour.
-    """
+    Near a seam parts are thinner, by 1 % one vertex away and 2 % on it, and half as much again for every colour."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -98,10 +96,8 @@ THINNEST = 0.3
 @dataclass(frozen=True, eq=False)
 class PrismUnion:
     """A closed mesh V (n, 3), F (m, 3), the pairs of faces in it that still intersect (k, 2), and its pieces.
-
     share  : (n',) of the input offset that remains at each vertex of the sheet.
-    places : number of separate lines along which the sheet crosses itself.
-    """
+    places : number of separate lines along which the sheet crosses itself."""
 
     V: Floats
     F: Ints
@@ -150,9 +146,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
     """The union with short edges collapsed so that fewest pairs intersect, and these pairs.
-
-    Two surfaces that cross near a vertex have points on their line closer together than single precision resolves.
-    """
+    Two surfaces that cross near a vertex have points on their line closer together than single precision resolves."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -218,9 +212,7 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, and a mask (k,) of those at
-    a vertex.
-    """
+    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, (k,) of those at a vertex."""
 
     V: Floats
     F: Ints
@@ -255,7 +247,6 @@ def _union(parts: list[tuple[Floats, Ints]]) -> tuple[Floats, Ints] | None:
 
 
 def _outer_shells(V: Floats, F: Ints) -> int:
-    """Number of closed outer surfaces of the mesh; the others are voids."""
     count, label = pieces(F, edge_table(F))
     return int((signed_volumes(V, F, label, count) > 0).sum())
 

@@ -21,10 +21,8 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
     """Part of a member in space, station by station.
-
     edges : (k, 2, 3) right and left edge (m).    normals : (k, 3) unit normals of its face.
-    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes.
-    """
+    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes."""
 
     id: str
     member: str
@@ -37,9 +35,7 @@ class RefoldedStrip:
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
     """Strips or planks of a plan in space, and the deviations (h,) of their joints (m).
-
-    A deviation is the distance of a hole from its bolt's line, or of the two slots at a node.
-    """
+    A deviation is the distance of a hole from its bolt's line, or of the two slots at a node."""
 
     strips: tuple[RefoldedStrip, ...]
     deviations: Floats
@@ -60,10 +56,8 @@ def refolded_plan(plan: WorkshopPlan) -> RefoldedPlan:
         if not len(part.axis):
             continue
         if part.member not in courses:
-            member = graph.by_id[part.member]
-            courses[part.member] = member_course(
-                graph, member, END_DISTANCE * layering.bolt, 2 * layering.half_cover_length
-            )
+            m = graph.by_id[part.member]
+            courses[part.member] = member_course(graph, m, END_DISTANCE * layering.bolt, 2 * layering.half_cover_length)
         strip = _refolded_strip(part, Development(courses[part.member], part.layer))
         strips.append(strip)
         for bolt, hole in zip(strip.bolts, strip.holes, strict=True):
@@ -79,12 +73,9 @@ def _refolded_strip(part: FlatPart, layer: Development) -> RefoldedStrip:
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(part.axis, axis=0), axis=1))])
     along += float(np.interp(part.span[0], course.s, layer.length))
     outline = part.outline.reshape(2, len(part.axis), 2)
-    right_edge, left_edge = outline[0], outline[1, ::-1]
-    s = np.interp(along, layer.length, course.s)
-    P, _, B, N = layer.frame(s)
-    y = np.stack(
-        [-np.linalg.norm(right_edge - part.axis, axis=1), np.linalg.norm(left_edge - part.axis, axis=1)], axis=1
-    )
+    right_rim, left_rim = outline[0], outline[1, ::-1]
+    P, _, B, N = layer.frame(np.interp(along, layer.length, course.s))
+    y = np.stack([-np.linalg.norm(right_rim - part.axis, axis=1), np.linalg.norm(left_rim - part.axis, axis=1)], axis=1)
     holes = np.array([hole.at for hole in part.holes]).reshape(-1, 2)
     places, aside = _line_coordinates(part.axis, along, holes)
     Q, _, C, _ = layer.frame(np.interp(places, layer.length, course.s))

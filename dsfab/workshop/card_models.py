@@ -127,11 +127,8 @@ SHARP_SINE = float(np.sin(np.radians(25.0)))
 
 @dataclass
 class PanelParts:
-    """Panels, and counts of their details.
-
-    sharp : names of nodes at which members meet too sharply to be cut.    covered : bays without room for a panel.
-    tabs  : number of tabs.    feet : with the names of their panels.
-    """
+    """Panels, and counts of their details. sharp : names of nodes at which members meet too sharply to be cut. covered
+    : bays without room for a panel. tabs : number of tabs. feet : with the names of their panels."""
 
     parts: list[FlatPart] = field(default_factory=list)
     sharp: list[str] = field(default_factory=list)
@@ -182,10 +179,8 @@ def panel_parts(
     ground: BasePlane | None = None,
 ) -> PanelParts:
     """Return the panels of all strips of a graph at model size.
-
     letters : largest height of names (m).    room : lengths and widths (m) that parts may have on the stock.
-    ground  : base plate for feet with tabs; None leaves the ends as they are.
-    """
+    ground  : base plate for feet with tabs; None leaves the ends as they are."""
     members = [member for member in graph.members if is_strip(member)]
     widest = max((member.mean_width for member in members), default=0.0)
     courses = {member.id: member_course(graph, member, 0.0, 6 * widest) for member in members}
@@ -223,9 +218,7 @@ def _crossing_edge(
 @dataclass(frozen=True)
 class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
-
-    tab  : arc lengths and distances to the left (q,) each; empty without a tab.    foot : a tab into the base plate.
-    """
+    tab : arc lengths and distances to the left (q,) each; empty without a tab.    foot : a tab into the base plate."""
 
     right: float
     left: float
@@ -272,14 +265,10 @@ class _MemberPanels:
                 corners = along, np.repeat(foot.sides[1:3], 2)
                 return _PanelEnd(float(foot.shoulders[0]), float(foot.shoulders[3]), corners, foot)
             s = self.course.begin if side == 1 else self.course.end
-            if self.course.closed and side == -1:
-                return self._splice_end(s)
-            return _PanelEnd(s, s)
-        right_width, left_width = self._sides(edge.s)
-        shoulders = edge.stations(side, edge.half, np.array([-right_width, left_width]))
-        y = np.array(
-            [-ROOT_SHARE * right_width, -TIP_SHARE * right_width, TIP_SHARE * left_width, ROOT_SHARE * left_width]
-        )
+            return self._splice_end(s) if self.course.closed and side == -1 else _PanelEnd(s, s)
+        w_right, w_left = self._sides(edge.s)
+        shoulders = edge.stations(side, edge.half, np.array([-w_right, w_left]))
+        y = np.array([-ROOT_SHARE * w_right, -TIP_SHARE * w_right, TIP_SHARE * w_left, ROOT_SHARE * w_left])
         away = edge.half * np.array([1.0, TAB_GAP_SHARE, TAB_GAP_SHARE, 1.0])
         tab = np.array([float(edge.stations(side, a, np.array([b]))[0]) for a, b in zip(away, y, strict=True)])
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
@@ -301,11 +290,9 @@ class _MemberPanels:
 
     def _splice_end(self, s: float) -> _PanelEnd:
         """Return an end with a tab beneath the next panel of the same member, as long as it is wide."""
-        right_width, left_width = self._sides(s)
-        y = np.array(
-            [-ROOT_SHARE * right_width, -TIP_SHARE * right_width, TIP_SHARE * left_width, ROOT_SHARE * left_width]
-        )
-        return _PanelEnd(s, s, (s + (right_width + left_width) * np.array([0.0, 1.0, 1.0, 0.0]), y))
+        w_right, w_left = self._sides(s)
+        y = np.array([-ROOT_SHARE * w_right, -TIP_SHARE * w_right, TIP_SHARE * w_left, ROOT_SHARE * w_left])
+        return _PanelEnd(s, s, (s + (w_right + w_left) * np.array([0.0, 1.0, 1.0, 0.0]), y))
 
     def _pieces(
         self,

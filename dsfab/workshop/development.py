@@ -55,9 +55,7 @@ class StripCourse:
 
     def frame_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return points, unit tangents and unit normals (q, 3) at arc lengths (q,), by cubic interpolation [Hermite].
-
-        Chords would be a quarter of a millimetre off the arcs of a narrow ring.
-        """
+        Chords would be a quarter of a millimetre off the arcs of a narrow ring."""
         i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         h = (self.s[i + 1] - self.s[i])[:, None]
         t = (np.asarray(s) - self.s[i])[:, None] / h
@@ -147,9 +145,7 @@ def node_stations(member: Member, nodes: tuple[Node, ...]) -> Floats:
 
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
-
-    Edges that are parallel to the axis but for noise become parallel; others are smoothed.
-    """
+    Edges that are parallel to the axis but for noise become parallel; others are smoothed."""
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
@@ -277,9 +273,7 @@ class Development:
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
         """Return where the line through a point (3,) along a unit normal (3,) pierces the layer.
-
-        The result is an arc length of the course close to `s`, and the distance to the left (m).
-        """
+        The result is an arc length of the course close to `s`, and the distance to the left (m)."""
         y = 0.0
         for _ in range(4):  # Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))

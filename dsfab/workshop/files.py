@@ -134,15 +134,11 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
 
 def part_costs(plan: WorkshopPlan) -> dict[str, float]:
     """Return the cost of each part by name: its area share of the sheet's price; empty without prices."""
-    if not any(sheet.price for sheet in plan.sheets):
+    if not any(s.price for s in plan.sheets):
         return {}
-    areas = [sum(item.part.area for item in sheet.parts) for sheet in plan.sheets]
-    shares = [sheet.price / area for sheet, area in zip(plan.sheets, areas, strict=True)]
-    return {
-        item.part.id: share * item.part.area
-        for sheet, share in zip(plan.sheets, shares, strict=True)
-        for item in sheet.parts
-    }
+    areas = [sum(x.part.area for x in s.parts) for s in plan.sheets]
+    shares = [s.price / area for s, area in zip(plan.sheets, areas, strict=True)]
+    return {x.part.id: share * x.part.area for s, share in zip(plan.sheets, shares, strict=True) for x in s.parts}
 
 
 def stock_table(plan: WorkshopPlan) -> PlanTable:
@@ -164,13 +160,11 @@ def nest_table(plan: WorkshopPlan) -> PlanTable:
     """Return a row for each part on its sheet: the lower left corner of its box, and its turn."""
     head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
     rows = []
-    for k, sheet in enumerate(plan.sheets, 1):
-        for item in sheet.parts:
+    for k, s in enumerate(plan.sheets, 1):
+        for item in s.parts:
             x, y = (MM_PER_M * item.placed_part.outline.min(axis=0)).round(1).tolist()
-            a, b = (round(MM_PER_M * size, 1) for size in sheet.size)
-            rows.append(
-                (k, a, b, round(sheet.used_share, 3), item.part.id, x, y, round(float(np.degrees(item.turn)), 1))
-            )
+            a, b = (round(MM_PER_M * size, 1) for size in s.size)
+            rows.append((k, a, b, round(s.used_share, 3), item.part.id, x, y, round(float(np.degrees(item.turn)), 1)))
     return PlanTable("nests", head, tuple(rows))
 
 
@@ -275,7 +269,6 @@ def write_workshop(
 
     Files of an earlier plan, by its cut list, are removed if this plan does not have them.
     documents : further files by name.
-
     Raises ExportError if the folder is not writable.
     """
     with atomic_folder(folder, _outdated_files) as partial:

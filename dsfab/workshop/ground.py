@@ -41,18 +41,15 @@ class StripFoot:
     def cap(self, layer: Development) -> Floats:
         """Return the developed outline (6, 2) of the end, counter-clockwise around the part."""
         s = np.concatenate([self.shoulders[:2], self.tips, self.shoulders[2:]])
-        y = np.concatenate([self.sides[:2], self.sides[1:3], self.sides[2:]])
-        cap = layer.to_plane(s, y)
+        cap = layer.to_plane(s, np.concatenate([self.sides[:2], self.sides[1:3], self.sides[2:]]))
         return cap if self.at_end else cap[::-1]
 
 
 @dataclass(frozen=True, eq=False)
 class BasePlane:
     """Upper face of the base plate, through a point (3,) in metres, with the unit normal `up` (3,).
-
     supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from these (m).
-    thickness : of the plate (m).    clearance : between tabs and slots, to each side (m).
-    """
+    thickness : of the plate (m).    clearance : between tabs and slots, to each side (m)."""
 
     point: Floats
     up: Floats
@@ -104,11 +101,9 @@ class BasePlane:
             return self._trim_course(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()
         for at_end in (False, True):
-            station = course.end if at_end else course.begin
-            point = course.frame_at(np.array([station]))[0][0]
-            if self.is_supported(point, float(course.width(np.array([station]))[0])) and (
-                foot := self._foot(layer, station, at_end)
-            ):
+            s = course.end if at_end else course.begin
+            p = course.frame_at(np.array([s]))[0][0]
+            if self.is_supported(p, float(course.width(np.array([s]))[0])) and (foot := self._foot(layer, s, at_end)):
                 feet.append(foot)
                 middle = float(foot.shoulders[1:3].mean())
                 course = replace(course, end=middle) if at_end else replace(course, begin=middle)
@@ -213,10 +208,8 @@ def base_parts(
     ground: BasePlane, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
     """Return the plate in as few equal rectangles as fit into one of `room`, each in its place under the model.
-
     surface : at model size, with its supports at those of the base plate.    feet : with the names of their parts.
-    room : lengths and widths (m).
-    """
+    room : lengths and widths (m)."""
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
     every = np.concatenate([ground.plan_view(ground.supports), *slots])
@@ -232,8 +225,7 @@ def base_parts(
         name = "base" if nx * ny == 1 else f"base {i + 1}-{j + 1}"
         outline = np.array([[box[x, 0], box[y, 1]] for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
         inside = [clipped for slot in slots if len(clipped := clipped_polygon(slot, box)) > 2]
-        title = label(name, box.mean(axis=0), 0.0, 3 * NAME_HEIGHT)
-        marks = [*_lines_inside(engraved, box), *title]
+        marks = [*_lines_inside(engraved, box), *label(name, box.mean(axis=0), 0.0, 3 * NAME_HEIGHT)]
         plates.append(FlatPart(name, "", (0.0, 0.0), outline, slots=tuple(inside), marks=tuple(marks)))
     return plates
 
@@ -260,14 +252,12 @@ def _lines_inside(lines: list[Floats], box: Floats) -> list[Floats]:
 
 def _support_marks(ground: BasePlane, surface: Surface) -> list[Floats]:
     support_places = {tuple(place) for place in ground.supports.tolist()}
-    is_support = np.array([tuple(place) in support_places for place in surface.V.tolist()])
+    support = np.array([tuple(place) in support_places for place in surface.V.tolist()])
     ends = surface.edges.ends[surface.edges.boundary]
-    ends = ends[is_support[ends].all(axis=1)]
-    alone = is_support.copy()
+    ends = ends[support[ends].all(axis=1)]
+    alone = support.copy()
     alone[np.unique(ends)] = False
-    alone &= (
-        np.bincount(surface.edges.ends[is_support[surface.edges.ends].all(axis=1)].ravel(), minlength=surface.n) == 0
-    )
+    alone &= np.bincount(surface.edges.ends[support[surface.edges.ends].all(axis=1)].ravel(), minlength=surface.n) == 0
     arms = 0.002 * np.array([[[-1, 0], [1, 0]], [[0, -1], [0, 1]]])
     lines = [ground.plan_view(surface.V[pair]) for pair in ends]
     return lines + [place + arm for place in ground.plan_view(surface.V[alone]) for arm in arms]

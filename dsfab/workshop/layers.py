@@ -147,14 +147,9 @@ def shortened_courses(
 
 
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return those courses of members, by name, that stop because the member curls up at an end (see
-    `uncurled_span`)."""
+    """Return courses of members, by name, that stop because the member curls up at an end (see `uncurled_span`)."""
     lengths = {member.id: member.length for member in members}
-    return {
-        name: course
-        for name, course in courses.items()
-        if not course.closed and (course.begin > 0 or course.end < lengths[name])
-    }
+    return {name: c for name, c in courses.items() if not c.closed and (c.begin > 0 or c.end < lengths[name])}
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
@@ -164,13 +159,10 @@ def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, fl
 
 def _neighbours(ends: Sequence[_StripEnd]) -> list[set[_StripEnd]]:
     neighbours = [set[_StripEnd]() for _ in ends]
-    for (i, end_a), (j, end_b) in combinations(enumerate(ends), 2):
-        if (
-            end_a.name != end_b.name
-            and np.linalg.norm(end_a.places[0] - end_b.places[0]) < (end_a.width + end_b.width) / 2
-        ):
-            neighbours[i].add(end_b)
-            neighbours[j].add(end_a)
+    for (i, a), (j, b) in combinations(enumerate(ends), 2):
+        if a.name != b.name and np.linalg.norm(a.places[0] - b.places[0]) < (a.width + b.width) / 2:
+            neighbours[i].add(b)
+            neighbours[j].add(a)
     return neighbours
 
 

@@ -1,7 +1,5 @@
 """Flat parts with holes and openings, and the single-stroke letters that are engraved on them.
-
-A letter is a few polylines of points "xy" on a grid 4 wide and 6 high, because engravers would draw outlines twice.
-"""
+A letter is a few polylines of points "xy" on a grid 4 wide and 6 high, because engravers would draw outlines twice."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -151,9 +149,7 @@ class FlatPart:
 
     def to_compas(self) -> "dict[str, list[compas.geometry.Curve]]":
         """Return closed polylines `cut`, circles `drilled`, polylines `engraved` and lines `folded`, in metres.
-
-        Raises SurfaceError if compas is not installed.
-        """
+        Raises SurfaceError if compas is not installed."""
         return {
             "cut": [as_polyline(np.vstack([loop, loop[:1]])) for loop in self.contours],
             "drilled": [as_circle(hole.at, hole.diameter / 2) for hole in self.holes],

@@ -52,11 +52,8 @@ def construction_route(
     design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP
 ) -> ConstructionRoute:
     """Return the route of a design by [workshop] of its preset.
-
     graph, layering : members and layers at built size; None for a flat sheet.    up : (3,) unit vector.
-
-    Raises PatternError if the design cannot be built by the requested route.
-    """
+    Raises PatternError if the design cannot be built by the requested route."""
     options = design.preset.workshop
     if options.route == "sheet" or graph is None or layering is None:
         return ConstructionRoute("sheet", "" if options.route == "sheet" else "the design is flat")
@@ -251,7 +248,6 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     up : (3,) unit vector, for the base plate of a model.
 
     If the stock has prices, the plan is the cheapest of those for all sizes and for the shorter sizes alone.
-
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing.
     """
     if design.preset.workshop.nesting == "spyrrow":
@@ -333,10 +329,8 @@ def _graph_as_built(design: Design) -> tuple[MemberGraph, Layering]:
     if not options.model:
         return graph, Layering(thickness, options.layers, options.bolt)
     present = {member.family for member in graph.members if is_strip(member)}
-    families = tuple(family for family in FAMILIES_BELOW if family in present)
-    return scaled_graph(graph, options.model), Layering(
-        thickness, options.layers, options.bolt, families, MODEL_LETTERS
-    )
+    order = tuple(family for family in FAMILIES_BELOW if family in present)
+    return scaled_graph(graph, options.model), Layering(thickness, options.layers, options.bolt, order, MODEL_LETTERS)
 
 
 def _flat_design_parts(design: Design, room: list[tuple[float, float]]) -> tuple[list[FlatPart], list[str]]:

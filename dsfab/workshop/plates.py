@@ -44,11 +44,8 @@ def plate_parts(
     bolt: float,
     missed_nodes: Container[str] = (),
 ) -> list[FlatPart]:
-    """Return members of a graph as plates at a height over the surface, with holes at their nodes (m).
-
-    normals : (n, 3) at the vertices of the graph's sheet.    bolt : diameter of holes (m).
-    missed_nodes : names of nodes without a hole.
-    """
+    """Return members of a graph as plates at a height over the surface, with holes at their nodes (m). normals : (n, 3)
+    at the vertices of the graph's sheet. bolt : diameter of holes (m). missed_nodes : names of nodes without a hole."""
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     return [_flat_plate(graph, member, normals, (height, bolt), missed_nodes) for member in members]
 
@@ -170,9 +167,7 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
     """Cut a flat sheet into as few rectangles as possible, none larger than one of `room` (m).
 
     Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers all pieces together
-    are
-    the sheet; with a scarf they overlap at the joints.
-
+    are the sheet; with a scarf they overlap at the joints.
     Raises PatternError if joints, or pieces with their joints, are too long for the stock.
     """
     x = plane_coordinates(surface)

@@ -36,8 +36,7 @@ def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float
 
     A strip that overlaps itself does not fit.
     along : (2,) from the beginning of the strip's axis to its end, the direction of `FlatPart.along_x`. The middles of
-            its
-            ends gave lengths 0.8 mm too short.
+            its ends gave lengths 0.8 mm too short.
     """
     k = len(outline) // 2
     turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
@@ -58,7 +57,6 @@ def splice_cuts(
 
     nodes : (q,) arc lengths from which cuts keep the distance `clear` (m) if possible.
     fits  : whether a piece between two arc lengths fits on the stock.    name : of the strip, for messages.
-
     Raises PatternError if the longest piece that fits is shorter than `clear`.
     """
     begin, end = course
@@ -96,8 +94,7 @@ def _farthest_clear(nodes: Floats, clear: float, least: float, limit: float) -> 
 
 
 def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
-    inner = nodes[(nodes > least) & (nodes < limit)]
-    ends = np.concatenate([[least], inner, [limit]])
+    ends = np.concatenate([[least], nodes[(nodes > least) & (nodes < limit)], [limit]])
     candidates = np.concatenate([(ends[1:] + ends[:-1]) / 2, [least, limit]])
     away = np.abs(candidates[:, None] - nodes[None]).min(axis=1, initial=np.inf)
     return float(candidates[away.argmax()])

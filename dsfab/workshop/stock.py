@@ -57,9 +57,7 @@ def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Work
 
 def size_words(size: tuple[float, float]) -> str:
     """Return "2.5 x 1.25 m" or "420 x 297 mm"."""
-    if size[0] < 1:
-        return f"{MM_PER_M * size[0]:g} x {MM_PER_M * size[1]:g} mm"
-    return f"{size[0]:g} x {size[1]:g} m"
+    return f"{MM_PER_M * size[0]:g} x {MM_PER_M * size[1]:g} mm" if size[0] < 1 else f"{size[0]:g} x {size[1]:g} m"
 
 
 def money(amount: float) -> str:
@@ -83,10 +81,8 @@ def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
     """Return sentences on narrower strips or larger stock that would need fewer sheets.
-
     stock : lengths and widths (m).    gap : metres.    grain : as for `nest_parts`.
-    Each number comes from a trial nest. Large plans have no hints, because nesting takes too long.
-    """
+    Each number comes from a trial nest. Large plans have no hints, because nesting takes too long."""
     if len(parts) * len(sheets) > 20_000:  # nesting again would take too long
         return []
     options = _NestOptions(gap, grain)

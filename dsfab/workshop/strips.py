@@ -106,18 +106,15 @@ def _shortened_courses(
     for family in dict.fromkeys(member.family for member in members):
         family_courses = {member.id: courses[member.id] for member in members if member.family == family}
         nodes = {
-            name: [bolt.s for bolt in node_bolts(graph, graph.by_id[name], family_courses[name])]
-            for name in family_courses
+            name: [b.s for b in node_bolts(graph, graph.by_id[name], family_courses[name])] for name in family_courses
         }
         shortened |= shortened_courses(family_courses, nodes, joined, END_DISTANCE * layering.bolt)
-    vanished = vanished_courses(shortened, {member.id: member.mean_width for member in members})
+    gone = vanished_courses(shortened, {member.id: member.mean_width for member in members})
     for name, course in shortened.items():
         bolts = node_bolts(graph, graph.by_id[name], course)
-        parts.missed_nodes |= {
-            (bolt.name, name) for bolt in bolts if name in vanished or not course.begin <= bolt.s <= course.end
-        }
-    parts.shortened += sorted(set(shortened) - vanished)
-    parts.vanished += sorted(vanished)
+        parts.missed_nodes |= {(b.name, name) for b in bolts if name in gone or not course.begin <= b.s <= course.end}
+    parts.shortened += sorted(set(shortened) - gone)
+    parts.vanished += sorted(gone)
     return shortened
 
 
@@ -188,8 +185,7 @@ class _StripLayer:
             parts.covers.append(self._part(cover, f"{self.name}.c{k}", span, joint_bolts, parts.missing_holes))
 
     def _splice_bolts(self, joint: float, number: int) -> Iterator[StripBolt]:
-        width = float(self.course.width(np.array([joint]))[0])
-        for x, y in self.layering.splice_bolts(width):
+        for x, y in self.layering.splice_bolts(float(self.course.width(np.array([joint]))[0])):
             P, T, N = (row[0] for row in self.course.frame_at(np.array([joint + x])))
             yield StripBolt(f"{self.name}.c{number}", P + y * np.cross(N, T), N, joint + x)
 
@@ -273,9 +269,7 @@ UNCERTAIN_WIDTHS = 1.5
 """Length at each end of a member where its fitted curvature is uncertain, over its width."""
 MESH_TOLERANCE = 1 / 40
 """Largest distance of the mesh from the smooth surface, over the bolt diameter: bays are right to about twice that.
-
-Measured on surfaces in closed form: at 0.2 mm distance bays are right to 0.7 mm, at 1.4 mm to 14 mm.
-"""
+Measured on surfaces in closed form: at 0.2 mm distance bays are right to 0.7 mm, at 1.4 mm to 14 mm."""
 LEAST_STRAIN = 5e-6
 """Least strain that a sentence reports; a smaller one would read 0.000 %."""
 
@@ -305,38 +299,34 @@ class StripLimits:
     @property
     def lines(self) -> tuple[str, ...]:
         """Sentences on what can be built and what cannot."""
-        sentences = []
+        lines = []
         bending_text = (
             f"layers of {length(self.thickness)} are bent to a strain of {self.bending:.2%} ({self.member} most)"
         )
         if not self.limit:
-            sentences.append(f"{bending_text}; name a material or set statics.strength to have that judged")
+            lines.append(f"{bending_text}; name a material or set statics.strength to have that judged")
         elif self.bending > self.limit:
-            sentences.append(
+            lines.append(
                 f"NOT POSSIBLE: {bending_text}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at "
                 "which the "
                 f"strength is reached; the thickest layer that can be bent is {length(self.thickest)}: set "
                 f"workshop.thickness to {np.floor(1e4 * self.thickest) / 1e4:g} or less"
             )
         else:
-            sentences.append(
-                f"{bending_text}, of {self.limit:.2%} allowed; up to {length(self.thickest)} could be bent"
-            )
+            lines.append(f"{bending_text}, of {self.limit:.2%} allowed; up to {length(self.thickest)} could be bent")
         if self.shape >= LEAST_STRAIN:
-            sentences.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
+            lines.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
         if self.edge > self.wanted_edge * 1.05:
-            sentences.append(
+            lines.append(
                 f"NOT TO DRILL FROM: edges of {length(self.edge)} are too coarse a mesh, holes may be centimetres off; "
                 f"set surface.edge to {self.wanted_edge:.2g} or less"
             )
-        return tuple(sentences)
+        return tuple(lines)
 
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, bolt: float) -> StripLimits:
     """Return the limits of all strips of a graph on the uncut surface of its pattern.
-
-    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown.
-    """
+    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown."""
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
     bends, shapes, usual = [0.0], [0.0], list[Floats]()
@@ -346,17 +336,13 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         kn = np.abs(member.axis.kn[calm])
         usual.append(kn)
         bends.append(float(kn.max(initial=0.0)))
-        nearest_faces = np.asarray(tree.query(member.axis.P[calm])[1])
-        shapes.append(
-            float(np.median(np.abs(K[nearest_faces]))) * member.mean_width**2 / 12 if len(nearest_faces) else 0.0
-        )
+        nearest = np.asarray(tree.query(member.axis.P[calm])[1])
+        shapes.append(float(np.median(np.abs(K[nearest]))) * member.mean_width**2 / 12 if len(nearest) else 0.0)
     worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # the first of members that mirror each other
     bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # rare peaks do not judge a mesh
-    wanted_edge = float(np.sqrt(8 * MESH_TOLERANCE * bolt / bend)) if bend > 0 else np.inf
+    edge = float(np.sqrt(8 * MESH_TOLERANCE * bolt / bend)) if bend > 0 else np.inf
     name = strips[worst - 1].id if worst else "none"
-    return StripLimits(
-        thickness, thickness * max(bends) / 2, name, max(shapes), limit, float(surface.mean_edge), wanted_edge
-    )
+    return StripLimits(thickness, thickness * max(bends) / 2, name, max(shapes), limit, float(surface.mean_edge), edge)
 
 
 def calm_stations(member: Member) -> Ints:

@@ -12,20 +12,6 @@ from dsfab.members.eurocode.steel import SteelFactors, steel_checks
 from dsfab.members.eurocode.timber import TimberFactors, timber_checks
 
 __all__ = [
-    "DURATIONS",
-    "STEEL",
-    "TIMBER",
-    "CodeCheck",
-    "Duration",
-    "MemberBays",
-    "Rules",
-    "SteelFactors",
-    "SteelGrade",
-    "TimberFactors",
-    "TimberGrade",
-    "Utilisation",
-    "shortest",
-    "steel_checks",
-    "timber_checks",
-    "utilisation",
-]
+    "DURATIONS", "STEEL", "TIMBER", "CodeCheck", "Duration", "MemberBays", "Rules", "SteelFactors", "SteelGrade",
+    "TimberFactors", "TimberGrade", "Utilisation", "shortest", "steel_checks", "timber_checks", "utilisation",
+]  # fmt: skip

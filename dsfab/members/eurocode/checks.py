@@ -242,15 +242,13 @@ class Rectangle:
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
         """(b, k) critical uniform moment (Nm) of lateral buckling for bay lengths in metres [Timoshenko, Gere 1961,
-        6.1]: pi / L sqrt(E I G It).
-        """
+        6.1]: pi / L sqrt(E I G It)."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 
 def moment_factor(moment: Floats) -> Floats:
-    """(b, 1) factor C_m of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading]; a linear moment has
-    0.6 + 0.4 psi. It depends on the larger end moment, the ratio psi of both, and the moment at the middle.
-    """
+    """(b, 1) factor C_m of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading]; a linear moment has 0.6
+    + 0.4 psi. It depends on the larger end moment, the ratio psi of both, and the moment at the middle."""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])
@@ -271,9 +269,7 @@ STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = 
 
 def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> CheckRatios:
     """Return the largest von Mises stress of an elastic section over a strength, Pa, for forces (b, 5, 6).
-
-    bent : (b, 5) stress from bending members into shape, Pa.
-    """
+    bent : (b, 5) stress from bending members into shape, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     N, Vy, Vz, Mt, My, Mz = np.abs(np.moveaxis(forces, -1, 0))
     axial = N / section.area + My / section.Wy + Mz / section.Wz + bent

@@ -9,9 +9,7 @@ MPA = 1e6
 
 @dataclass(frozen=True)
 class SteelGrade:
-    """A steel grade. yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first.    source
-    : of these.
-    """
+    """A steel grade. yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first."""
 
     name: str
     yields: tuple[tuple[float, float], ...]

@@ -48,9 +48,7 @@ class Rules:
 
 def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
     """Return force over resistance of bays for all their cases.
-
-    Raises StaticsError if neither the material nor a strength is known, and if there are no bays.
-    """
+    Raises StaticsError if neither the material nor a strength is known, and if there are no bays."""
     if not bays.member:
         raise StaticsError(
             "no member has a bay between two nodes, so the report has nothing to check; see dsfab export --to csv"

@@ -28,9 +28,8 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 
 @dataclass(frozen=True)
 class SteelFactors:
-    """Factors of steel checks. curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].
-    gamma_m0, gamma_m1 : partial factors of sections and members [6.1].    buckling_length : over the distance of nodes.
-    """
+    """Factors of steel checks. curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2]. gamma_m0,
+    gamma_m1 : partial factors of sections and members [6.1]. buckling_length : over the distance of nodes."""
 
     curve: Curve = "c"
     gamma_m0: float = 1.0
@@ -41,10 +40,7 @@ class SteelFactors:
 def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return force over resistance of bays under forces (b, 5, 6).
-
-    elastic : Young's modulus and the shear modulus, Pa.
-    """
+    """Return force over resistance of bays under forces (b, 5, 6). elastic : Young's and shear modulus, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     fy = grade.fy(bays.thickness)
     ratios = section_checks(section, forces, fy / factors.gamma_m0)
@@ -86,10 +82,8 @@ def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> CheckRatios:
     """(b, 1) checks of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
-
     The largest compression and the largest moments of a bay act together on its narrowest section. Moments are over
-    elastic resistances, with the interaction factors of annex B for class 3 and members that may twist (table B.2).
-    """
+    elastic resistances, with the interaction factors of annex B for class 3 and members that may twist (table B.2)."""
     fy, young, shear = material
     slim = section.slimmest()
     N = np.maximum(-forces[:, :, 0], 0.0).max(axis=1, keepdims=True)

@@ -38,8 +38,7 @@ BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 class TimberFactors:
     """Factors of timber checks. service_class : 1 heated, 2 under a roof, 3 in the open.
     gamma_m : partial factor; None: that of table 2.3.    buckling_length : over the distance of nodes.
-    layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start.
-    """
+    layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start."""
 
     service_class: ServiceClass = 2
     gamma_m: float | None = None
@@ -51,9 +50,7 @@ def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> CheckRatios:
     """Return force over resistance of bays under forces (b, 5, 6), for the duration of the shortest load.
-
-    elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2.
-    """
+    elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
     bent = elastic * factors.layer * np.abs(bays.curvature) / 2
@@ -80,9 +77,7 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return the stresses of forces (b, 5, 6); bent : (b, 5) Pa, of bending the member into shape, added to that of
-    My.
-    """
+    """Return the stresses of forces (b, 5, 6); bent : (b, 5) Pa, of bending into shape, added to that of My."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(

@@ -18,17 +18,6 @@ from dsfab.members.frame.model import (
 )
 
 __all__ = [
-    "COMPONENTS",
-    "STATIONS",
-    "BeamMaterial",
-    "Frame",
-    "FrameAgreement",
-    "FrameAnswer",
-    "MemberForces",
-    "agreement",
-    "forces_along",
-    "frame_of",
-    "member_forces",
-    "solve_frame",
-    "torsion_constant",
-]
+    "COMPONENTS", "STATIONS", "BeamMaterial", "Frame", "FrameAgreement", "FrameAnswer", "MemberForces", "agreement",
+    "forces_along", "frame_of", "member_forces", "solve_frame", "torsion_constant",
+]  # fmt: skip

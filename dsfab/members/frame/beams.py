@@ -19,9 +19,7 @@ SHORT = 1e-3
 
 
 class BeamRow(NamedTuple):
-    """A beam: its nodes, local z, width and shift in metres, member, and the member's width over the length of its
-    bay.
-    """
+    """A beam: nodes, local z, width and shift in metres, member, and the member's width over the bay's length."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -33,10 +31,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Columns of beams, see `Frame`.
-
-    stout : (b,) width of the member over the length of its bay; 1 beside members that it grazes.
-    """
+    """Columns of beams, see `Frame`. stout : (b,) member's width over its bay's length; 1 beside grazed members."""
 
     ends: Ints
     normal: Floats
@@ -75,8 +70,7 @@ def beams_along(joints: AxisJoints) -> Beams:
     """Return beams along all axes, and links; the nodes within bays are added to the joints."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
-        stations = _stations(joints, member)
-        for begin, end in pairwise(stations):
+        for begin, end in pairwise(_stations(joints, member)):
             rows += _bay(joints, member, number, begin, end)
     for node_a, node_b, width in joints.links:
         rows.append(BeamRow((node_a, node_b), joints.normal_at(node_a), width, 0.0, -1, 0.0))
@@ -129,12 +123,9 @@ def _bay(
 
 
 def _sides(member: Member) -> Floats:
-    """(k, 2) widths to the left and right of the axis (m). A disc has material on both sides of its ring and an
-    outline on the outer one only: its width is at least its area over its length.
-    """
-    if member.kind != "disc":
-        return member.sides
-    return np.maximum(member.sides, member.area / member.length / 2)
+    """(k, 2) widths to the left and right of the axis (m). A disc has material on both sides of its ring and an outline
+    on the outer one only: its width is at least its area over its length."""
+    return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divide_bay(
@@ -167,9 +158,7 @@ def _divide_bay(
 
 @dataclass(frozen=True, eq=False)
 class BeamPlaces:
-    """Places near beams.    beam : (q,) the nearest.    along : (q,) 0 at its first node to 1.    foot : (q, 3)
-    point on it.
-    """
+    """Places near beams. beam : (q,) the nearest. along : (q,) 0 at its first node to 1. foot : (q, 3) point on it."""
 
     beam: Ints
     along: Floats
@@ -180,8 +169,7 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
     count = 9  # points along each beam, which select six candidates
-    t = np.linspace(0, 1, count)
-    samples = (a[:, None] + t[:, None] * (b - a)[:, None]).reshape(-1, 3)
+    samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a
     along = (
@@ -197,10 +185,8 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """(n, 6) newtons and newton metres on nodes, from forces on the vertices V (v, 3) of a sheet.
-
     Each force acts at the nearest point on the axes, with its moment about that point. The two nodes of the beam take
-    it as supports of a simple beam. The sums of forces and moments are those of the sheet.
-    """
+    it as supports of a simple beam. The sums of forces and moments are those of the sheet."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -212,10 +198,8 @@ def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, b
 @dataclass(frozen=True, eq=False)
 class NodeSupports:
     """Supports at nodes.
-
     node  : (h,) supported node on the axes, or the node of a link.    place : (h, 3) middle of the supported vertices.
-    apart : (h,) True if a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) metres.
-    """
+    apart : (h,) True if a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) metres."""
 
     node: Ints
     place: Floats
@@ -227,9 +211,7 @@ class NodeSupports:
 
 def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
     """Return the supports of a sheet, each at the node that is nearest along the nearest beam of nodes (n, 3).
-
-    Where whole faces are fixed, for instance at column heads, the sheet cannot turn, and neither can the node.
-    """
+    Where whole faces are fixed, for instance at column heads, the sheet cannot turn, and neither can the node."""
     V, clamped = surface.V, _clamped_vertices(surface, load)
     vertices = np.flatnonzero(load.supported | clamped)
     places = nearest_beams(V[vertices], points, beams)
@@ -262,9 +244,7 @@ def _clamped_vertices(surface: Surface, load: LoadCase) -> Bools:
 
 
 def _blocks(load: LoadCase, surface: Surface) -> Floats:
-    """(v,) width (m) of the patch of faces around each vertex that are fixed at all corners in all directions; 0
-    without.
-    """
+    """(v,) width (m) of the patch of faces around each vertex that are fixed at all corners; 0 without."""
     faces = surface.F[load.fixed[surface.F].all(axis=(1, 2))]
     rows, columns = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))

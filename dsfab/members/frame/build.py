@@ -38,7 +38,6 @@ def frame_of(
     graph : its members.    surface : the sheet, whose vertices carry the loads of each case; all cases have equal
             supports.
     combinations : factors of cases, by name.    thickness : metres.
-
     Raises StaticsError if no member has an axis, or if a part of the structure has no support.
     """
     if not any(member.axis for member in graph.members):

@@ -15,8 +15,7 @@ from dsfab.surface import Surface
 
 PLANES = 4
 """Planes within one edge of the mesh around a station. Forces are averaged over them, because those of a face are
-constant and only their means are in equilibrium.
-"""
+constant and only their means are in equilibrium."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +46,7 @@ class Sections:
 
 def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) -> Sections:
     """Return the lines in which planes at arc lengths (k,) of an axis cut the cells (c,) of a member; metres."""
-    edge = surface.mean_edge
-    offsets = edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
+    offsets = surface.mean_edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
     lengths = (stations[:, None] + offsets).ravel()
     P = axis.frames_at(lengths % axis.length if axis.closed else np.clip(lengths, 0, axis.length))[0]
     s = _places(surface, cells, axis)
@@ -88,8 +86,7 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
     """(c, 2, 3) weights of the corners at both ends of the line where a level (c, 3) is zero on triangles, and (c, 2)
-    their edges, by the corner at which an edge begins.
-    """
+    their edges, by the corner at which an edge begins."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -133,11 +130,9 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
 
 def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
     """(c, 2) position in `edges.of` of the edge that begins at each corner (c, 2)."""
-    side_vertices = np.sort(
-        np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1)
-    )
+    ends = np.sort(np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1))
     edge_vertices = np.sort(surface.edges.ends[surface.edges.of[face]], axis=-1)
-    return np.asarray((side_vertices[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
+    return np.asarray((ends[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
 
 
 def _corner(surface: Surface, face: Ints, which: Ints) -> Ints:
@@ -239,8 +234,7 @@ def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGrap
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))
     m = np.einsum("ck,cka->ca", cut.end_weight, section_forces.corner_moments[source])
-    twist = np.einsum("ca,ca->c", s, _times(m, v))
-    return np.asarray(twist[:, None] * normals[cut.end_face] / PLANES)
+    return np.asarray(np.einsum("ca,ca->c", s, _times(m, v))[:, None] * normals[cut.end_face] / PLANES)
 
 
 def _times(tensor: Floats, v: Floats) -> Floats:

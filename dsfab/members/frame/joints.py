@@ -105,8 +105,7 @@ def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
 
 def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
     """Join two members at arc lengths of their axes: in one node if these are near, else by a link as wide as the
-    narrower member. Return the nodes of both.
-    """
+    narrower member. Return the nodes of both."""
     node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
     if node_a != node_b:
         joints.links.append((node_a, node_b, min(member.mean_width for member in members)))
@@ -154,9 +153,7 @@ def _join_touching(joints: AxisJoints, trees: Trees) -> None:
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
-    patches = [
-        np.unique(surface.edges.of[candidate.cells]) for candidate in joints.graph.members if candidate.axis is None
-    ]
+    patches = [np.unique(surface.edges.of[m.cells]) for m in joints.graph.members if m.axis is None]
     with_axis, patched = _owners(borders, len(middle)), _owners(patches, len(middle))
     for member, border in zip(joints.members_with_axis, borders, strict=True):
         for s, what, width in _loose_ends(joints, member):
@@ -165,14 +162,7 @@ def _join_touching(joints: AxisJoints, trees: Trees) -> None:
             between = np.unique(patched[np.intersect1d(border, around)].indices)
             near_edges = np.intersect1d(np.concatenate([border, *(patches[k] for k in between)]), around)
             neighbours = (joints.members_with_axis[k] for k in np.unique(with_axis[near_edges].indices))
-            _join_to(
-                joints,
-                (member, s, width),
-                point,
-                [candidate for candidate in neighbours if candidate is not member],
-                what,
-                trees,
-            )
+            _join_to(joints, (member, s, width), point, [m for m in neighbours if m is not member], what, trees)
 
 
 def _owners(edges: list[Ints], count: int) -> csr_array:
@@ -194,14 +184,12 @@ def _join_to(
     member, s, width = end
     for neighbour in neighbours:
         own_nodes = {number for along, number in joints.on[member.id] if abs(along - s) < width}
-        other_nodes = {number for _, number in joints.on[neighbour.id]}
+        far_nodes = {number for _, number in joints.on[neighbour.id]}
         tree, along = trees[neighbour.id]
         t = float(along[tree.query(point)[1]])
         ends = [place for place, _, _ in _loose_ends(joints, neighbour) if abs(place - t) < width]
-        linked_there = any(
-            {node_a, node_b} & own_nodes and {node_a, node_b} & other_nodes for node_a, node_b, _ in joints.links
-        )
-        if not (own_nodes & other_nodes or linked_there) and (ends or what == "free"):
+        linked = any({a, b} & own_nodes and {a, b} & far_nodes for a, b, _ in joints.links)
+        if not (own_nodes & far_nodes or linked) and (ends or what == "free"):
             link_members(joints, [member, neighbour], (s, ends[0] if ends else t), f"{member.id} end")
 
 

@@ -22,9 +22,7 @@ SHEAR = 5 / 6
 
 def torsion_constant(width: Floats, thickness: Floats) -> Floats:
     """St. Venant's torsion constant of rectangles, m4, to half a per cent [Roark, table 10.1, case 4].
-
-    width, thickness : (b,) metres, in any order.
-    """
+    width, thickness : (b,) metres, in any order."""
     a, t = np.maximum(width, thickness), np.minimum(width, thickness)
     slim = t / a
     return np.asarray(a * t**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)))
@@ -174,11 +172,8 @@ class FrameAnswer:
 
 
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
-    """Solve a frame for its cases and combinations; return the solutions by name.
-
-    shear : whether sections deform by shear; without it beams are those of Euler and Bernoulli.
-    Raises StaticsError for a frame that is free to move.
-    """
+    """Solve a frame for its cases and combinations; return the solutions by name. shear : whether sections deform by
+    shear; without it beams are those of Euler and Bernoulli. Raises StaticsError for a frame that is free to move."""
     k, turn = local_stiffness(frame, shear), _turn(frame)
     K = _stiffness_matrix(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
     free = ~frame.fixed.ravel()
@@ -217,7 +212,6 @@ def _bending(L: Floats, phi: Floats) -> Floats:
 
 
 def _turn(frame: Frame) -> Floats:
-    """(b, 12, 12) rotation from the global axes to those of each beam."""
     turn = np.zeros((len(frame.ends), 12, 12))
     for k in range(0, 12, 3):
         turn[:, k : k + 3, k : k + 3] = frame.axes
@@ -225,7 +219,6 @@ def _turn(frame: Frame) -> Floats:
 
 
 def _unknowns(frame: Frame) -> Ints:
-    """(b, 12) numbers of the unknowns of each beam."""
     return np.asarray((6 * frame.ends[:, :, None] + np.arange(6)).reshape(-1, 12))
 
 
@@ -237,8 +230,7 @@ def _stiffness_matrix(frame: Frame, k: Floats) -> csr_array:
 
 def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Floats]:
     """Return a function from loads to displacements, both (6 n,)."""
-    matrix = csr_array(K + diags_array(frame.spring.ravel()))
-    inside = csc_array(matrix[free][:, free])
+    inside = csc_array(csr_array(K + diags_array(frame.spring.ravel()))[free][:, free])
     scale = 1 / np.sqrt(np.maximum(inside.diagonal(), np.finfo(float).tiny))
     try:
         factor = splu(csc_array(diags_array(scale) @ inside @ diags_array(scale)), options={"SymmetricMode": True})
@@ -330,11 +322,8 @@ def agreement(
     other_energy: Mapping[str, float],
     twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
-    """Compare the solutions of the frame and the sheet for each case and combination of both.
-
-    other_energy : by case, share of the sheet's elastic energy outside of members with an axis.
-    twist        : by case, see `FrameAgreement`.
-    """
+    """Compare the solutions of the frame and the sheet for each case and combination of both. other_energy : by case,
+    share of the sheet's elastic energy outside of members with an axis. twist : by case, see `FrameAgreement`."""
     stout = (frame.member < 0) | (frame.stout > STOUT)
     agreements = []
     for name in (name for name in answers if name in sheet):

@@ -53,9 +53,7 @@ class Proposal:
 
     def text(self, file: Path | None = None) -> str:
         """Return the preset as TOML; for a mesh in Python it names no file.
-
-        file : the mesh relative to the preset's folder; default: the user's path.
-        """
+        file : the mesh relative to the preset's folder; default: the user's path."""
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}
         return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
@@ -78,7 +76,6 @@ def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, materi
     unit     : of its numbers: mm, cm, m ...; guessed for files without a unit, else metres.
     up       : its axis that points to the sky: x, y, z, -x, -y, -z; guessed by default.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
-
     Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material.
     """
     return propose(mesh, unit, up, material).preset
@@ -92,11 +89,8 @@ def propose(
     max_triangles: int | None = None,
     raw: RawMesh | None = None,
 ) -> Proposal:
-    """Return the proposal with its text and decisions; see `preset_for`.
-
-    max_triangles : limit of a mesh file, which also limits the cost of reading it.
-    raw           : content of the file, if read before.
-    """
+    """Return the proposal with its text and decisions; see `preset_for`. max_triangles : limit of a mesh file, which
+    also limits the cost of reading it. raw : content of the file, if read before."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):

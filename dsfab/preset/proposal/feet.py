@@ -15,8 +15,7 @@ LINE = 1 / 12
 
 def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
     """Return True if a surface would tip, because the middle of its plan is outside of all feet; feet : points (k, 3)
-    of each foot, metres.
-    """
+    of each foot, metres."""
     if not feet:
         return False
     middle = surface.areas @ surface.centroids / surface.area
@@ -27,8 +26,7 @@ def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
 
 def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
     """Return True if two or more feet, points (k, 3) each, lie in one line, so that the surface would turn about this
-    line, like a saddle on two corners.
-    """
+    line, like a saddle on two corners."""
     if len(feet) < 2:
         return False
     plan = np.concatenate(feet)[:, :2]
@@ -45,15 +43,12 @@ def mast_corners(P: Floats, arm: float, height: float) -> Ints:
     saddle's is straight in plan.
     arm : metres along the edge for measuring a corner's directions.     height : of the whole sheet, metres.
     """
-    corners = _corners(P, arm)
-    if len(corners) < 3:
-        return corners[:0]
-    middle = P[corners].mean(axis=0)
-    arcs = [
-        P[np.arange(a, b + 1) % len(P)]
-        for a, b in zip(corners, np.append(corners[1:], corners[0] + len(P)), strict=True)
-    ]
-    return corners if all(_masts_hangs(arc, middle, height) for arc in arcs) else corners[:0]
+    c = _corners(P, arm)
+    if len(c) < 3:
+        return c[:0]
+    middle = P[c].mean(axis=0)
+    arcs = [P[np.arange(a, b + 1) % len(P)] for a, b in zip(c, np.append(c[1:], c[0] + len(P)), strict=True)]
+    return c if all(_masts_hangs(arc, middle, height) for arc in arcs) else c[:0]
 
 
 def _masts_hangs(arc: Floats, middle: Floats, height: float) -> bool:
@@ -72,8 +67,7 @@ def _masts_hangs(arc: Floats, middle: Floats, height: float) -> bool:
 
 def _corners(P: Floats, arm: float) -> Ints:
     """(k,) sharpest vertices of a closed line P (n, 3) that turn by 45 degrees in plan, within an arm's length (m)."""
-    step = lengths(np.roll(P, -1, axis=0) - P)
-    along = np.concatenate([[0], np.cumsum(step)])
+    along = np.concatenate([[0], np.cumsum(lengths(np.roll(P, -1, axis=0) - P))])
     total, n = float(along[-1]), len(P)
     before, after = (np.searchsorted(along, (along[:-1] + shift) % total) % n for shift in (-arm, arm))
     p, q = (P - P[before])[:, :2], (P[after] - P)[:, :2]
@@ -106,10 +100,8 @@ STEP = 1 / 200
 @dataclass(frozen=True, eq=False)
 class Foot:
     """A part of a surface that stands on the ground.
-
     name : for people.  points : (k, 3) metres, along the free edge or on the surface.
-    length : metres of free edge; 0 of a closed surface.  loop : number of the boundary loop, for a whole loop.
-    """
+    length : metres of free edge; 0 of a closed surface.  loop : number of the boundary loop, for a whole loop."""
 
     name: str
     points: Floats
@@ -158,26 +150,21 @@ def _with_higher_feet(
     surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], ground: float, span: float
 ) -> list[Foot]:
     """Add the next higher low points of the outer edges, up to `HIGHEST`, until the surface does not tip; if it always
-    tips, return the feet unchanged.
-    """
-    height = float(np.ptp(surface.V[:, 2]))
+    tips, return the feet unchanged."""
+    h = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
-    places = sorted(
-        {float(P[valley, 2]) for k, P in lines.items() if outer[k] for valley in _valleys(P[:, 2], DIP * height)}
-    )
+    places = sorted({float(P[v, 2]) for k, P in lines.items() if outer[k] for v in _valleys(P[:, 2], DIP * h)})
     for z in places:
-        if ground + LOW * height < z <= ground + HIGHEST * height:
-            highest = z + LEVEL * height
-            more_feet = [foot for k, P in lines.items() for foot in _stretches(k, P, height, highest, span)]
+        if ground + LOW * h < z <= ground + HIGHEST * h:
+            highest = z + LEVEL * h
+            more_feet = [foot for k, P in lines.items() for foot in _stretches(k, P, h, highest, span)]
             if not tips(surface, [foot.points for foot in more_feet]):
                 return more_feet
     return low_feet
 
 
 def _on_a_slope(surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], span: float) -> list[Foot]:
-    """The feet on the plane through the lowest points, if they are more: a shell on four feet on a slope needs the
-    fourth.
-    """
+    """The feet on the plane through the lowest points, if more: a shell on four feet on a slope needs all."""
     lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in low_feet])
     if len(low_feet) < 3:
         return low_feet
@@ -206,8 +193,7 @@ def _hangs(surface: Surface, loop: int) -> bool:
 
 def _has_sheet_below(surface: Surface, height: float) -> bool:
     """True if all boundary of one piece is above its lowest part, and its lowest boundary below the middle: it neither
-    stands on a hole in its side nor hangs from it.
-    """
+    stands on a hole in its side nor hangs from it."""
     if surface.pieces[0] > 1:
         return False
     lowest = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
@@ -254,9 +240,7 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
 
 
 def soles(surface: Surface, height: float) -> list[Foot]:
-    """Return the lowest parts of a surface, which for a closed one are on the ground, without specks beside larger
-    parts.
-    """
+    """Return the lowest parts of a surface, on the ground if it is closed, without specks beside larger parts."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * height
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
@@ -283,11 +267,9 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
     if np.ptp(z) < DIP * height:
         return [Foot("", P, polygon_perimeter(P), loop)]
     result = []
-    for valley in _valleys(z, DIP * height):
-        if z[valley] <= highest:
-            low = _bridge_gaps(
-                _stretch_around(z <= z[valley] + 2 * LEVEL * height, valley), z <= z[valley] + LEVEL * height
-            )
+    for v in _valleys(z, DIP * height):
+        if z[v] <= highest:
+            low = _bridge_gaps(_stretch_around(z <= z[v] + 2 * LEVEL * height, v), z <= z[v] + LEVEL * height)
             stretch = P[_widen_stretch(P, low, SHORTEST * span)]
             result.append(Foot("", stretch, _length(stretch)))
     return result
@@ -295,10 +277,8 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
 
 def _valleys(z: Floats, depth: float) -> list[int]:
     """Lowest places of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
-
     Persistence of low points [Edelsbrunner, Letscher and Zomorodian 2002]: from the lowest up, each begins a pool.
-    Where two pools meet, the shallower one ends, and counts if it is at least `depth` deep.
-    """
+    Where two pools meet, the shallower one ends, and counts if it is at least `depth` deep."""
     k = len(z)
     pool = np.full(k, -1)
     lasting = {int(z.argmin())}
@@ -342,8 +322,7 @@ def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
 
 def _widen_stretch(P: Floats, stretch: Bools, shortest: float) -> Ints:
     """Indices of a stretch of a closed line P (k, 3), extended on its lower side until long enough; on both sides at
-    equal heights, so that a mirrored roof stays a mirror image.
-    """
+    equal heights, so that a mirrored roof stays a mirror image."""
     k, z = len(P), P[:, 2]
     tolerance = 1e-4 * float(np.ptp(z))
     begin = int(np.flatnonzero(stretch & ~np.roll(stretch, 1))[0])
@@ -373,9 +352,7 @@ def _kind(surface: Surface, foot: Foot, span: float) -> str:
 
 
 def stems(surface: Surface, stands: Sequence[Foot], span: float) -> tuple[Foot, ...]:
-    """Return the lowest parts of a sheet that hangs from an upper rim, as a funnel or a bowl: it could stand on
-    them instead.
-    """
+    """Return the lowest parts of a sheet that hangs from an upper rim, as a funnel: it could stand on them instead."""
     if not stands or not all(foot.name.startswith(RIM) for foot in stands):
         return ()
     x, y = surface.V[:, 0], surface.V[:, 1]

@@ -22,9 +22,7 @@ TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
     """Return the marks on the four layers of the surface's file, by layer; {} for files without layers.
-
-    Raises SurfaceError for marks in a file whose z does not point to the sky.
-    """
+    Raises SurfaceError for marks in a file whose z does not point to the sky."""
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
         return {}
@@ -41,9 +39,7 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
     """Yield tables of a preset for the marks, a list of lines each.
-
-    file : relative to the preset's folder, or "" to write curves into the preset.    edge : metres, of the triangles.
-    """
+    file : relative to the preset's folder, or "" to write curves into the preset. edge : metres, of the triangles."""
     radius = round(0.6 * edge, 3)
     for word, layer_marks in marks.items():
         head = TABLES.get(word, "[[pattern.region]]")

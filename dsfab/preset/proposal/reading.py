@@ -32,9 +32,8 @@ from dsfab.surface import (
 )
 
 CLEAR_IN = {".3mf": np.inf, ".3dm": np.inf, ".dxf": np.inf, ".glb": np.inf, ".gltf": np.inf}
-"""Least score by which y must beat z, by suffix: infinite where the format or program defines the vertical axis
-(glTF's is z after reading), 0.5 where most files have z up.
-"""
+"""Least score by which y must beat z, by suffix: infinite where the format or program defines the vertical axis (glTF's
+is z after reading), 0.5 where most files have z up."""
 CLEAR_IN |= dict.fromkeys((".stl", ".step", ".stp", ".brep"), 0.5)
 
 SLICE = 0.05
@@ -69,17 +68,14 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
 
 def _stands_on_ground(surface: Surface, up: Up) -> bool:
     """True for a wall or screen: it stands with a long edge on the plane through the origin, and its face crosses or
-    touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it.
-    """
+    touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it."""
     V = upright_vertices(surface.V, up)
-    level, through = V[:, 2], V[:, 1]  # the other candidate for the axis up
-    tolerance = GROUND * surface.size
-    if abs(level.min()) > tolerance or not (
-        through.min() < -tolerance < tolerance < through.max() or np.ptp(through) < tolerance
-    ):
+    level, y = V[:, 2], V[:, 1]  # the other candidate for the axis up
+    limit = GROUND * surface.size
+    if abs(level.min()) > limit or not (y.min() < -limit < limit < y.max() or np.ptp(y) < limit):
         return False
     ends = surface.edges.ends[surface.edges.boundary]
-    on_ground = (np.abs(level[ends]) <= tolerance).all(axis=1)
+    on_ground = (np.abs(level[ends]) <= limit).all(axis=1)
     length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
     return bool(length[on_ground].sum() > 0.7 * np.ptp(V[:, 0]))
 
@@ -100,8 +96,7 @@ def _standing(surface: Surface, up: Up) -> float:
     stability = _stability(V, surface)
     if is_nearly_closed(surface):
         return stability
-    k = "xyz".index(up[-1])
-    plan = float(surface.areas @ np.abs(surface.normals[:, k]) / surface.area)
+    plan = float(surface.areas @ np.abs(surface.normals[:, "xyz".index(up[-1])]) / surface.area)
     ends = surface.edges.ends[surface.edges.boundary]
     length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
     z = V[ends, 2].mean(axis=1)
@@ -118,11 +113,8 @@ def is_nearly_closed(surface: Surface) -> bool:
 
 def _stability(V: Floats, surface: Surface) -> float:
     """Distance of the centre of mass inside of the base, over the side of a square of the surface's area.
-
-    V : (n, 3) its vertices with z up. Between -0.2, it falls over, and 0.4.
-    """
-    height = np.ptp(V[:, 2])
-    base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * height, :2]
+    V : (n, 3) its vertices with z up. Between -0.2, it falls over, and 0.4."""
+    base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     try:
         plane = ConvexHull(base_points).equations  # a point is inside where all of them are negative
@@ -147,10 +139,8 @@ GUESSED = ("mm", "cm", "m", "in", "ft")
 
 @dataclass(frozen=True)
 class Decision:
-    """A decision.
-
-    topic : a word or two.  choice : the choice and its reason.  change : key of the preset, or option, that changes it.
-    """
+    """A decision. topic : a word or two. choice : the choice and its reason. change : key of the preset, or option,
+    that changes it."""
 
     topic: str
     choice: str
@@ -159,10 +149,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """A mesh as a surface, metres, z up, with the keys of [surface] that produce it.
-
-    repaired : differences from its file.
-    """
+    """A mesh as a surface, metres, z up, with its keys of [surface]. repaired : differences from its file."""
 
     surface: Surface
     name: str
@@ -175,11 +162,8 @@ def mesh_in_file(
     path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None, raw: RawMesh | None = None
 ) -> UserMesh:
     """Return the mesh in a file; unit and vertical axis are guessed by default.
-
     max_triangles : limit of the file. raw : its content, if read before.
-
-    Raises SurfaceError for a file that cannot be read, or that is no sheet even after mending.
-    """
+    Raises SurfaceError for a file that cannot be read, or that is no sheet even after mending."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
     unit_is_given, unit = unit is not None, unit or unit_guess(raw)
@@ -228,9 +212,7 @@ def preset_name(mesh: str | Path) -> str:
 
 def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> UserMesh:
     """Return the mesh from Python: a `Surface`, or an object that `Surface.of` takes; metres by default.
-
-    Raises SurfaceError for an invalid mesh.
-    """
+    Raises SurfaceError for an invalid mesh."""
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
     else:
@@ -263,9 +245,7 @@ def _with_z_up(
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
-    """Origin of a surface: whole metres near its lowest corner along the axes on which it is far off, 0 along the
-    rest.
-    """
+    """Origin of a surface: whole metres near its lowest corner along axes on which it is far off, else 0."""
     low = surface.V.min(axis=0)
     # single precision (STL) is coarser there than a hundred-thousandth, and CAD programs lose digits
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
@@ -273,9 +253,8 @@ def _origin(surface: Surface) -> tuple[float, ...]:
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
-    """Return a doubt about the unit for a box of unusual sides (m); '' for usual ones. Mostly the unit is wrong, or
-    the file was scaled twice.
-    """
+    """Return a doubt about the unit for a box of unusual sides (m); '' for usual ones. Mostly the unit is wrong, or the
+    file was scaled twice."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
     doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"
@@ -290,9 +269,7 @@ def _alternative_units(surface: Surface, unit: str) -> str:
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
-    """Return '--unit in: 8 m x 6 m x 3 m' for each other unit in which the longest of these sides (m) is in a range
-    (m).
-    """
+    """Return '--unit in: 8 m x 6 m x 3 m' for each other unit in which the longest side (m) is in a range (m)."""
     metres = {name: metres_per(name) / metres_per(unit) for name in GUESSED if name != unit}
     return [
         f"--unit {name}: {' x '.join(length(times * side) for side in sides)}"

@@ -20,8 +20,7 @@ SLENDER = {"steel": 200, "timber": 100}
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
 """Spans of more than this many times the shorter side of the plan govern the thickness. A square on its corners spans
-its diagonal, 1.41 sides.
-"""
+its diagonal, 1.41 sides."""
 THICKEST = 1 / 5
 """Largest thickness for a long span, as a share of the spacing, because members are hardly wider than that."""
 MODEL = 3.0
@@ -91,17 +90,14 @@ class Sizes:
 
     @property
     def fillet(self) -> float:
-        """Radius of the corners of openings: their tips are then wider than the thickness, because arcs are drawn
-        by chords.
-        """
+        """Radius of the corners of openings: their tips are then wider than the thickness, because arcs are drawn by
+        chords."""
         return two_digits(max(0.06 * self.spacing, 0.55 * self.thickness))
 
 
 def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> Sizes:
     """Return the sizes for a surface with z up; the default material is GL24h, or PLA for a model.
-
-    span : metres; 0 for the shorter side of its plan.
-    """
+    span : metres; 0 for the shorter side of its plan."""
     figure = is_figure(surface)
     span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))

@@ -17,8 +17,7 @@ from dsfab.surface import Boundary, Marks, Surface, one_sided_pieces
 
 def snow_on_top(surface: Surface) -> str | None:
     """Return the picker of faces with snow on an open surface that is no roof, as the top of a ball; normals may point
-    either way. None for models, and for surfaces without a top (wall, tower) or an outside.
-    """
+    either way. None for models, and for surfaces without a top (wall, tower) or an outside."""
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
     if surface.size < MODEL or edge**2 > 16 * surface.area or is_nearly_closed(surface) or _one_sided(surface):
         return None
@@ -61,15 +60,11 @@ def proposal_text(
     snow: bool,
     marks: Mapping[str, Marks],
 ) -> str:
-    """Return the preset as TOML with comments.
-
-    keys : of [surface], which define the mesh.  notes : topic -> choice.  marks : marks of the file, which take the
-    place of proposed feet.
-    """
+    """Return the preset as TOML with comments. keys : of [surface], which define the mesh. notes : topic -> choice.
+    marks : marks of the file, which take the place of proposed feet."""
     surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # drawings keep the origin of their own file
-    mark_lines = mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge)
-    tables = list(mark_lines)
+    tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
         _entry("name", user_mesh.name),

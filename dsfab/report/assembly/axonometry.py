@@ -59,8 +59,7 @@ class MemberFaces:
 
 def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> list[MemberFaces]:
     """Return the faces of all members but fills, in their colours, each in its uppermost layer; metres."""
-    V = graph.sheet.surface.V
-    piece = float(np.linalg.norm(np.ptp(V, axis=0))) / DRAWN_PIECES
+    piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / DRAWN_PIECES
     faces = []
     for member in graph.members:
         if member.kind != "fill":
@@ -87,14 +86,11 @@ def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     """Return the faces of all members of a plan of panels, in one skin."""
     assert plan.graph is not None
     built = {part.member for part in plan.parts}
-    faces = member_faces(plan.graph, palette, Layering(0.0, 2, 0.0))
-    return [face for face in faces if face.id in built]
+    return [face for face in member_faces(plan.graph, palette, Layering(0.0, 2, 0.0)) if face.id in built]
 
 
 def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of a plan of planks in their colours: both sides and the upper edge of each plank, and the
-    plates.
-    """
+    """Return the faces of planks in their colours: both sides and the upper edge of each plank, and the plates."""
     assert plan.graph is not None
     assert plan.planks is not None
     graph, stock, built = plan.graph, plan.planks.stock, {part.member for part in plan.parts}
@@ -168,9 +164,7 @@ class FaceList:
 def painted_faces(
     faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]
 ) -> FaceList:
-    """Return all faces from the farthest to the nearest; `colours` replaces the colours of the members that it
-    names.
-    """
+    """Return all faces from the farthest to the nearest; `colours` replaces the colours of members that it names."""
     quads = np.concatenate([face.quads for face in faces])
     tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])

@@ -123,8 +123,7 @@ SHOWN = 1.7
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return a page about the node with the most bars, from above and from the side, and a second page about a node
-    that stands on a leg.
-    """
+    that stands on a leg."""
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.bar_lattice.joints if joint.node.joined]
     pages = list[PartsPage]()
@@ -217,9 +216,7 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
 
 
 def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, bars: Container[str]) -> None:
-    """Draw an arm of a plate from the side, to scale: its fold, the bar and its bolts. A leg lies level, without a
-    bar.
-    """
+    """Draw an arm of a plate from the side, to scale: fold, bar and bolts. A leg lies level, without a bar."""
     assert plan.bars is not None
     stock = plan.bars.stock
     c, s = float(np.cos(arm.dip)), float(np.sin(arm.dip))

@@ -69,9 +69,7 @@ def _shortened(words: str, limit: int) -> str:
 
 
 def _outline(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
-    paper.polylines(
-        [fitted.to_paper(part.outline), *(fitted.to_paper(slot) for slot in part.slots)], INK, 0.4, closed=True
-    )
+    paper.polylines([fitted.to_paper(part.outline), *(fitted.to_paper(s) for s in part.slots)], INK, 0.4, closed=True)
     if part.folds:
         paper.polylines([fitted.to_paper(fold.line) for fold in part.folds], RED, 0.3)
     if part.holes:
@@ -107,7 +105,6 @@ def nest_pages(plan: WorkshopPlan) -> list[PartsPage]:
 
 
 def _largest_scale(across: int, down: int, wide: float, high: float) -> float:
-    """Millimetres per metre at which this many sheets fit on a page."""
     return min((PAGE.wide / across - 6) / wide, (PAGE.high / down - 12) / high)
 
 
@@ -171,19 +168,13 @@ def _node_page(rows: Sequence[Sequence[str | int | float]], meets: str) -> Calla
             for place, head in zip(places, heads, strict=True):
                 paper.text((x + place, top), head, 6.5, QUIET, "left" if place < 50 else "right")
             paper.polylines([np.array([[x, top - 1], [x + 122, top - 1]])], INK, 0.5)
-            for row, (name, kind, lower_member, upper_member, _, _, angle, *coordinates) in enumerate(
-                rows[k : k + ROWS], 1
-            ):
+            for row, (name, kind, lower, upper, _, _, angle, *place_values) in enumerate(rows[k : k + ROWS], 1):
                 y = top - row * step
-                words = (
-                    f"{lower_member} {meets} {upper_member}"
-                    if kind == "crossing"
-                    else f"{lower_member}, {upper_member} ({kind})"
-                )
+                words = f"{lower} {meets} {upper}" if kind == "crossing" else f"{lower}, {upper} ({kind})"
                 paper.text((x, y), str(name), 6.5, bold=True)
                 paper.text((x + places[1], y), words, 6.5)
                 shown = "" if angle != angle else f"{angle:.1f}°"
-                for place, value in zip(places[2:], (shown, *(f"{value:,.0f}" for value in coordinates)), strict=True):
+                for place, value in zip(places[2:], (shown, *(f"{value:,.0f}" for value in place_values)), strict=True):
                     paper.text((x + place, y), value, 6.5, side="right")
         paper.text(
             (PAGE.x, PAGE.y - 4), "Millimetres, on the middle surface; angles between the members there.", 7, QUIET
@@ -224,11 +215,7 @@ def family_pages(plan: WorkshopPlan) -> list[tuple[str, Callable[[Paper], None]]
     pages = []
     built = {part.member for part in plan.parts}
     for family in dict.fromkeys(member.family for member in plan.graph.members):
-        members = [
-            built_member
-            for built_member in plan.graph.members
-            if built_member.family == family and built_member.id in built
-        ]
+        members = [m for m in plan.graph.members if m.family == family and m.id in built]
         longest = max((member.length for member in members), default=0.0)
         for k in range(0, len(members), PER_PAGE):
             page_members = members[k : k + PER_PAGE]
@@ -268,17 +255,15 @@ def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scal
     paper.polylines([np.array([[PAGE.x, y - 0.5], [PAGE.x + PAGE.wide, y - 0.5]])], HAIR, 0.3)
     if member.axis is None:
         return
-    start, middle = PAGE.x + NAMES, y + 11.0
-    paper.polylines([np.array([[start, middle], [start + scale * member.length, middle]])], INK, 1.6)
-    _node_ticks(paper, plan, member, (start, middle), scale)
+    start, mid = PAGE.x + NAMES, y + 11.0
+    paper.polylines([np.array([[start, mid], [start + scale * member.length, mid]])], INK, 1.6)
+    _node_ticks(paper, plan, member, (start, mid), scale)
     for part in pieces:
         if plan.bars and scale * (part.span[1] - part.span[0]) > APART:
-            paper.text(
-                (start + scale * sum(part.span) / 2, middle + 1.2), part.id.rpartition(".")[2], 5.2, RED, "middle"
-            )
+            paper.text((start + scale * sum(part.span) / 2, mid + 1.2), part.id.rpartition(".")[2], 5.2, RED, "middle")
         elif 0 < part.span[0] < member.length and not plan.bars:
             x = start + scale * part.span[0]
-            paper.polylines([np.array([[x, middle - 2.2], [x, middle + 2.2]])], RED, 1.2)
+            paper.polylines([np.array([[x, mid - 2.2], [x, mid + 2.2]])], RED, 1.2)
 
 
 def _node_ticks(paper: Paper, plan: WorkshopPlan, member: Member, origin: tuple[float, float], scale: float) -> None:

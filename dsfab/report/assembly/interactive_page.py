@@ -21,10 +21,8 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
     """Return the scales by which the page colours members: name, unit, and a value or None for each of `names`.
-
     judged_design : design whose member forces give more scales, which takes seconds. Raises StaticsError then without a
-    strength, or if nothing carries its loads.
-    """
+    strength, or if nothing carries its loads."""
     assert plan.graph is not None
     members = plan.graph.by_id
     longest: dict[str, float] = {}
@@ -80,10 +78,8 @@ def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[
 
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
     """Return the page as one HTML file that loads nothing from the network; the same plan gives the same page.
-
     judged : also colour members by force and utilisation: a page for clients, without the workshop's drawings.
-    The plan must have members.
-    """
+    The plan must have members."""
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None
@@ -113,8 +109,7 @@ def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> s
     template = files("dsfab.report.assembly").joinpath("page.html").read_text(encoding="utf-8")
     text = json.dumps(facts, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     title = escape(f"{preset.name}: {'structure' if judged else 'workshop'}")
-    head = template.replace("{{title}}", title).replace("{{style}}", page_style())
-    return head.replace("{{facts}}", text)
+    return template.replace("{{title}}", title).replace("{{style}}", page_style()).replace("{{facts}}", text)
 
 
 def _clickable_faces(plan: WorkshopPlan) -> list[MemberFaces]:
@@ -130,7 +125,6 @@ def _clickable_faces(plan: WorkshopPlan) -> list[MemberFaces]:
 
 
 def _refolded_parts(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]:
-    """Flat parts bent back into space, metres; none if the page shows members as their parts anyway."""
     if plan.bars:
         return []
     piece = piece_length(faces)

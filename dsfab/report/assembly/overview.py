@@ -49,9 +49,7 @@ def draw_structure(
     extent: Floats | None = None,
 ) -> DrawingTransform:
     """Draw members into a box of the page; `colours` replaces the colours of the members that it names.
-
-    extent : (k, 2) region to fit into the box, metres; None fits the members.
-    """
+    extent : (k, 2) region to fit into the box, metres; None fits the members."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
     fitted = DrawingTransform.fit_to_box(extent.min(axis=0), extent.max(axis=0), box)
@@ -126,8 +124,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
     """Return (q, 4, 3) a strip in pieces about `piece` metres long; a slotted strip breaks at every corner."""
-    middle = strip.edges.mean(axis=1)
-    length = float(np.linalg.norm(np.diff(middle, axis=0), axis=1).sum())
+    length = float(np.linalg.norm(np.diff(strip.edges.mean(axis=1), axis=0), axis=1).sum())
     count = max(int(np.ceil(length / piece)), 1)
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)

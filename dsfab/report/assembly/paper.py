@@ -61,8 +61,7 @@ class DrawingTransform:
         """Centre a box of (2,) metres in a box of paper, at a scale, or as large as it fits."""
         size = np.maximum(high - low, 1e-9)
         scale = scale or float(min(box.wide / size[0], box.high / size[1]))
-        middle = np.array([box.x + box.wide / 2, box.y + box.high / 2])
-        return cls(scale, middle - scale * (low + high) / 2)
+        return cls(scale, np.array([box.x + box.wide / 2, box.y + box.high / 2]) - scale * (low + high) / 2)
 
     def to_paper(self, points: Floats) -> Floats:
         """Return points as (..., 2) millimetres."""

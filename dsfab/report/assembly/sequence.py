@@ -34,10 +34,7 @@ class AssemblyStep:
 
 
 def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps: every built member once for each of its layers, in the order of `LAYER_RULE`.
-
-    up : (3,) unit vector.
-    """
+    """Return the steps: every built member once for each of its layers, by `LAYER_RULE`. up : (3,) unit vector."""
     return _ordered_steps(graph, up, partial(layer_numbers, layering))
 
 
@@ -95,7 +92,6 @@ def _ordered_steps(
 
 
 def _heights(graph: MemberGraph, up: Floats) -> dict[str, float]:
-    """The lowest point of each member, metres along `up`."""
     surface = graph.sheet.surface
     z = surface.V @ up
     return {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}

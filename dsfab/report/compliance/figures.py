@@ -62,11 +62,8 @@ NAMES = {
 
 
 def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
-    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png.
-
-    rows  : at several volumes; a competitor without equilibrium leaves a gap in its line.
-    names : label of each competitor.
-    """
+    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png. rows : at several volumes; a
+    competitor without equilibrium leaves a gap in its line. names : label of each competitor."""
     import matplotlib as mpl
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
@@ -103,11 +100,9 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
         competitor_rows = sorted((row for row in rows if row["name"] == name), key=lambda row: float(row["volume"]))
         mass = [full_mass * row["volume"] for row in competitor_rows]
         ratio = [_number(row["ratio_to_full"]) for row in competitor_rows]
-        line_width = 2.4 if name == "design" else 1.5
+        width = 2.4 if name == "design" else 1.5
         label = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
-        axes.plot(
-            mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=line_width, label=label
-        )
+        axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=width, label=label)
         if name == "isotropic" and label == names[name]:
             low, high = (
                 [_ratio_to_full_sheet(row, f"variants_{key}") for row in competitor_rows] for key in ("best", "worst")
@@ -150,9 +145,7 @@ FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans",
 
 
 def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
-    """Return `bars`, the compliances at one mass, and `volumes` if the request names several masses. rows : at
-    these.
-    """
+    """Return `bars`, compliances at one mass, and `volumes` if the request names several masses. rows : at these."""
     images: dict[str, ChartImage] = {}
     with lettering():
         if findings.compared.rivals:
@@ -262,9 +255,7 @@ class FindingsPictures:
         )
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with the loads and supports of a case; beside: two pictures share the width of the
-        text.
-        """
+        """Draw the uncut surface with a case's loads and supports; beside: two pictures share the text's width."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -327,17 +318,13 @@ class FindingsPictures:
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
     """Return the factor that enlarges the letters of a preview to a height of `points` on paper.
-
-    size : pixels.    width : share of the text's width that the picture takes.
-    """
+    size : pixels.    width : share of the text's width that the picture takes."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
 
 
 def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
-    """Return a picture without empty rows at top and bottom, and with few between the structure and the words below
-    it.
-    """
+    """Return a picture without empty rows at top and bottom, with few between the structure and its words."""
     marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(marked_rows):
         return pixels

@@ -94,9 +94,7 @@ def round_number_above(value: float) -> float:
 
 
 SAFE_BUCKLING_FACTOR = 5.0
-"""Load factor above which the linear buckling analysis suffices, because real shells buckle at a fifth to a half of
-it.
-"""
+"""Load factor above which linear buckling suffices: real shells buckle at a fifth to a half of it."""
 
 LABELS = {
     "full": "Whole sheet, uncut",
@@ -211,11 +209,8 @@ class Findings:
         return self.judgement.cases[self.cases[0]]
 
     def decisive_case(self, answer: str) -> tuple[str, CaseResponse]:
-        """Return the case or combination with the largest displacement or stress, or the least buckling factor, and
-        its answer.
-
-        Only cases of the limit state that judges this answer count: SLS for displacement, else ULS.
-        """
+        """Return the case or combination with the largest displacement or stress, or the least buckling factor, and its
+        answer. Only cases of the limit state that judges this answer count: SLS for displacement, else ULS."""
         state: LimitState = "SLS" if answer == "displacement" else "ULS"
         return max(
             ((name, self.judgement.cases[name]) for name in self.task.preset.judged_in(state, self.judgement.cases)),
@@ -223,9 +218,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Select the cases and combinations with a figure of their own: of a standard's combinations only the
-        decisive ones.
-        """
+        """Select the cases and combinations with a figure of their own: of a standard's only the decisive ones."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = (
             {self.cases[0], self.decisive_case("displacement")[0], self.decisive_case("stress")[0]}
@@ -238,9 +231,7 @@ class Findings:
         return f", {escaped_text(self.decisive_case(answer)[0])}" if len(self.judgement.cases) > 1 else ""
 
     def stiffness_ratio(self, rival: Competitor) -> tuple[float, float, float]:
-        """Return the stiffness of the design over that of a competitor of the same mass: lower bound, estimate,
-        upper bound.
-        """
+        """Return the stiffness over that of a competitor of the same mass: lower bound, estimate, upper bound."""
         assert rival.judgement is not None
         rival_bound, design_bound = rival.judgement.bound or 0.0, self.judgement.bound or 0.0
         middle = rival.compliance / self.design.compliance

@@ -139,9 +139,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Sums of the forces of each case and combination, on the cut sheet if it carries them all, and the checks on
-    each.
-    """
+    """Sums of forces of each case and combination, on the cut sheet if it carries all, and checks on each."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
@@ -188,9 +186,7 @@ def ordered_cases(findings: Findings) -> list[str]:
 def acting_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Loads and supports of the preset."""
     surface = findings.task.preset.surface
-    rows = [
-        (load.name or "Load", load.case, load.kind.replace("_", " "), _settings_words(load)) for load in surface.load
-    ]
+    rows = [(x.name or "Load", x.case, x.kind.replace("_", " "), _settings_words(x)) for x in surface.load]
     rows += [
         (
             support.name or f"Support {k}",
@@ -244,9 +240,7 @@ def _value_words(value: Any) -> str:
     if isinstance(value, float | int) and not isinstance(value, bool):
         return f"{value:g}"
     if isinstance(value, list | tuple):
-        if len(value) > 6:
-            return f"{len(value)} values"
-        return f"({', '.join(_value_words(item) for item in value)})"
+        return f"{len(value)} values" if len(value) > 6 else f"({', '.join(_value_words(item) for item in value)})"
     return str(value)
 
 

@@ -23,25 +23,23 @@ TITLES = {
 
 def verdict_banner(findings: Findings) -> Banner:
     """Return the verdict on the structure itself."""
-    missed_checks = [check for check in findings.checks if check.status == findings.status != "pass"]
+    missed = [check for check in findings.checks if check.status == findings.status != "pass"]
     if not findings.carries:
         return Banner(
             "fail", "Fail: the structure does not carry its loads", f"{_capitalised_markup(findings.design.error)}."
         )
     if findings.status == "fail":
-        text = " ".join(f"{check.name}: {check.result} (wanted: {check.limit})." for check in missed_checks)
-        return Banner("fail", f"Fail: {enumeration([check.name.lower() for check in missed_checks])}", text)
-    compliance_words = f"Compliance {within(findings.judgement.compliance, findings.judgement.bound, 'J')}"
+        text = " ".join(f"{check.name}: {check.result} (wanted: {check.limit})." for check in missed)
+        return Banner("fail", f"Fail: {enumeration([check.name.lower() for check in missed])}", text)
+    words = f"Compliance {within(findings.judgement.compliance, findings.judgement.bound, 'J')}"
     if theory := findings.judgement.theory:
-        compliance_words += f" (thin-shell theory: a solid is up to {percent(theory)} softer)"
+        words += f" (thin-shell theory: a solid is up to {percent(theory)} softer)"
     if findings.status == "unknown":
-        text = f"{compliance_words}. " + " ".join(
-            f"{check.name}: {check.result} (wanted: {check.limit})." for check in missed_checks
-        )
+        text = f"{words}. " + " ".join(f"{check.name}: {check.result} (wanted: {check.limit})." for check in missed)
         return Banner("unknown", TITLES["unknown"], text)
     under = f" under load case {escaped_text(findings.cases[0])}, which governs," if len(findings.cases) > 1 else ""
     moves = length(findings.governing.displacement.value)
-    text = f"{compliance_words}; all loads reach a support; the structure moves{under} by {moves} at most."
+    text = f"{words}; all loads reach a support; the structure moves{under} by {moves} at most."
     return Banner("pass", TITLES["pass"], text)
 
 
@@ -125,24 +123,16 @@ def thinner_sheet_words(findings: Findings) -> str:
         for share, compared in findings.volumes
         if any(rival.name == "thinner" and rival.judgement for rival in compared.rivals)
     ]
-    lost_shares = [
-        share for share, design, thinner in pairs if _lowest_compliance(design) > _highest_compliance(thinner)
-    ]
-    won_shares = [
-        share for share, design, thinner in pairs if _highest_compliance(design) < _lowest_compliance(thinner)
-    ]
-    open_shares = [share for share, _, _ in pairs if share not in (*lost_shares, *won_shares)]
+    lost = [share for share, design, thinner in pairs if _lowest_compliance(design) > _highest_compliance(thinner)]
+    won = [share for share, design, thinner in pairs if _highest_compliance(design) < _lowest_compliance(thinner)]
+    open_shares = [share for share, _, _ in pairs if share not in (*lost, *won)]
     lines = []
-    if lost_shares:
+    if lost:
         lines.append(
-            f"<b>At {enumeration(lost_shares)} of the material a thinner whole sheet of the same mass is stiffer.</b>"
+            f"<b>At {enumeration(lost)} of the material a thinner whole sheet of the same mass is stiffer.</b>"
         )
-    if won_shares:
-        where = (
-            "every share that was tried"
-            if len(won_shares) == len(pairs)
-            else f"{enumeration(won_shares)} of the material"
-        )
+    if won:
+        where = "every share that was tried" if len(won) == len(pairs) else f"{enumeration(won)} of the material"
         lines.append(f"At {where} the design is stiffer than a thinner whole sheet of the same mass.")
     if open_shares:
         lines.append(

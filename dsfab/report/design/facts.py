@@ -54,9 +54,7 @@ def _attempt_cells(attempt: "Attempt") -> tuple[str, ...]:
 
 def attempt_facts(attempts: "Sequence[Attempt]") -> dict[str, Any]:
     """Return `attempts` of `design.json`, best first; a refused one has no numbers."""
-    if not attempts:
-        return {}
-    return {"attempts": [_attempt_facts(attempt) for attempt in attempts]}
+    return {} if not attempts else {"attempts": [_attempt_facts(attempt) for attempt in attempts]}
 
 
 def _attempt_facts(attempt: "Attempt") -> dict[str, Any]:
@@ -97,9 +95,7 @@ def _alternative_line(alternative: Mapping[str, Any]) -> str:
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:
     """Return `candidates` of `design.json`, best first; a refused one has no numbers."""
-    if choice is None:
-        return {}
-    return {"candidates": [_candidate_facts(candidate) for candidate in choice.candidates]}
+    return {} if choice is None else {"candidates": [_candidate_facts(candidate) for candidate in choice.candidates]}
 
 
 def _candidate_facts(candidate: "Candidate") -> dict[str, Any]:

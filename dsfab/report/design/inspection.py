@@ -71,9 +71,7 @@ def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
 
 
 def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a table of the supports, each in its largest case, and a table of the loads; nothing for files without
-    them.
-    """
+    """Yield a table of supports, each in its largest case, and a table of loads; nothing for files without them."""
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         several = len(supports[0]["share"]) > 1
@@ -149,9 +147,7 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     for name in ("major", "minor"):
         if not facts[name].get("drawn", True):
             continue
-        opening, spacing = (
-            [facts[name][key][quantile] for quantile in QUANTILES] for key in ("clear_opening_m", "spacing_m")
-        )
+        opening, spacing = ([facts[name][key][q] for q in QUANTILES] for key in ("clear_opening_m", "spacing_m"))
         if not opening[2] > 0:
             yield f"{name} members: no opening between them"
             continue
@@ -229,9 +225,7 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield the smallest features, those narrower than the sheet is thick, the pieces, and a table of limits.
-
-    The table lists limits of the preset, and limits that the design misses.
-    """
+    The table lists limits of the preset, and limits that the design misses."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")
@@ -259,11 +253,9 @@ def _narrow_line(facts: Mapping[str, Any]) -> Iterator[str]:
         for key in ("min_gap", "min_member")
         if facts[MEASURED_KEY[key]] and key not in limits
     }
-    narrow = {key: value for key, value in unlimited.items() if value["m"] < thickness}
+    narrow = {key: v for key, v in unlimited.items() if v["m"] < thickness}
     if narrow:
-        places = (
-            f"{value['what']} of {length(value['m'])} at {_point_words(value['at_m'])}" for value in narrow.values()
-        )
+        places = (f"{v['what']} of {length(v['m'])} at {_point_words(v['at_m'])}" for v in narrow.values())
         missing_limits = " and ".join(f"fabrication.{key}" for key in narrow)
         yield (
             f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}; set {missing_limits} "

@@ -80,9 +80,7 @@ def save(
 
 def _measured_facts(design: Design, progress: Progress, marks: Path | None) -> dict[str, Any]:
     """Measure fabrication and pattern, after a search also the alternatives; draw `marks`.
-
-    Raises PatternError as `require_fit`.
-    """
+    Raises PatternError as `require_fit`."""
     progress("fabrication", "measuring members, gaps and walls")
     measures = fabrication(design)
     require_fit(design, measures)
@@ -129,9 +127,7 @@ def _copy_mesh(preset: Preset, folder: Path, build_folder: Path) -> None:
 
 def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _WrittenFiles:
     """Write all formats of the preset; call `numbers` meanwhile.
-
-    Slow formats, which another program checks for seconds, start first.
-    """
+    Slow formats, which another program checks for seconds, start first."""
     suffixes = design.preset.export.formats
     files_by_suffix, slow_names = dict[str, _WrittenFiles](), list[str]()
 

@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
 def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, energy and further answers for the uncut sheet under one load; SI units.
-
     `answered_by` names the elements; compliance and displacement appear again if they differ from those of the statics.
-    Frequencies and buckling factors appear only on request; a list without results is empty.
-    """
+    Frequencies and buckling factors appear only on request; a list without results is empty."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress = answers.stress
     facts: dict[str, Any] = {
@@ -50,9 +48,7 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
 
 def uncut_modes(design: "Design") -> "ModeIntervals":
     """Return the lowest buckling factor of each case and the lowest frequency of the uncut sheet, with intervals.
-
-    Finer meshes give the intervals. The design keeps the result.
-    """
+    Finer meshes give the intervals. The design keeps the result."""
     from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
 
     questions = design.preset.statics.analyses
@@ -64,9 +60,7 @@ def uncut_modes(design: "Design") -> "ModeIntervals":
 
 
 def mode_facts(design: "Design") -> dict[str, Any]:
-    """Return `mode_intervals` of `design.json`: values with relative half widths of their intervals; empty without
-    a request.
-    """
+    """Return `mode_intervals` of `design.json`: values with half widths relative to them; empty without a request."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
@@ -101,20 +95,16 @@ def mode_lines(design: "Design") -> list[str]:
 
 
 def answer_lines(design: "Design") -> list[str]:
-    """Return stress, buckling and vibration as lines, for the worst case or combination; without stress of `hinge`
-    elements.
-    """
+    """Return stress (not of `hinge` elements), buckling and vibration as lines, for the worst case or combination."""
     cases = design.statics.cases
-    answers_by_case = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
-    under = {name: f", {name}" if len(cases) > 1 else "" for name in answers_by_case}
+    answers = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
+    under = {name: f", {name}" if len(cases) > 1 else "" for name in answers}
     lines = []
-    worst = max(answers_by_case, key=lambda name: answers_by_case[name].stress.peak.stress)
-    if answers_by_case[worst].elements.bending != "hinge":
-        lines.append(_largest_stress_line(design, answers_by_case[worst], under[worst]))
+    worst = max(answers, key=lambda name: answers[name].stress.peak.stress)
+    if answers[worst].elements.bending != "hinge":
+        lines.append(_largest_stress_line(design, answers[worst], under[worst]))
     factors = {
-        name: a.buckling.factor
-        for name, a in answers_by_case.items()
-        if a.buckling is not None and len(a.buckling.factor)
+        name: a.buckling.factor for name, a in answers.items() if a.buckling is not None and len(a.buckling.factor)
     }
     if factors:
         worst = min(factors, key=lambda name: float(factors[name][0]))
@@ -123,7 +113,7 @@ def answer_lines(design: "Design") -> list[str]:
             f"uncut sheet{under[worst]}: buckles at {listed} x the load (linear, perfect shape; real shells at a fifth "
             "to a half)"
         )
-    if (vibration := answers_by_case[worst].vibration) is not None:
+    if (vibration := answers[worst].vibration) is not None:
         hertz = ", ".join(f"{value:.3g}" for value in vibration.hertz)
         several = len(vibration.hertz) > 1
         lines.append(f"uncut sheet: lowest {'frequencies' if several else 'frequency'} {hertz} Hz")

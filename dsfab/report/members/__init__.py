@@ -67,9 +67,7 @@ RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
     """Draw two rows for each member in its case or combination: N, Vy, Vz, and below Mt, My, Mz.
-
-    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes.
-    """
+    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -152,9 +150,7 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
 
 def bay_values(design: Design) -> Floats:
     """(m,) utilisation of the bay that each cell of the sheet of members is nearest to; NaN without a bay.
-
-    At a crossing the larger value counts.
-    """
+    At a crossing the larger value counts."""
     graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
@@ -205,19 +201,17 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure, number: Cap
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
     """The most used members, with the decisive clause and forces."""
-    worst_bays = utilisation.worst_bays(WORST_COUNT)
+    bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
-    for bay in worst_bays:
+    for bay in bays:
         check, case, _ = utilisation.governing(bay)
         share = percent(float(utilisation.largest[bay]))
         words = check.name, check.clause, case
         decisive.append((utilisation.bays.member[bay], utilisation.bays.name[bay], *map(escaped_text, words), share))
     head = ("Member", "Bay", "Check", "Clause and formula", "Case", "Utilisation")
     caption = number.table("The worst bay of each of the worst members.")
-    worst_table = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
-    return ReportSection(
-        "The worst members", [worst_table, _decisive_forces_table(utilisation, worst_bays, number)], own_page=True
-    )
+    table = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
+    return ReportSection("The worst members", [table, _decisive_forces_table(utilisation, bays, number)], own_page=True)
 
 
 def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], number: CaptionNumbers) -> Table:
@@ -230,18 +224,14 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
         numbers = [f"{x / factor:.{decimals}f}" for x, (factor, _, decimals) in zip(row, scale, strict=True)]
         rows.append((bays.member[bay], section, length_or_na(float(bays.length[bay])), *numbers))
     heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
-    caption = number.table("The same: section, length from node to node, and forces where that check decides.")
+    title = number.table("The same: section, length from node to node, and forces where that check decides.")
     note = "N positive is tension. My bends with the surface and stretches the side of its normal, Mz bends in it."
-    return Table(
-        caption, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS))
-    )
+    return Table(title, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS)))
 
 
 def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
     """Divisor, unit and decimals for all forces or all moments, so that columns can be compared.
-
-    The largest value has four digits; each has two decimals at least.
-    """
+    The largest value has four digits; each has two decimals at least."""
     largest = max(float(np.abs(values).max()), 1e-9)
     factor, name = prefixed_unit(largest, unit)
     return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
@@ -250,9 +240,7 @@ def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
 def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
     """Diagrams of the same members."""
     utilisation = design.member_utilisation
-    rows = [
-        (utilisation.bays.member[bay], utilisation.governing(bay)[1]) for bay in utilisation.worst_bays(WORST_COUNT)
-    ]
+    rows = [(utilisation.bays.member[b], utilisation.governing(b)[1]) for b in utilisation.worst_bays(WORST_COUNT)]
     several = len(utilisation.bays.forces) > 1
     case_note = (
         "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""
@@ -332,9 +320,7 @@ STRUCTURE_FILE = "structure.html"
 
 def member_report(design: Design, command: str) -> Document:
     """Return the report on the utilisation of members. command : the command line that makes it again.
-
-    Raises StaticsError without a code or strength of the material, or if nothing carries the loads.
-    """
+    Raises StaticsError without a code or strength of the material, or if nothing carries the loads."""
     utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),

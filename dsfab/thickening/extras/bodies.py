@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False)
 class Base:
     """Context of extras: the uncut surface, the sheet, and a function from marks on one to marks on the other.
-
-    between : from marks (n,) on the surface to (n',) on the sheet (see `Sheet.vertices_between`).
-    """
+    between : from marks (n,) on the surface to (n',) on the sheet (see `Sheet.vertices_between`)."""
 
     surface: Surface
     sheet: Surface

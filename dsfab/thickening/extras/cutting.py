@@ -18,10 +18,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Holes:
     """`kind = "holes"`: round holes through the solid.
-
     at : points on the middle of the sheet, metres.    diameter : metres.    axis : direction of the drill.
-    depth : metres, half of it on each side of the point, so that parts behind stay whole.
-    """
+    depth : metres, half of it on each side of the point, so that parts behind stay whole."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: tuple[Vector, ...]
@@ -47,9 +45,7 @@ class Holes:
 @dataclass(frozen=True)
 class Trim:
     """`kind = "trim"`: cut off material beyond a plane, or outside a box, or both.
-
-    point, normal : of the plane; material on the side of the normal is cut off.    low, high : corners of the box.
-    """
+    point, normal : of the plane; material on the side of the normal is cut off.    low, high : corners of the box."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     point: Vector | None = None
@@ -109,8 +105,7 @@ class SplitBodies:
         return solid
 
     def _levels(self, low: float, high: float, bed: float) -> Floats:
-        count = int(np.ceil((high - low) / bed - 1e-9))
-        return np.asarray(np.linspace(low, high, count + 1))
+        return np.asarray(np.linspace(low, high, int(np.ceil((high - low) / bed - 1e-9)) + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
         """Drills for each part of a face cut square to an axis whose middle is as far inside as the dowel is thick."""

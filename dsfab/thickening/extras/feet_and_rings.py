@@ -56,10 +56,8 @@ STRAIGHT = 1e-9
 @dataclass(frozen=True)
 class Ring:
     """`kind = "ring"`: a beam along boundary loops of the uncut surface, united with the solid.
-
     width  : metres, along the surface, half of it on each side of the boundary.    height : metres, across it.
-    at     : loops with a picked vertex get a beam; default all loops.
-    """
+    at     : loops with a picked vertex get a beam; default all loops."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     width: Real
@@ -102,10 +100,8 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
     """Points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin at them.
-
     The normal of a side is that of its face, turned so that the surface lies left of the loop. On a strip with a single
-    side the loop runs along both of its edges, and the normal with it.
-    """
+    side the loop runs along both of its edges, and the normal with it."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])
@@ -123,10 +119,8 @@ def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
     """Return a closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
-
     P : (k, 3) the corners of its middle line.    along, normal : (k, 3) unit vectors of the sides that begin there.
-    Sections lie in the planes that halve the corners, stretched so that the bar keeps its width between them.
-    """
+    Sections lie in the planes that halve the corners, stretched so that the bar keeps its width between them."""
     before = np.roll(along, 1, axis=0)
     sharpest = 0.2  # least cosine of half the turn: beyond it the mitre is five times as long as the bar is wide
     middle = before + along

@@ -46,10 +46,8 @@ REACH = 2
 @dataclass(frozen=True, eq=False)
 class Boxes:
     """The box of each face (m,), and of each of k boxes: place in the grid (k, 3), middle, direction, radius.
-
     grid : the box at each place, -1 without faces, with a border of `REACH` empty ones.
-    key  : (k,) the place in the flat grid.
-    """
+    key  : (k,) the place in the flat grid."""
 
     of: Ints
     place: Ints
@@ -72,28 +70,24 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
     size = lengths(layer.D) * (1 + abs(layer.shift))
     reach = np.zeros(uncut.m)
     for corner in uncut.F.T:
-        arm = lengths(uncut.V.take(corner, axis=0) - middle)
-        np.maximum(reach, arm + size[corner] + error, out=reach)
-    low, extent = (np.array([box_of_face(column) for column in middle.T]) for box_of_face in (np.min, np.ptp))
+        np.maximum(reach, lengths(uncut.V.take(corner, axis=0) - middle) + size[corner] + error, out=reach)
+    low, extent = (np.array([box(column) for column in middle.T]) for box in (np.min, np.ptp))
     box_limit = 2e7  # boxes of the grid, empty ones too
     least_widths = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
     width = max(2.1 * reach.max(), *least_widths)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
     shape = place.max(axis=0) + REACH + 1
     flat = np.ravel_multi_index(tuple(place.T), tuple(shape))
-    order, begins, box_of_face = equal_key_groups(flat)
+    order, begins, box = equal_key_groups(flat)
     key = flat[order[begins]]
     grid = np.full(shape, -1)
     grid.ravel()[key] = np.arange(len(key))
-    centre: Floats = (
-        np.stack([np.bincount(box_of_face, column) for column in middle.T], axis=1) / np.bincount(box_of_face)[:, None]
-    )
-    axis: Floats = np.stack([np.bincount(box_of_face, column) for column in uncut.normals.T], axis=1).astype(np.float64)
+    centre: Floats = np.stack([np.bincount(box, column) for column in middle.T], axis=1) / np.bincount(box)[:, None]
+    axis: Floats = np.stack([np.bincount(box, column) for column in uncut.normals.T], axis=1).astype(np.float64)
     axis = unit_vectors(axis)
     radius = np.zeros(len(key))
-    np.maximum.at(radius, box_of_face, lengths(middle - centre.take(box_of_face, axis=0)) + reach)
-    places = np.stack(np.unravel_index(key, tuple(shape)), axis=1)
-    return Boxes(box_of_face, places, centre, axis, radius, grid, key)
+    np.maximum.at(radius, box, lengths(middle - centre.take(box, axis=0)) + reach)
+    return Boxes(box, np.stack(np.unravel_index(key, tuple(shape)), axis=1), centre, axis, radius, grid, key)
 
 
 def block_steps() -> list[Ints]:
@@ -129,10 +123,8 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
     """For prisms with corners (3 xyz, 3, m): mask of the folded ones, least cosine of their skins to an axis, reach.
-
     Valid for corners with errors up to e. A determinant of three vectors up to r long has an error of 3 r^2 e. The
-    normal of a triangle with sides up to s has one of 4 s e.
-    """
+    normal of a triangle with sides up to s has one of 4 s e."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -229,10 +221,8 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 def proven_cells(layer: OffsetLayer) -> Bools:
     """(m',) cells whose prism surely meets no other one, for any diagonals of its sides.
-
     This holds for the vertices as they are and as files of single precision hold them (if `is_fine`). With more than 5
-    % folded prisms nothing is proven.
-    """
+    % folded prisms nothing is proven."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)

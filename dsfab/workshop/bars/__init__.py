@@ -18,26 +18,7 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE, Bay, Lattice, LatticeNode
 from dsfab.workshop.bars.plan import BarPlan, PlacedPart, bar_body, bar_plan, placed_parts
 
 __all__ = [
-    "BAR_CLEARANCE",
-    "BarEnd",
-    "BarLattice",
-    "BarPlan",
-    "BarStock",
-    "Bay",
-    "Joint",
-    "Lattice",
-    "LatticeBar",
-    "LatticeNode",
-    "PlacedPart",
-    "PlateArm",
-    "bar_body",
-    "bar_lattice",
-    "bar_part",
-    "bar_plan",
-    "half_plane_clip",
-    "member_lattice",
-    "mitre_length",
-    "placed_parts",
-    "plate_arms",
-    "plate_part",
-]
+    "BAR_CLEARANCE", "BarEnd", "BarLattice", "BarPlan", "BarStock", "Bay", "Joint", "Lattice", "LatticeBar",
+    "LatticeNode", "PlacedPart", "PlateArm", "bar_body", "bar_lattice", "bar_part", "bar_plan", "half_plane_clip",
+    "member_lattice", "mitre_length", "placed_parts", "plate_arms", "plate_part",
+]  # fmt: skip

@@ -17,10 +17,7 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Bolt diameters from the clear end of a bar to its bolts, between bolts, and to the end of the plate.
-
-The first of these that fits is used.
-"""
+"""Bolt diameters to the bolts, between bolts, and to the plate's end; the first that fits is used."""
 LEG_NAME = "ground"
 """Name of a plate's leg, in place of a bar's name."""
 
@@ -64,8 +61,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
     inner = begin_bolts.max(initial=low) + stock.bolt, L - end_bolts.max(initial=high) - stock.bolt
     marks = tuple(_bar_marks(bar, nodes, inner, min(stock.letters, 0.6 * half)))
     axis = np.array([[low, 0.0], [L - high, 0.0]])
-    part = FlatPart(bar.bay.id, bar.bay.member, bar.bay.span, P, tuple(holes), marks=marks, axis=axis)
-    return part.along_x()
+    return FlatPart(bar.bay.id, bar.bay.member, bar.bay.span, P, tuple(holes), marks=marks, axis=axis).along_x()
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
@@ -119,11 +115,9 @@ def plate_part(joint: Joint, lattice: BarLattice, stock: BarStock) -> FlatPart:
     outline = _plate_outline(joint, arms)
     holes = [Hole(np.zeros(2), stock.bolt, joint.node.id)]
     anchor = joint.leg.anchor if joint.leg else 0.0
-    diameters = {arm.bar: anchor if arm.bar == LEG_NAME else stock.bolt for arm in arms}
-    holes += [Hole(arm.point(r, 0.0), diameters[arm.bar], arm.bar) for arm in arms for r in arm.holes]
-    folds = tuple(
-        Fold(np.stack([arm.point(arm.fold, -joint.half), arm.point(arm.fold, joint.half)]), arm.dip) for arm in arms
-    )
+    diameters = {a.bar: anchor if a.bar == LEG_NAME else stock.bolt for a in arms}
+    holes += [Hole(a.point(r, 0.0), diameters[a.bar], a.bar) for a in arms for r in a.holes]
+    folds = tuple(Fold(np.stack([a.point(a.fold, -joint.half), a.point(a.fold, joint.half)]), a.dip) for a in arms)
     marks = tuple(_plate_marks(joint, arms, stock))
     part = FlatPart(
         *(joint.node.id, "", (0.0, 0.0), outline, tuple(holes)),

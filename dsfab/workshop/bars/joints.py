@@ -57,9 +57,7 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Supports (q, 3) of a structure (m), unit vector `up` (3,), and diameter of anchors (m).
-
-    reach : distance of a support from a node, in addition to member widths (m).
-    """
+    reach : distance of a support from a node, in addition to member widths (m)."""
 
     supports: Floats
     up: Floats
@@ -171,11 +169,8 @@ class BarEnd:
 
 @dataclass(frozen=True, eq=False)
 class LatticeBar:
-    """Straight bar of a bay.
-
-    points : (2, 3) roots (m).    normals : (2, 3) of the bar at both ends.
-    sagitta : largest distance of the member's axis from the bar (m).
-    """
+    """Straight bar of a bay. points : (2, 3) roots (m). normals : (2, 3) of the bar at both ends. sagitta : largest
+    distance of the member's axis from the bar (m)."""
 
     bay: Bay
     ends: tuple[BarEnd, BarEnd]
@@ -207,10 +202,8 @@ class LatticeBar:
 @dataclass(frozen=True, eq=False)
 class Joint:
     """Bars at a node, counter-clockwise, as (bar number, 0 for its beginning or 1 for its end).
-
     half : half width of the plate's arms (m).    root : approximate distance from the node to the folds (m).
-    leg  : leg of the plate at a support.
-    """
+    leg  : leg of the plate at a support."""
 
     node: LatticeNode
     bars: tuple[tuple[int, int], ...]

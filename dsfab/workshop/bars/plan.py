@@ -18,9 +18,7 @@ from dsfab.workshop.plates import plate_parts
 @dataclass(frozen=True, eq=False)
 class BarPlan:
     """Bars in space, their stock, and all parts: bars, node plates and discs.
-
-    legless : names of supported nodes whose plates have no leg.
-    """
+    legless : names of supported nodes whose plates have no leg."""
 
     bar_lattice: BarLattice
     stock: BarStock
@@ -49,12 +47,8 @@ class BarPlan:
 
 
 def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:
-    """Return the bars, plates and discs of a graph, with legs at supports.
-
-    normals : (n, 3) at the vertices of the graph's sheet.
-
-    Raises PatternError if nodes are too close to each other for bars.
-    """
+    """Return the bars, plates and discs of a graph, with legs at supports. normals : (n, 3) at the vertices of the
+    graph's sheet. Raises PatternError if nodes are too close to each other for bars."""
     lattice = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
     lattice, legless = lattice.with_legs(footing) if footing else (lattice, [])
     nodes = lattice.lattice.nodes
@@ -171,7 +165,6 @@ def placed_parts(plan: BarPlan) -> list[PlacedPart]:
 
 
 def _plate_quads(joint: Joint, lattice: BarLattice, stock: BarStock) -> Floats:
-    """Return quads (q, 4, 3) of a folded plate's middle: one for each arm, and two triangles beside each."""
     n, quads = joint.node.normal, list[Floats]()
     middle = joint.node.point - stock.lever * n
     corners = list[tuple[Floats, Floats]]()

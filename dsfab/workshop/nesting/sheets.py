@@ -56,7 +56,6 @@ def nest_parts(
     stock  : lengths and widths (m).    grain : whether parts of members lie along the sheets only.
     prices : of a sheet of each size. The cheapest trial wins, or without prices the least area. Trials take each size
              first, or for each sheet the size with most used area for its price; then cheaper sizes replace sheets.
-
     Raises PatternError for a part that fits on no sheet.
     """
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
@@ -138,8 +137,7 @@ def stack_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
     """Nest parts by piling alone, faster than `nest_parts`; None for more than `limit` sheets."""
-    grid = column_grid(stock, gap, grain)
-    return _fill_sheets(parts, False, stock, grid, limit)
+    return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 
 def _box_area(parts: Sequence[FlatPart], gap: float) -> float:
@@ -184,10 +182,8 @@ def _fill_sheets(
 
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
     """Return the least distance between closed polygons (k, 2), and from them to the edges of their sheet (m).
-
     It is 0 for overlaps, and negative beyond an edge.
-    size : of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m).
-    """
+    size : of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m)."""
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):

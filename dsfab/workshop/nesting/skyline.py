@@ -17,10 +17,8 @@ ROUNDING = 1e-9
 @dataclass(frozen=True, eq=False)
 class PartShape:
     """Turned part: lower and upper edges (k,) in columns, half of the gap beyond its own (m).
-
     low : (2,) lowest corner.    size : (2,) of its box.    top : highest value of the upper edge.
-    total : sum of the lower edge.    thick : largest height between both edges.
-    """
+    total : sum of the lower edge.    thick : largest height between both edges."""
 
     part: FlatPart
     turn: float
@@ -85,9 +83,7 @@ def _box_columns(size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
     """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, half of the gap beyond it.
-
-    Sides move by the corners of a regular polygon around the circle of half the gap.
-    """
+    Sides move by the corners of a regular polygon around the circle of half the gap."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -103,7 +99,6 @@ def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, F
 
 
 def _shifted_points(points: Floats, ways: Floats) -> Floats:
-    """Return points (q, 2) moved by each of the vectors (k, 2): (k q, 2)."""
     return np.asarray((points[None] + ways[:, None]).reshape(-1, 2))
 
 
@@ -115,17 +110,14 @@ def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Float
     j = np.clip(np.searchsorted(corner, q[:, 0], side="left") - 1, i, len(extremes) - 1)
     column_counts = j - i + 1
     segment = np.repeat(np.arange(len(p)), column_counts)
-    column = (
+    k = (
         np.repeat(i, column_counts)
         + np.arange(column_counts.sum())
         - np.repeat(np.cumsum(column_counts) - column_counts, column_counts)
     )
     (x, low), high, slim = p[segment].T, (q[:, 1] - p[:, 1])[segment], wide[segment]
-    ends = (
-        low + np.minimum(np.maximum((column_edges[column] - x) / slim, 0), 1) * high
-        for column_edges in (corner[:-1], corner[1:])
-    )
-    f.at(extremes, column, f(*ends))
+    ends = (low + np.minimum(np.maximum((edges[k] - x) / slim, 0), 1) * high for edges in (corner[:-1], corner[1:]))
+    f.at(extremes, k, f(*ends))
     return extremes
 
 
@@ -167,10 +159,8 @@ class SheetGap:
 @dataclass(eq=False)
 class OpenSheet:
     """Sheet while it is filled: the used height (k,) of each column (m), and the free area (m2).
-
     lowest  : of the skyline.    gaps : below it.
-    refused : length, width and area of parts without room; larger parts are not tried again.
-    """
+    refused : length, width and area of parts without room; larger parts are not tried again."""
 
     size: tuple[float, float]
     skyline: Floats

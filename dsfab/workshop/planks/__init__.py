@@ -17,17 +17,6 @@ from dsfab.workshop.planks.slots import (
 )
 
 __all__ = [
-    "STANDING_ORDER",
-    "Crossing",
-    "PlankParts",
-    "PlankPlan",
-    "PlankStock",
-    "Slot",
-    "plank_courses",
-    "plank_crossings",
-    "plank_parts",
-    "plank_plan",
-    "slot_width",
-    "standing_order",
-    "upright_course",
-]
+    "STANDING_ORDER", "Crossing", "PlankParts", "PlankPlan", "PlankStock", "Slot", "plank_courses",
+    "plank_crossings", "plank_parts", "plank_plan", "slot_width", "standing_order", "upright_course",
+]  # fmt: skip

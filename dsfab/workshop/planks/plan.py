@@ -1,8 +1,7 @@
 """The parts of a structure of planks, rolled out along the normals of the surface.
 
 A plank is P(s) + y N(s), a ruled surface with normal -B on the axis. Rolled out it bends by kn in its plane; built it
-is
-bent by kg across it and twisted by tg, which makes its edges longer than drawn by tg^2 h^2 / 8.
+is bent by kg across it and twisted by tg, which makes its edges longer than drawn by tg^2 h^2 / 8.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -44,17 +43,13 @@ def upright_course(course: StripCourse, depth: float) -> StripCourse:
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
     """Return courses of all planks along the surface, and those that stop before others or before a curl."""
-    members = [member for member in graph.members if is_strip(member)]
+    members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
-    courses = {member.id: member_course(graph, member, stock.overhang, extra_length) for member in members}
+    courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
     joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
     stopped = courses_without_curls(courses, members)
-    for family in dict.fromkeys(member.family for member in members):
-        family_courses = {
-            member.id: _thin_course(courses[member.id], stock.thickness)
-            for member in members
-            if member.family == family
-        }
+    for family in dict.fromkeys(m.family for m in members):
+        family_courses = {m.id: _thin_course(courses[m.id], stock.thickness) for m in members if m.family == family}
         nodes = {
             name: sorted(
                 family_courses[name].wrapped_station(node.at[node.members.index(name)])
@@ -83,7 +78,6 @@ def plank_parts(
     room   : lengths and widths (m) that parts may have on the stock.
     ground : base plane whose supports level the ends; None without supports.
     order  : families, from the lowest planks to the uppermost.
-
     Raises PatternError if no piece fits on the stock.
     """
     courses, stopped = plank_courses(graph, stock)
@@ -101,20 +95,12 @@ def plank_parts(
     by_name = {plank.member.id: plank for plank in planks}
     for plank in planks:
         plank.divide(parts.crossings.crossings, room, ground, parts)
-    for crossing in parts.crossings.crossings:
-        lower, upper = (by_name[name] for name in crossing.members)
-        leans = (
-            crossing.slot_leans(direction)
-            if (direction := upper.direction_at(crossing.at[1])) is not None
-            else (0.0, 0.0)
-        )
-        half = slot_width(stock.thickness, crossing.angle) / 2 + SLOT_CLEARANCE
-        lower.slots.append(
-            Slot(crossing.node, crossing.at[0], (crossing.rise - SLOT_CLEARANCE) / 2, half, leans[0], above=True)
-        )
-        upper.slots.append(
-            Slot(crossing.node, crossing.at[1], (SLOT_CLEARANCE - crossing.rise) / 2, half, leans[1], above=False)
-        )
+    for x in parts.crossings.crossings:
+        lower, upper = (by_name[name] for name in x.members)
+        leans = x.slot_leans(direction) if (direction := upper.direction_at(x.at[1])) is not None else (0.0, 0.0)
+        half = slot_width(stock.thickness, x.angle) / 2 + SLOT_CLEARANCE
+        lower.slots.append(Slot(x.node, x.at[0], (x.rise - SLOT_CLEARANCE) / 2, half, leans[0], above=True))
+        upper.slots.append(Slot(x.node, x.at[1], (SLOT_CLEARANCE - x.rise) / 2, half, leans[1], above=False))
     for plank in planks:
         plank.add_parts(parts)
     return parts
@@ -139,9 +125,7 @@ def _reachable_crossings(
 @dataclass(frozen=True, eq=False)
 class PlankPlan:
     """Planks, their stock, and all parts: planks, cover plates, and plates on the planks.
-
-    limit : strain at the material's strength; 0 if the preset has none.
-    """
+    limit : strain at the material's strength; 0 if the preset has none."""
 
     planks: PlankParts
     stock: PlankStock
@@ -205,7 +189,6 @@ def plank_plan(
 
     normals : (n, 3) at the vertices of the graph's sheet.    limit : strain.
     order   : families, from the lowest planks to the uppermost.
-
     Raises PatternError if no piece fits on the stock.
     """
     planks = plank_parts(graph, stock, room, ground, order)

@@ -23,9 +23,7 @@ EdgeStations = tuple[tuple[float, float], tuple[float, float]]
 @dataclass(frozen=True)
 class PlankStock:
     """Thickness and depth of planks, bolt diameter of splices, and largest heights of letters (m).
-
-    splice : "cover", "scarf" or "none".
-    """
+    splice : "cover", "scarf" or "none"."""
 
     thickness: float
     depth: float
@@ -58,8 +56,7 @@ def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
     """Return arc lengths at the right and left edge of a level end at a support; None for other ends and flat ends."""
-    point = layer.course.frame_at(np.array([station]))[0][0]
-    height = ground.support_height(point, depth)
+    height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
         return None
@@ -197,9 +194,7 @@ class Plank:
 
     def direction_at(self, s: float) -> Floats | None:
         """Return the assembly direction of the piece at an arc length; None where slots stay as narrow as possible."""
-        return next(
-            (direction for direction, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None
-        )
+        return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
         layer, (a, b) = Development(self.course, 0.0), self._lapped_span((begin, end))

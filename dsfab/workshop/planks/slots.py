@@ -22,16 +22,12 @@ from dsfab.workshop.parts import FlatPart
 
 SLIDE_ANGLE = float(np.radians(10.0))
 """Largest angle (radians) between the assembly direction of a piece and the normals at its nodes.
-
-Slots open by this angle; planks are spliced where they would need more.
-"""
+Slots open by this angle; planks are spliced where they would need more."""
 
 
 def largest_deviation(normals: Floats) -> float:
     """Return the largest angle between unit vectors (q, 3) and their middle direction (radians); 0 for none."""
-    if len(normals) < 2:
-        return 0.0
-    return float(np.arccos(np.clip(normals @ middle_direction(normals), -1.0, 1.0)).max())
+    return 0.0 if len(normals) < 2 else float(np.arccos(np.clip(normals @ middle_direction(normals), -1.0, 1.0)).max())
 
 
 def middle_direction(normals: Floats) -> Floats:
@@ -79,9 +75,7 @@ class Crossing:
 @dataclass(frozen=True)
 class Slot:
     """Slot at an arc length: half its width, the height `y` of its bottom over the axis (m), and its open side.
-
-    lean : length along the plank by which the mouth opens to a side, for a metre of depth.
-    """
+    lean : length along the plank by which the mouth opens to a side, for a metre of depth."""
 
     node: str
     s: float

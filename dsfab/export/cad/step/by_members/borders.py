@@ -23,10 +23,8 @@ TOUCHING_SHARE = 1 / 400
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return the chains of a region that cross another of its chains, seen along its mean normal.
-
     The result also holds chains within `distance` mm of a corner where they do not end, with the chains that do end
-    there; and all chains of a region that is inside out.
-    """
+    there; and all chains of a region that is inside out."""
     finest = 12  # most chords of each cubic; they are short at its ends, where chains cross at small angles
     segments = 600  # approximate number of chords of one outline
     steps = [step for loop in net.loops[region] for step in loop]
@@ -60,12 +58,10 @@ def _not_ending(net: ChainNet, steps: ChainLoop, chain: Ints) -> Bools:
 def _distances(lines: list[Floats], point_numbers: Ints) -> Floats:
     """(c, k) distances of the points `point_numbers` (c,) of closed lines (., 2) from their k segments."""
     a = np.concatenate(lines)
-    directions = np.concatenate([np.roll(line, -1, axis=0) for line in lines]) - a
+    ways = np.concatenate([np.roll(line, -1, axis=0) for line in lines]) - a
     offsets = a[point_numbers][:, None] - a
-    share = np.clip(
-        np.einsum("cki,ki->ck", offsets, directions) / np.maximum((directions**2).sum(axis=1), 1e-300), 0, 1
-    )
-    return np.asarray(np.linalg.norm(offsets - share[..., None] * directions, axis=2))
+    share = np.clip(np.einsum("cki,ki->ck", offsets, ways) / np.maximum((ways**2).sum(axis=1), 1e-300), 0, 1)
+    return np.asarray(np.linalg.norm(offsets - share[..., None] * ways, axis=2))
 
 
 def _samples(curves: Mapping[int, ChainCurve], loop: ChainLoop, fine: int) -> Floats:
@@ -91,8 +87,7 @@ def _side(a: Floats, b: Floats, p: Floats) -> Floats:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Unite regions whose outlines cross or nearly touch with the region beyond an inner chain; the same net if there
-    are none."""
+    """Unite regions whose outlines cross or nearly touch with the region beyond an inner chain, if there are any."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -104,8 +99,7 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Unite both regions of a chain under the number of its left one, if both have a single outline; else return the
-    net."""
+    """Unite both regions of a chain under its left one's number, if both have a single outline."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
@@ -145,8 +139,7 @@ SIDEWAYS_SHARE = 1 / 3
 """Largest sideways movement of a chain over the thickness."""
 
 SAG_SHARE = 1 / 400
-"""Approximate distance of chords from the straightened curve over the thickness. Fits to coarse polylines have many
-spans."""
+"""Distance of chords from the straightened curve over the thickness. Fits to coarse polylines have many spans."""
 
 PLACES = np.linspace(0, 1, 65)
 """Parameters where the curvature is measured."""
@@ -187,7 +180,6 @@ def _turns_back(curve: Spline) -> bool:
 
 
 def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> ChainNet:
-    """Remove chains if one plane sees both regions beside them. N (p, 3) normals at the net's points."""
     least_cosine = 0.5  # between the mean normal of the joined region and any of its normals
     for k in hairpins:
         chain = net.chains.get(k)
@@ -273,8 +265,7 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Degrees between a border and an outline at a node; a wall beside a round chain counts alone, because it is
-        fixed."""
+        """Degrees between a border and an outline at a node; beside a round chain the wall alone counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)
@@ -297,11 +288,9 @@ class _BorderEnds:
 
     def _next(self, k: int, i: int) -> int:
         """Return the outline's next chain if only these two meet and it turns a little; otherwise -1."""
-        node = int(self.chains[k].points[i])
-        if self.degree.get(node) != 2:
+        if self.degree.get(int(self.chains[k].points[i])) != 2:
             return -1
-        region = self.chains[k].left
-        loop = next(loop for loop in self.loops[region] if (k, True) in loop)
+        loop = next(loop for loop in self.loops[self.chains[k].left] if (k, True) in loop)
         j = loop[(loop.index((k, True)) + (1 if i else -1)) % len(loop)][0]
         if len(loop) < 4 or j == k or self.chains[j].right != VOID or j in self.changed:
             return -1

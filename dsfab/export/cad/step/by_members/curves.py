@@ -24,10 +24,8 @@ POLE_MATRIX = np.linalg.inv(READ_MATRIX)
 @dataclass(frozen=True, eq=False)
 class InnerSpline:
     """Cubic splines, twice differentiable, on k spans between breaks (k + 1,), zero at the first and the last break.
-
     places : (k + 1,) means of three knots, where values determine the spline [de Boor 1978, chapter XIII].
-    poles  : (k, 4, k + 1) contribution of each value to the poles of each span.
-    """
+    poles  : (k, 4, k + 1) contribution of each value to the poles of each span."""
 
     breaks: Floats
     places: Floats
@@ -79,11 +77,8 @@ SAMPLES_PER_EDGE = 2
 
 @dataclass(frozen=True, eq=False)
 class SampledChain:
-    """Chain on the skins. Q : (k, 6) points on the outer and the inner skin, mm.    outline : True if VOID is beyond
-    it.
-
-    chord : the mesh's least chord error along it, millimetres.
-    """
+    """Chain on the skins. Q : (k, 6) points on the outer and the inner skin, mm. outline : True if VOID is beyond it.
+    chord : the mesh's least chord error along it, millimetres."""
 
     Q: Floats
     outline: bool
@@ -100,8 +95,7 @@ class SampledChain:
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.middle, axis=0), axis=1))])
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector from one end to the point at `reach` mm along the chain, and the unit normal at that
-        end."""
+        """Return the vector from one end to the point `reach` mm along the chain, and the unit normal at that end."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)
@@ -115,19 +109,15 @@ class SampledChain:
 
     def point(self, x: float) -> Floats:
         """(6,) point at a share of the length below 1."""
-        lengths, to = self.lengths, x * self.lengths[-1]
-        i = int(lengths.searchsorted(to, side="right"))
-        return np.asarray(
-            (self.Q[i] - self.Q[i - 1]) / (lengths[i] - lengths[i - 1]) * (to - lengths[i - 1]) + self.Q[i - 1]
-        )
+        s, to = self.lengths, x * self.lengths[-1]
+        i = int(s.searchsorted(to, side="right"))
+        return np.asarray((self.Q[i] - self.Q[i - 1]) / (s[i] - s[i - 1]) * (to - s[i - 1]) + self.Q[i - 1])
 
 
 @dataclass(frozen=True, eq=False)
 class ChainCurve:
-    """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1.    spans : (k, 4, 6) Bezier poles between them, mm.
-
-    off : largest distance from the chain's samples.
-    """
+    """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1. spans : (k, 4, 6) Bezier poles between them, mm.
+    off : largest distance from the chain's samples."""
 
     breaks: Floats
     spans: Floats
@@ -182,20 +172,15 @@ def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list
 
 def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
     """Move curves onto the skins between their ends; `vectors_to_skins` returns the vectors from points (k, 6) to the
-    skins.
-
-    A curve may be off its samples by a tolerance, but a face strays if its edges are off the skins.
-    """
+    skins. A curve may be off its samples by a tolerance, but a face strays if its edges are off the skins."""
     if not curves:
         return []
-    inner = [InnerSpline.from_breaks(curve.breaks) for curve in curves]
-    all_vectors = vectors_to_skins(
-        np.concatenate([curve(spline.places) for curve, spline in zip(curves, inner, strict=True)])
-    )
+    inner = [InnerSpline.from_breaks(f.breaks) for f in curves]
+    all_vectors = vectors_to_skins(np.concatenate([f(spline.places) for f, spline in zip(curves, inner, strict=True)]))
     curve_vectors = np.split(all_vectors, np.cumsum([len(spline.places) for spline in inner])[:-1])
     return [
-        replace(curve, spans=curve.spans + spline.poles @ vectors)
-        for curve, spline, vectors in zip(curves, inner, curve_vectors, strict=True)
+        replace(f, spans=f.spans + spline.poles @ vectors)
+        for f, spline, vectors in zip(curves, inner, curve_vectors, strict=True)
     ]
 
 
@@ -236,10 +221,8 @@ BOW_FACTOR = np.sqrt(3) / 36
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace curves by parabolas if all their cubics are nearly parabolas.
-
     distance : largest distance of a solid from its mesh, millimetres. A parabola's poles are farther out; if they
-    leave the box (2, 3) by more than that, the curve stays cubic.
-    """
+    leave the box (2, 3) by more than that, the curve stays cubic."""
     wide = box + distance * np.array([[-1.0], [1.0]])
     return [
         replace(curve, spans=as_parabolas(curve.spans, 1))
@@ -258,9 +241,7 @@ def as_parabolas(P: Floats, axis: int) -> Floats:
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
     """Lower patches (ku, kv, 4, 4, 6) of a region to degree 2 in directions in which the sides are parabolas.
-
-    No pole moves by more than a share of `distance`, millimetres; the sides stay.
-    """
+    No pole moves by more than a share of `distance`, millimetres; the sides stay."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
             Q = as_parabolas(P, axis)

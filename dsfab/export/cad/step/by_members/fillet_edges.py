@@ -41,9 +41,7 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
     """(2, 2, 2) ends of curves (4, 6) in parameters of a patch, if they run along a side; else None.
-
-    edge : (4, 6) the part on the side.    share : (2,) of its parameter by which the curves extend before and after it.
-    """
+    edge : (4, 6) the part on the side. share : (2,) of its parameter by which the curves extend before and after it."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -102,10 +100,8 @@ seam was off by up to 1.4e-5 mm, and its tolerance is then 4e-5 mm."""
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam, or the edge of a wall beside a corner with such a seam.
-
     poles : (4, 6) of its curves, mm.    on : by face, first patches and then trimmed ones, poles (2, k, 2) of the
-    curves in parameters of its outer and inner surface.
-    """
+    curves in parameters of its outer and inner surface."""
 
     poles: Floats
     on: dict[int, Floats]
@@ -141,8 +137,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Extension up to the place where OCCT's tangent is off by `TANGENT_GAP` beside a fillet of
-    `LARGE_FILLET_SHARE`."""
+    """Extension to the place where OCCT's tangent is off by `TANGENT_GAP` beside a fillet of `LARGE_FILLET_SHARE`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -160,10 +155,7 @@ def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
     """Extend surfaces as seams continue; return the model, the faces, and the extended seams with their neighbours by
-    edge.
-
-    A seam that leaves one of its faces stays as it is.
-    """
+    edge. A seam that leaves one of its faces stays as it is."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -179,9 +171,7 @@ def with_long_seams(
             patches[i] = replace(patches[i], poles=_reparametrised(patches[i].poles, box[0]), within=True)
         else:
             face = faces[i - len(patches)]
-            outer, inner = (
-                _reparametrised(poles, part) for poles, part in zip((face.outer, face.inner), box, strict=True)
-            )
+            outer, inner = (_reparametrised(P, part) for P, part in zip((face.outer, face.inner), box, strict=True))
             faces[i - len(patches)] = replace(face, outer=outer, inner=inner, exact=True)
     moved = {
         e: replace(seam, on={i: (uv - boxes[i][:, :1]) / np.diff(boxes[i], axis=1) for i, uv in seam.on.items()})
@@ -193,10 +183,8 @@ def with_long_seams(
 def _with_tolerance(model: NetModel, corners: list[FilledCorner], loops: dict[int, set[int]]) -> list[NetEdge]:
     edges = list(model.edges)
     for corner in corners:
-        trimmed = [
-            face_edges for i, face_edges in loops.items() if i >= len(model.patches) and corner.seam in face_edges
-        ]
-        if corner.straight is not None and any(corner.straight not in face_edges for face_edges in trimmed):
+        trimmed = [group for i, group in loops.items() if i >= len(model.patches) and corner.seam in group]
+        if corner.straight is not None and any(corner.straight not in group for group in trimmed):
             poles = edges[corner.seam].poles.copy()
             across = poles[0, :3] - poles[0, 3:]
             poles[2 - corner.end] += POLE_OFFSET * np.tile(across / np.linalg.norm(across), 2)
@@ -230,7 +218,6 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    """(2, 2, 2) box slightly larger than a patch."""
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -269,7 +256,6 @@ def _places(model: NetModel, faces: list[TrimmedFace], i: int, e: int, share: Fl
 
 
 def _box(uv: Floats) -> Floats:
-    """(2, 2, 2) lowest and highest parameters on each skin for curves (2, k, 2)."""
     low, high = np.minimum(uv.min(axis=1), 0), np.maximum(uv.max(axis=1), 1)
     return np.stack([(1 + MARGIN) * low, 1 + (1 + MARGIN) * (high - 1)], axis=1)
 
@@ -305,10 +291,8 @@ DENSE = np.linspace(0, 1, 129)
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Order the walls around each outline with edges along them, as OCCT needs for fillets.
-
     An outline begins where it is smoothest. If it has only corners, its first and last corner belong to the first wall,
-    and an edge of it ends at each: a wall with a single edge gets two.
-    """
+    and an edge of it ends at each: a wall with a single edge gets two."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -349,9 +333,7 @@ def _stops(
     without a corner.
     """
     exact = 1e-6  # millimetres of a gap that OCCT ignores
-    thick, long = (
-        float(np.linalg.norm(vector)) for vector in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3])
-    )
+    thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
     clear_start, clear_end = (CLEAR_EDGE * share * half for half in corners)
     between = (clear_start < DENSE) & (clear_end < DENSE[::-1]) & (DENSE > 0) & (DENSE < 1)
@@ -380,8 +362,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at shares in its direction. All parts keep that direction, but the first one runs against it if
-        `against`."""
+        """Cut an edge at shares in its direction. All parts keep it, but the first runs against it if `against`."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

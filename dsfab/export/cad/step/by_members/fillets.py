@@ -30,7 +30,6 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 
 
 def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
-    """(k, 3) points in mm along a chain with moved ends."""
     fewest = 5  # points of a chain with moved ends
     line = P[points]
     lengths = _lengths(line)
@@ -46,10 +45,8 @@ def _lengths(line: Floats) -> Floats:
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove walls shorter than `shortest` mm between the ends of two borders, which then end in one place.
-
     Such walls leave an arc's end at any angle: where members of four feet meet their rim, eight of twelve edges were
-    such walls and took no fillet.
-    """
+    such walls and took no fillet."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -76,8 +73,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline's chains that end and begin at a node, and the end of its only border there; None
-    otherwise."""
+    """Return the outline's chains that end and begin at a node, and the end of its only border there, or None."""
     outline, borders = (
         outline_through(net, ends),
         [chain_end for chain_end in ends if net.chains[chain_end[0]].right != VOID],
@@ -94,9 +90,7 @@ def turn_at(three: Floats) -> float:
 
 def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:
     """Give crossings those parts of their round corners that lie in outlines of members.
-
-    Such a part is a short chain beside an arc; no border ends between them, and the wall of the member continues it.
-    """
+    Such a part is a short chain beside an arc; no border ends between them, and the wall of the member continues it."""
     work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
     for arc in arcs:
         for direction in (-1, 1):
@@ -218,17 +212,15 @@ class _Fillets:
         ]
         if any(border < 0 for border, _, _ in moves):
             return False
-        crossing_steps = [
-            (k, not ahead) for (k, ahead), neighbour in zip(inner, neighbours, strict=True) if neighbour == crossing
-        ]
-        first_step = crossing_steps[0] if crossing_steps else self._leaving(moves[0][0], moves[0][1])
+        steps = [(k, not ahead) for (k, ahead), r in zip(inner, neighbours, strict=True) if r == crossing]
+        first_step = steps[0] if steps else self._leaving(moves[0][0], moves[0][1])
         loop = next((candidate for candidate in self.loops[crossing] if first_step in candidate), None)
         if loop is None:
             return False
         position = loop.index(first_step)
         points = np.concatenate([self._points(step)[:-1] for step in arc] + [self._points(arc[-1])[-1:]])
         self.chains[self.free] = Chain(points, crossing, VOID)
-        loop[position : position + len(crossing_steps)] = [(self.free, True)]
+        loop[position : position + len(steps)] = [(self.free, True)]
         self.arcs.append(self.free)
         self.free += 1
         self.moved |= {(border, c): end for border, c, end in moves}
@@ -257,12 +249,7 @@ class _Fillets:
         if len(adjacent) == 1:
             small, large = sorted(neighbours, key=self._border_length)
             return small if self._border_length(small) < smaller * self._border_length(large) else None
-        behind = [
-            ({c.left, c.right} - {neighbour})
-            for c in adjacent
-            for neighbour in neighbours
-            if neighbour in (c.left, c.right)
-        ]
+        behind = [({c.left, c.right} - {r}) for c in adjacent for r in neighbours if r in (c.left, c.right)]
         is_common = len(adjacent) == 2 and len(behind) == 2 and behind[0] == behind[1] and VOID not in behind[0]
         return behind[0].pop() if is_common else None
 

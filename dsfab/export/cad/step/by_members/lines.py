@@ -38,23 +38,18 @@ class ChainLine:
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return pairs of parameters where VOID is on one side; the material is on the left from the first to the
-        second."""
-        intervals = list[tuple[float, float]]()
+        """Return pairs of parameters between which VOID is on one side; the material is on the left."""
+        pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
                 continue
             if ahead:
-                start, intervals = (
-                    (intervals[-1][0], intervals[:-1]) if intervals and intervals[-1][1] == a else (a, intervals)
-                )
-                intervals.append((start, b))
+                start, pairs = (pairs[-1][0], pairs[:-1]) if pairs and pairs[-1][1] == a else (a, pairs)
+                pairs.append((start, b))
             else:
-                end, intervals = (
-                    (intervals[-1][1], intervals[:-1]) if intervals and intervals[-1][0] == a else (a, intervals)
-                )
-                intervals.append((b, end))
-        return intervals
+                end, pairs = (pairs[-1][1], pairs[:-1]) if pairs and pairs[-1][0] == a else (a, pairs)
+                pairs.append((b, end))
+        return pairs
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
         """Divide its cubics until all poles lie in a box (2, 3), because CAD programs draw boxes around poles."""
@@ -67,8 +62,7 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts them or they are short, each at its middle or at the end of a chain
-        near it."""
+        """Divide cubics until `may_stay` accepts them or they are short, at the middle or at a chain's end near it."""
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -89,8 +83,7 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines of a net. `place` maps each chain to its line and parameters. twins : pairs of lines on both sides of a
-    seam."""
+    """Lines of a net. `place` maps each chain to its line and parameters. twins : lines on both sides of a seam."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -126,9 +119,7 @@ class NetLines:
     def _spans(self) -> tuple[Floats, Ints, Floats, Floats]:
         curves = [line.curve for line in self.lines]
         line = np.repeat(np.arange(len(curves)), [len(curve.spans) for curve in curves])
-        starts, stops = (
-            np.concatenate([curve.breaks[selection] for curve in curves]) for selection in (np.s_[:-1], np.s_[1:])
-        )
+        starts, stops = (np.concatenate([curve.breaks[part] for curve in curves]) for part in (np.s_[:-1], np.s_[1:]))
         return np.concatenate([curve.spans for curve in curves]), line, starts, stops
 
     def curve(self, k: int) -> ChainCurve:
@@ -158,25 +149,21 @@ class NetLines:
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
     """Move ends of lines onto the lines on which they end."""
-    node_points = _points_on(lines)
+    points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
         nodes, curve = ends_of(lines.net, line), line.curve
-        if node_points.keys().isdisjoint(nodes):
+        if points.keys().isdisjoint(nodes):
             moved.append(line)
             continue
-        start, end = (
-            node_points.get(node, pole) for node, pole in zip(nodes, curve.spans[[0, -1], [0, -1]], strict=True)
-        )
+        start, end = (points.get(node, pole) for node, pole in zip(nodes, curve.spans[[0, -1], [0, -1]], strict=True))
         moved.append(replace(line, curve=curve.with_ends(start, end)))
     return NetLines(lines.net, moved)
 
 
 def with_twins(lines: NetLines) -> NetLines:
     """Unite the curves on both sides of a seam: the outer poles of one are the inner poles of the other.
-
-    Raises ExportError if the chains on both sides differ.
-    """
+    Raises ExportError if the chains on both sides differ."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
     for points, i in seam.items():
@@ -192,9 +179,7 @@ def with_twins(lines: NetLines) -> NetLines:
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
     """Points (6,) of nodes inside lines.
-
-    The ends of a line move nodes that lie on it, and these nodes may be ends of further lines: a linear system.
-    """
+    The ends of a line move nodes that lie on it, and these nodes may be ends of further lines: a linear system."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -252,8 +237,7 @@ DENSE = np.linspace(0, 1, 65)
 
 
 class ArcsOnSkins:
-    """Arcs on both skins with their distance from the chains, memoised by chain. away : vectors (k, 6) from points to
-    the skins."""
+    """Arcs on both skins with distances from the chains, memoised. away : vectors (k, 6) from points to the skins."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
@@ -277,8 +261,7 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : the chains of round
-    corners."""
+    """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : their chains."""
     rounds = 4  # an arc that becomes a wall may push others off their chords
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
@@ -308,9 +291,7 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
     """Return outline chains with a bent vertex inside, and chords of arcs within tolerances (mm, by chain)."""
     nodes = _nodes(net, ends_at(net))
-    angles = dict(
-        zip(nodes, _turns([(chains[before], chains[after]) for before, after in nodes.values()]), strict=True)
-    )
+    angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
     bent = dict(zip(outlines, _bends([chains[k] for k in outlines]), strict=True))
     round_numbers = set[int]()
@@ -368,8 +349,7 @@ class _Corners:
         return spans[0, 0], spans[-1, -1]
 
     def _known_way(self, node: int) -> Floats | None:
-        """(6,) direction of an outline at a node, memoised; None at a corner, or where a border leaves in that
-        direction."""
+        """(6,) direction of an outline at a node, memoised; None at a corner, or where a border leaves that way."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -382,14 +362,12 @@ class _Corners:
         way_before, way_after = self._end_ways(before, after)
         if _mean_direction(way_before) @ _mean_direction(way_after) < np.cos(CORNER_ANGLE):
             return None
-        direction = way_after if before in self.round else way_before
+        d = way_after if before in self.round else way_before
         if before in self.round and after in self.round:
-            direction = self._on_circle(before, after)
+            d = self._on_circle(before, after)
         seams = [(k, end) for k, end in self.ends[node] if self.net.chains[k].right != VOID]
-        steep = all(
-            abs(_mean_direction(direction) @ self._seam_way(seam, end)) < FLATTEST_COSINE for seam, end in seams
-        )
-        return direction if steep else None
+        steep = all(abs(_mean_direction(d) @ self._seam_way(seam, end)) < FLATTEST_COSINE for seam, end in seams)
+        return d if steep else None
 
     def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
         """(6,) twice: directions of two chains where the second begins."""
@@ -403,7 +381,6 @@ class _Corners:
         return _scaled_direction((b - a) * length_after / length_before + (c - b) * length_before / length_after)
 
     def _seam_way(self, k: int, end: int) -> Floats:
-        """(3,) direction of a chain at an end."""
         P = self.lines.curve(k).spans[end]
         return _unit(_mean_direction(P[1] - P[0]) if end == 0 else _mean_direction(P[2] - P[3]))
 
@@ -433,9 +410,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
     """Arc between two points (6,) with directions (6,); None if it would turn too far.
-
-    Handles are those of the cubic nearest to a circle with this chord and turn: chord / (3 cos^2(turn/4)).
-    """
+    Handles are those of the cubic nearest to a circle with this chord and turn: chord / (3 cos^2(turn/4))."""
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
     if min(float(direction @ chord) for direction in directions) < WIDEST_COSINE * long:
@@ -447,12 +422,10 @@ def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direct
 
 
 def _mean_direction(direction: Floats) -> Floats:
-    """(3,) mean of both skins."""
     return np.asarray((direction[:3] + direction[3:]) / 2)
 
 
 def _scaled_direction(direction: Floats) -> Floats:
-    """(6,) scaled so that the mean of both skins has length 1 mm."""
     return np.asarray(direction / np.linalg.norm(_mean_direction(direction)))
 
 

@@ -28,8 +28,7 @@ class NetEdge:
 
 @dataclass(frozen=True, eq=False)
 class NetWall:
-    """Ruled face between the skins. steps : consecutive edges with the material on the left.    poles : (4, 6) of all
-    together."""
+    """Ruled face between the skins. steps : edges in order, the material on the left. poles : (4, 6) of all."""
 
     steps: ChainLoop
     poles: Floats
@@ -37,11 +36,8 @@ class NetWall:
 
 @dataclass(frozen=True, eq=False)
 class NetPatch:
-    """Four-sided face on each skin.
-
-    loop   : edges counter-clockwise from outside, one or several along each side.    poles : (4, 4, 6).
-    within : True if the surface extends beyond an edge.
-    """
+    """Four-sided face on each skin. loop : edges counter-clockwise from outside, one or several along each side. poles
+    : (4, 4, 6). within : True if the surface extends beyond an edge."""
 
     loop: ChainLoop
     poles: Floats
@@ -102,11 +98,8 @@ def net_model(
     covering: PatchBuilder,
     patched: Collection[int] = (),
 ) -> NetModel:
-    """Build the model of a net.
-
-    covering : builds patches; a region whose patches are bad is trimmed.    patched : quads that are divided into
-    patches, whatever their number.
-    """
+    """Build the model of a net. covering : builds patches; a region whose patches are bad is trimmed. patched : quads
+    that are divided into patches, whatever their number."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     compact = frozenset(
         quad.region
@@ -259,10 +252,8 @@ STRAIGHT_COSINE = np.cos(0.01)
 @dataclass(frozen=True)
 class FilledCorner:
     """Corner with less than half a turn of void, where one seam ends.
-
     seam, end : the edge, and 1 for its last end or 0 for its first.    half : tangent of half the turn.
-    beside : edges of the walls before and after the corner.    straight : the one that the seam continues, or None.
-    """
+    beside : edges of the walls before and after the corner.    straight : the one that the seam continues, or None."""
 
     vertex: int
     seam: int
@@ -290,13 +281,11 @@ def filled_corners(model: NetModel) -> list[FilledCorner]:
     result = list[FilledCorner]()
     for v, ((e, end), *further) in seam_ends.items():
         half, before, after = corners[v]
-        way_before, way_after = _end_direction(model, before, False), _end_direction(model, after, True)
+        way_a, way_b = _end_direction(model, before, False), _end_direction(model, after, True)
         across = model.vertices[v][:3] - model.vertices[v][3:]
-        if not further and np.cross(way_before, way_after) @ across < 0:
+        if not further and np.cross(way_a, way_b) @ across < 0:
             seam = _end_direction(model, (e, not end), True)
-            straight = [
-                step[0] for step, w in ((before, way_before), (after, -way_after)) if seam @ w > STRAIGHT_COSINE
-            ]
+            straight = [step[0] for step, w in ((before, way_a), (after, -way_b)) if seam @ w > STRAIGHT_COSINE]
             wall_edges = before[0], after[0]
             result.append(FilledCorner(v, e, end, half, wall_edges, straight[0] if straight else None))
     return result
@@ -339,7 +328,6 @@ def wall_direction(wall: NetWall, model: NetModel, at_start: bool) -> Floats:
 
 
 def _end_direction(model: NetModel, step: tuple[int, bool], at_start: bool) -> Floats:
-    """(3,) direction of a step where it begins (`at_start`) or ends."""
     P = model.poles(step)[:, :3]
     ahead = P[1] - P[0] if at_start else P[3] - P[2]
     return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-300))

@@ -54,15 +54,12 @@ def _quad(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain
     if len(loops) != 1 or len(loops[0]) < 4:
         return None
     loop = loops[0]
-    angle = _angles(loop, chains, reach)
-    corners = _corners(angle)
+    corners = _corners(_angles(loop, chains, reach))
     if corners is None:
         return None
     stops = [*corners.tolist(), int(corners[0]) + len(loop)]
-    first_side, second_side, third_side, fourth_side = (
-        [loop[i % len(loop)] for i in range(a, b)] for a, b in pairwise(stops)
-    )
-    return Quad(region, (first_side, second_side, third_side, fourth_side))
+    side_1, side_2, side_3, side_4 = ([loop[i % len(loop)] for i in range(a, b)] for a, b in pairwise(stops))
+    return Quad(region, (side_1, side_2, side_3, side_4))
 
 
 def _corners(angle: Floats) -> Ints | None:
@@ -87,7 +84,6 @@ def _corners(angle: Floats) -> Ints | None:
 
 
 def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -> Floats:
-    """(k,) interior angles in degrees where each chain of a loop begins."""
     ahead = [chains[k].direction(forwards, reach) for k, forwards in loop]
     behind = [chains[k].direction(not forwards, reach) for k, forwards in [loop[-1], *loop[:-1]]]
     out, normal, back = (np.stack(rows) for rows in (*zip(*ahead, strict=True), [forwards for forwards, _ in behind]))
@@ -196,10 +192,8 @@ class SideStations:
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
     """Return pairs of shares (k,) of two opposite sides, ascending, from the shares that each side needs.
-
     Near shares form a pair; so do all if both sides have as many and none differ by much. A share without a partner
-    gets one by interpolation between its neighbours.
-    """
+    gets one by interpolation between its neighbours."""
     tolerance = 0.1  # largest difference of paired stations, as a share of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
@@ -224,8 +218,7 @@ CHORD_SHARE = 1 / 8
 mesh wave, and curves are moved onto them later. With 1/2 a torus was 3.8 mm off where 3.4 are allowed."""
 
 TEST_PLACES = np.linspace(0, 1, 9)[1:-1]
-"""Parameters where the distance of a cubic from the skins is measured. Cubics shorter than the thickness are not
-divided."""
+"""Parameters where a cubic's distance from the skins is measured. Cubics shorter than the thickness stay whole."""
 
 
 class LineFits:
@@ -249,8 +242,7 @@ class LineFits:
         turns, self.within = _Turns(chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
-        links = _links(net, quads, turns, rounded)
-        todo, accepted = _rows(net.chains, links), list[ChainLine]()
+        todo, accepted = _rows(net.chains, _links(net, quads, turns, rounded)), list[ChainLine]()
         while todo:
             lines = self._fits(net, chains, todo)
             todo = []
@@ -277,15 +269,10 @@ class LineFits:
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
         """Return whether each line is one chain, or close to its chains with fewer spans than they have alone."""
-        maybe = [line for line in lines if len(line.curve.spans) > 1 and self._is_near(net, line)]
-        alone = iter(self._fits(net, chains, [[step] for line in maybe for step in line.steps]))
-        fewer = {
-            id(line): len(line.curve.spans) < sum(len(next(alone).curve.spans) for _ in line.steps) for line in maybe
-        }
-        return [
-            len(line.steps) == 1 or fewer.get(id(line), len(line.curve.spans) == 1 and self._is_near(net, line))
-            for line in lines
-        ]
+        maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
+        runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
+        fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
+        return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
         least_distance = 0.1  # least distance of chain ends from breaks, as a share of a span
@@ -306,22 +293,19 @@ class LineFits:
 
     def _halve_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
         """Halve cubics that would leave the skins between the places where they are moved onto them.
-
-        A mesh point was 1.5 mm off such a patch where 1.49 are allowed, with the skin 0.8 mm off that point.
-        """
+        A mesh point was 1.5 mm off such a patch where 1.49 are allowed, with the skin 0.8 mm off that point."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
-        spans = np.concatenate([curve.spans for curve in curves])
-        vectors = self.away((bernstein(TEST_PLACES) @ spans).reshape(-1, 6)).reshape(len(spans), -1, 3)
-        long = np.linalg.norm(spans[:, 3, :3] - spans[:, 0, :3], axis=1) > np.linalg.norm(
-            spans[:, 0, :3] - spans[:, 0, 3:], axis=1
+        poles = np.concatenate([curve.spans for curve in curves])
+        vectors = self.away((bernstein(TEST_PLACES) @ poles).reshape(-1, 6)).reshape(len(poles), -1, 3)
+        long = np.linalg.norm(poles[:, 3, :3] - poles[:, 0, :3], axis=1) > np.linalg.norm(
+            poles[:, 0, :3] - poles[:, 0, 3:], axis=1
         )
         is_far = long & (np.linalg.norm(vectors, axis=2).max(axis=1) > OUTLINE_SHARE * self.distance)
-        line_flags = np.split(is_far, np.cumsum([len(curve.spans) for curve in curves])[:-1])
+        marks = np.split(is_far, np.cumsum([len(curve.spans) for curve in curves])[:-1])
         return [
-            line.with_halved_spans(flags) if flags.any() else line
-            for line, flags in zip(lines, line_flags, strict=True)
+            line.with_halved_spans(flags) if flags.any() else line for line, flags in zip(lines, marks, strict=True)
         ]
 
 
@@ -367,9 +351,7 @@ class _Turns:
 
 def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
     """Pair chain ends that form one line: inside a side of a region, and along outlines that only continue.
-
-    Arcs continue outlines, but not borders between members.
-    """
+    Arcs continue outlines, but not borders between members."""
     smooth = 10.0  # degrees that an outline may turn where two of its chains become one line
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:

@@ -14,9 +14,7 @@ from dsfab.export.splines import bernstein
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """(k, 2) parameters of points (k, 3) over a surface with poles (p + 1, p + 1, 3).
-
-    The poles lie evenly over a parallelogram in the plane of the first two axes.
-    """
+    The poles lie evenly over a parallelogram in the plane of the first two axes."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
@@ -47,7 +45,6 @@ def _degree_matrix(n: int) -> Floats:
 
 
 def _powers(x: Floats, degree: int) -> Floats:
-    """(k, degree + 1) Bernstein polynomials at x (k,)."""
     i = np.arange(degree + 1)
     return np.asarray(_binomials(degree) * x[:, None] ** i * (1 - x[:, None]) ** (degree - i))
 
@@ -65,8 +62,7 @@ def differences(count: int) -> Floats:
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""(k, 2) sample parameters of a surface. With 12 along a side a bulge of 1.6 mm in a corner of a face of 40 mm was
-missed."""
+"""(k, 2) sample parameters of a surface; 12 along a side missed a bulge of 1.6 mm in a corner of 40 mm."""
 
 ROWS = rows_at(PLACES)
 
@@ -93,13 +89,10 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Largest excess of a region's surfaces over the allowed distance from the mesh, inside outlines (., 3); -inf if
-    unlimited."""
+    """Largest excess of surfaces over the allowed distance from the mesh, inside outlines (., 3), or -inf."""
     if beyond_mesh is None:
         return -np.inf
-    inside = [
-        places_inside(*surface, outlines) for surface, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)
-    ]
+    inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
     return float(beyond_mesh(np.concatenate(inside)).max(initial=-np.inf))
 
 
@@ -129,9 +122,7 @@ FOLD_PLACES = np.linspace(0, 1, 5)
 
 def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_poles: Floats) -> Floats:
     """(ku, kv, 4, 4, d) poles of Coons patches between spans.
-
-    bottom_poles, top_poles : (ku, 4, d) from left to right.    left_poles, right_poles : (kv, 4, d) upwards.
-    """
+    bottom_poles, top_poles : (ku, 4, d) from left to right.    left_poles, right_poles : (kv, 4, d) upwards."""
     b, t = bottom_poles[:, None, :, None, :], top_poles[:, None, :, None, :]
     lt, rt = left_poles[None, :, None, :, :], right_poles[None, :, None, :, :]
     u = _shares(bottom_poles, top_poles)[:, None, :, None, None]
@@ -146,10 +137,8 @@ def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_pol
 
 def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
     """Move the insides of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and cells remain continuous.
-
-    vectors_to_skins : returns the vectors from points (k, d) to the skins.
-    """
-    spline_pairs = [
+    vectors_to_skins : returns the vectors from points (k, d) to the skins."""
+    splines = [
         (
             InnerSpline.from_breaks(_break_shares(P[:, 0, :, 0], P[:, -1, :, -1])),
             InnerSpline.from_breaks(_break_shares(P[0, :, 0], P[-1, :, -1])),
@@ -157,15 +146,13 @@ def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats
         for P in grids
     ]
     place_points = list[Floats]()
-    for P, (u, v) in zip(grids, spline_pairs, strict=True):
+    for P, (u, v) in zip(grids, splines, strict=True):
         along = np.tensordot(u.hats, P, axes=([1, 2], [0, 2]))
         place_points.append(np.tensordot(v.hats, along, axes=([1, 2], [1, 2])))
     all_vectors = vectors_to_skins(np.concatenate([points.reshape(-1, points.shape[2]) for points in place_points]))
     ends = np.cumsum([points.shape[0] * points.shape[1] for points in place_points])
     result = list[Floats]()
-    for P, (u, v), points, vectors in zip(
-        grids, spline_pairs, place_points, np.split(all_vectors, ends[:-1]), strict=True
-    ):
+    for P, (u, v), points, vectors in zip(grids, splines, place_points, np.split(all_vectors, ends[:-1]), strict=True):
         along = np.tensordot(u.poles, vectors.reshape(points.shape), axes=([2], [1]))
         result.append(P + np.tensordot(v.poles, along, axes=([2], [2])).transpose(2, 0, 3, 1, 4))
     return result
@@ -187,8 +174,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Least ratio of a normal's component along the mean normal to the largest one, for patches (..., 4, 4, 3); < 0 if
-    folded."""
+    """Least ratio of a normal's component along the mean normal to the largest, for patches (..., 4, 4, 3)."""
     P = P.reshape(-1, 4, 4, 3)
     y = 1 - FOLD_PLACES
     B = np.stack([y**3, 3 * FOLD_PLACES * y**2, 3 * FOLD_PLACES**2 * y, FOLD_PLACES**3], axis=1)
@@ -196,8 +182,7 @@ def least_jacobian(P: Floats) -> float:
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
     dv = np.einsum("xa,yb,kabi->kxyi", B, C, np.diff(P, axis=2))
     N = cross(du.reshape(-1, 3), dv.reshape(-1, 3)).reshape(du.shape)
-    mean = N.mean(axis=(1, 2))
-    along = np.einsum("kxyi,ki->kxy", N, mean)
+    along = np.einsum("kxyi,ki->kxy", N, N.mean(axis=(1, 2)))
     return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
 
 
@@ -207,9 +192,7 @@ TEST_PLACES = np.linspace(0, 1, 7)
 
 class PatchBuilder:
     """Builder of patches, memoised by region and its curves, because a net changes several times in few places.
-
-    away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits their middles.
-    """
+    away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits their middles."""
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.away, self.limits = away, limits
@@ -217,9 +200,7 @@ class PatchBuilder:
 
     def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
         """Return poles (ku, kv, 4, 4, 6) for each region, or None if its patches are folded or too far off.
-
-        sides : bottom, right, top and left of each, see `coons`.
-        """
+        sides : bottom, right, top and left of each, see `coons`."""
         poles = [[side.tobytes() for side in four] for four in sides]
         changed = [
             i for i, (r, now) in enumerate(zip(regions, poles, strict=True)) if self.known.get(r, ((),))[0] != now
@@ -263,9 +244,7 @@ def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
     """(k,) excess of patches over the allowed distance from the mesh; -inf if unlimited.
-
-    Beside a crease one patch met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed.
-    """
+    Beside a crease one patch met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])

@@ -21,9 +21,7 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
     """Cut the ends off regions with two long walls, as regions of their own.
-
-    An end narrower than `width` mm stays with the member.
-    """
+    An end narrower than `width` mm stays with the member."""
     points_each = 9  # points of a chain that divides a region
     P = np.asarray(net.weights @ lifting.skins.points)
     chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)
@@ -58,14 +56,12 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
         loops[region] = [member]
     if not lines:
         return net
-    rows = lifting.weights_at(np.concatenate(lines))
-    weights = csr_array(vstack([net.weights, rows], format="csr"))
+    weights = csr_array(vstack([net.weights, lifting.weights_at(np.concatenate(lines))], format="csr"))
     return replace(net, weights=weights, chains=chains, loops=loops, parent=cell)
 
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
-    """Positions of two walls in a region's only loop that are longer than their distance and not adjacent; None
-    otherwise."""
+    """Positions of two walls in a region's only loop, longer than their distance and not adjacent, or None."""
     long = 1.5  # least length of both walls of a member over the distance between them
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
@@ -184,27 +180,25 @@ class _BendSeams:
     def _halve_chains(self, region: int) -> bool:
         few = 8  # a chain longer than an eighth of the outline is long
         long = {k: self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0]}
-        long_chains = [
-            k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2
-        ]
-        for k in long_chains:
+        longest = [k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
+        for k in longest:
             chain, added_chain = self.net.chains[k], max(self.net.chains) + 1
             half = len(chain.points) // 2
             first_half, second_half = (
-                replace(chain, points=long_chains) for long_chains in (chain.points[: half + 1], chain.points[half:])
+                replace(chain, points=points) for points in (chain.points[: half + 1], chain.points[half:])
             )
             two = {(k, True): [(k, True), (added_chain, True)], (k, False): [(added_chain, False), (k, False)]}
             neighbours = {r: self.net.loops[r] for r in {chain.left, chain.right} - {VOID}}
             loops = {
-                r: [[part for step in loop for part in two.get(step, [step])] for loop in long_chains]
-                for r, long_chains in neighbours.items()
+                r: [[part for step in loop for part in two.get(step, [step])] for loop in loops]
+                for r, loops in neighbours.items()
             }
             self.net = replace(
                 self.net,
                 chains={**self.net.chains, k: first_half, added_chain: second_half},
                 loops={**self.net.loops, **loops},
             )
-        return len(long_chains) > 0
+        return len(longest) > 0
 
     def _length(self, points: Ints) -> float:
         P = self.net.weights[points] @ self.skins.points

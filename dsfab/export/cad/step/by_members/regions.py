@@ -115,9 +115,7 @@ def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
     """Return the connected region (m,) of each cell, with one label each, and the loose regions.
-
-    apart : (i,) True for pairs of neighbours with a crease between them.
-    """
+    apart : (i,) True for pairs of neighbours with a crease between them."""
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
@@ -160,7 +158,6 @@ class _BorderWalk:
         return step
 
     def _nodes(self, loose: Bools) -> Bools:
-        """(n,) vertices where chains end."""
         n, h = len(self.P), self.along
         once = h[(self.twin[h] < 0) | (h < self.twin[h])]
         ends = np.concatenate([self.start[once], self.end[once]])
@@ -264,10 +261,7 @@ def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on both sides of a seam stay apart
     chains = dict(net.chains)
-    loops = {
-        region: [_joined_loop(loop, chains, P, N, degree) for loop in region_loops]
-        for region, region_loops in net.loops.items()
-    }
+    loops = {r: [_joined_loop(loop, chains, P, N, degree) for loop in group] for r, group in net.loops.items()}
     return replace(net, chains=chains, loops=loops)
 
 
@@ -301,24 +295,18 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return whether an outline has a sharp corner, or begins or ends to be round, at the middle of five points (5,
-    3)."""
+    """Return whether an outline has a sharp corner, or begins or ends to be round, amid five points (5, 3)."""
     if len(line) < 5:
         return True
-    directions = np.diff(line, axis=0)
-    before, at_middle, after = turns(directions[:-1], directions[1:], N[1:-1])
-    sharp = directions[1] @ directions[2] < CORNER_COSINE * np.linalg.norm(directions[1]) * np.linalg.norm(
-        directions[2]
-    )
+    d = np.diff(line, axis=0)
+    before, at_middle, after = turns(d[:-1], d[1:], N[1:-1])
+    sharp = d[1] @ d[2] < CORNER_COSINE * np.linalg.norm(d[1]) * np.linalg.norm(d[2])
     return bool(sharp or (at_middle < ROUND_COSINE and max(before, after) >= ROUND_COSINE))
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
     """Remove regions of two chains narrower than `width`: each joins the region beyond an inner chain. P (p, 3) net
-    points.
-
-    A straightened chain could otherwise run along or beyond the other one, with no face between them.
-    """
+    points. A straightened chain could otherwise run along or beyond the other one, with no face between them."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
@@ -329,11 +317,9 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
         inner = [i for i in (0, 1) if beyond[i] not in (VOID, region)]
         if not inner or region in beyond or mean_width(P[np.concatenate([p[:-1] for p in sides])]) >= width:
             continue
-        (gone, ahead), kept_step, neighbour = steps[inner[0]], steps[1 - inner[0]], beyond[inner[0]]
-        loops[neighbour] = [
-            [kept_step if step == (gone, not ahead) else step for step in loop] for loop in loops[neighbour]
-        ]
-        chains[kept_step[0]] = chains[kept_step[0]].with_region(neighbour, kept_step[1])
+        (gone, ahead), rest, neighbour = steps[inner[0]], steps[1 - inner[0]], beyond[inner[0]]
+        loops[neighbour] = [[rest if step == (gone, not ahead) else step for step in loop] for loop in loops[neighbour]]
+        chains[rest[0]] = chains[rest[0]].with_region(neighbour, rest[1])
         del chains[gone], loops[region]
         loose.discard(region)
         cell[cell == region] = neighbour
@@ -400,7 +386,6 @@ class RegionInterior:
         return np.asarray(long > np.minimum(self.thickness, REGION_SHARE * size))
 
     def _sizes(self, net: ChainNet, regions: Sequence[int]) -> Floats:
-        """(r,) diagonals of boxes around regions, millimetres."""
         P = self._on_mesh(net.weights)
         outlines = ([net.chains[k].points for loop in net.loops[region] for k, _ in loop] for region in regions)
         return np.array([np.linalg.norm(np.ptp(P[np.concatenate(line)], axis=0)) for line in outlines])

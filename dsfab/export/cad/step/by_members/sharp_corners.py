@@ -28,9 +28,7 @@ class MovedRim:
 
 class Rims:
     """Rim edges of a model, which can move onto the faces beside them.
-
-    pieces : rim edges at sharp corners.    ends : the edges that end at each vertex.
-    """
+    pieces : rim edges at sharp corners.    ends : the edges that end at each vertex."""
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
         self.model, self.edges, self.vertices = model, list(model.edges), list(model.vertices)
@@ -53,9 +51,7 @@ class Rims:
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
         """Return the changes that put the rim pieces around a face onto the face; None if the face has no such pieces.
-
-        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too.
-        """
+        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too."""
         around = _edges_of_face(face)
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -132,10 +128,8 @@ MOVED = 1 / 400
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges at sharp corners beside trimmed faces, and put these faces exactly onto the cut parts.
-
     If no degree fits within `SPLIT`, or if the inside moves by more than `MOVED`, the face stays and rims move onto it
-    as far as they may.
-    """
+    as far as they may."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -143,8 +137,7 @@ def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMode
     for e, edge in enumerate(model.edges):
         halves = corners.get(edge.start, 0.0), corners.get(edge.end, 0.0)
         if any(halves):
-            stops = _stops(edge.poles, halves)
-            work.cut(e, True, stops, False)
+            work.cut(e, True, _stops(edge.poles, halves), False)
             parts = [k for k, _ in work.loop([(e, True)])]
             held_edges |= {k for k, half in ((parts[0], halves[0]), (parts[-1], halves[1])) if half}
     cut_model = work.model(model.walls)
@@ -162,8 +155,7 @@ def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMode
 
 
 def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, Floats]]) -> TrimmedFace:
-    """Put a face at least on its seams and move its rims onto it, or the rims at corners without seams; else return it
-    unchanged."""
+    """Put a face at least on its seams and move its rims, or those at corners without seams, onto it, if possible."""
     if not rims.pieces_around(face):
         return face
     ways = [rims.seams(face, curves) for curves in held_curves]
@@ -183,14 +175,12 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
     if change is None or np.abs(moves).max() > SPLIT:
         return None
     moved_model = replace(rims.model, edges=[change.edges.get(e, edge) for e, edge in enumerate(rims.edges)])
-    piece_poles = {e: change.edges[e].poles for e in change.pieces}
-    distance = float(
-        np.abs(face.gaps(np.concatenate([bernstein(TEST_PLACES) @ P for P in piece_poles.values()]))).max()
-    )
+    pieces = {e: change.edges[e].poles for e in change.pieces}
+    distance = float(np.abs(face.gaps(np.concatenate([bernstein(TEST_PLACES) @ P for P in pieces.values()]))).max())
     gap = float(np.abs(face.gaps(np.concatenate([loop_samples(moved_model, loop) for loop in face.loops]))).max())
     result = replace(face, exact=True, gap=gap)
     if distance > FLUSH_TOLERANCE:
-        result = _flush_face(result, moved_model, {**seams, **piece_poles})
+        result = _flush_face(result, moved_model, {**seams, **pieces})
     if (distance > FLUSH_TOLERANCE and result.outer is face.outer) or result.gap > max(SPLIT, face.gap):
         return None
     rims.take(change)
@@ -235,10 +225,8 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return poles of a surface through the first points; None if that fails. All points are (k, 3).
-
     It is within `FLUSH_TOLERANCE` of the second points, near to the third, those of edges, and within `largest_move` of
-    the old surface at the fourth, inside.
-    """
+    the old surface at the fourth, inside."""
     # Largest excess after three degrees: of 502 faces that became flush in seven designs the worst had 10.3. Hopeless
     # faces took nine tenths of the time.
     hopeless = 20.0
@@ -270,9 +258,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
     """(k,) movement of pole heights that brings the surface onto the first points and near to the third.
-
-    rows : basis (., k) for each kind of points.    distances : from the surface.
-    """
+    rows : basis (., k) for each kind of points.    distances : from the surface."""
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), MOVE_WEIGHT * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([HELD_WEIGHT * distances[0], distances[2], np.zeros(sum(map(len, still)))])

@@ -29,10 +29,8 @@ LEAST_SINE = 1 / 4
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
     """Parallelogram around edges, in the plane of the first two axes (3, 3).
-
     origin : (3,)    sides : (2, 2) its directions.    low, high : (2,) its extent along these.
-    uv, z  : (k, 2) parameters and (k,) heights of points: first `inside` inner points, then points of edges.
-    """
+    uv, z  : (k, 2) parameters and (k,) heights of points: first `inside` inner points, then points of edges."""
 
     origin: Floats
     axes: Floats
@@ -63,10 +61,7 @@ class FaceDomain:
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Return two right-handed directions (2, 2) out of `ways` (k, 2) for the parallelogram that least leaves the
-        box.
-
-        Its corners count, at the heights of a quadric through all points.
-        """
+        box. Its corners count, at the heights of a quadric through all points."""
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
@@ -179,9 +174,7 @@ def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
     """Fit the faces of a region with inner points (k, 6); raises ExportError if no plane sees it as one outline.
-
-    part : True if the points are those of a larger region, which may bend away.
-    """
+    part : True if the points are those of a larger region, which may bend away."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
@@ -198,14 +191,10 @@ def trimmed_face(
     ways = np.concatenate([_chords(model, loop) for loop in loops])
     skins = (np.s_[:, :3], np.s_[:, 3:])
     surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in skins]
-    (outer, outer_axes, *outer_distances), (inner, inner_axes, *inner_distances) = surfaces
-    gap, inner_distance = np.maximum(outer_distances, inner_distances).tolist()
-    astray = largest_excess(
-        ((outer, outer_axes), (inner, inner_axes)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh
-    )
-    return TrimmedFace(
-        [loops[i] for i in order], outer, inner, (outer_axes, inner_axes), gap, inner_distance, astray=astray
-    )
+    (outer, A, *outer_distances), (inner, B, *inner_distances) = surfaces
+    gap, distance = np.maximum(outer_distances, inner_distances).tolist()
+    astray = largest_excess(((outer, A), (inner, B)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh)
+    return TrimmedFace([loops[i] for i in order], outer, inner, (A, B), gap, distance, astray=astray)
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
@@ -237,7 +226,6 @@ def _sample_matrix(n: int) -> Floats:
 
 
 def _skin_normals(points: Floats) -> Floats:
-    """(k, 3) unit vectors from the inner to the outer skin at points (k, 6)."""
     vectors = points[:, :3] - points[:, 3:]
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
 
@@ -304,10 +292,7 @@ def _chords(model: NetModel, loop: ChainLoop) -> Floats:
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """(k,) distance in mm of a closed line (k, 6) from one surface near it and near inner points (j, 6); maximum of
-    both skins.
-
-    Infinite if no plane sees all points.
-    """
+    both skins. Infinite if no plane sees all points."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -319,10 +304,8 @@ def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
     axes = axes_of(mean)
     seen = (_skin_normals(allowed) @ mean).min() >= LEAST_NORMAL_COSINE and signed_area(line[:, :3] @ axes[:2].T) > 0
     for s in (0, 3):
-        distances = (
-            _misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) if seen else np.full(len(line), np.inf)
-        )
-        yield distances
+        gaps = _misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) if seen else np.full(len(line), np.inf)
+        yield gaps
 
 
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
@@ -343,9 +326,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """(3, 3) axes, turned about the last one if the rectangle around a line (k, 3) becomes far smaller.
-
-    A fuller rectangle leaves fewer poles without points.
-    """
+    A fuller rectangle leaves fewer poles without points."""
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
@@ -377,8 +358,7 @@ def _best(uv: Floats, z: Floats, inside: int, gap_limit: float, inner_limit: flo
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """(p + 1, p + 1) poles near to heights z (k,) with basis A (k, (p + 1)^2) and weights, and near to the poles
-    `base`."""
+    """(p + 1, p + 1) poles near heights z (k,) with basis A (k, (p + 1)^2) and weights, and near poles `base`."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

@@ -35,10 +35,8 @@ def without_strays(
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
     """Refit faces that are too far off the skins between their points, with more points.
-
     points : (k, 6) of each fit.    away : returns the vectors from points to both skins. Faces with a limit from the
-    mesh stay unchanged, because the division judges them.
-    """
+    mesh stay unchanged, because the division judges them."""
     rounds = 2  # a face that was corrected in one place may stray in another
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
@@ -60,8 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """For each face (k, 6) points of the skins beside its samples if one sample is farther off than `tolerance`; else
-    none."""
+    """For each face (k, 6) points of skins beside samples if one is farther off than `tolerance`; else none."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -72,7 +69,6 @@ def _skins_beside(
 
 
 def _places(model: NetModel, face: TrimmedFace) -> Floats:
-    """(k, 6) sample points of a face inside its outline."""
     skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles in (face.outer, face.inner)]
     P = np.concatenate(skins, axis=1)
     return np.asarray(P[inside_outlines(P, [loop_samples(model, loop) for loop in face.loops])])
@@ -106,10 +102,7 @@ HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
     """Move the widest gap of each seam that ends at an outline to a sample of OCCT, so that the measured tolerance is
-    right.
-
-    A face stays if that opens a gap above `SPLIT`, or moves its inside by more.
-    """
+    right. A face stays if that opens a gap above `SPLIT`, or moves its inside by more."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -141,9 +134,7 @@ def _with_peaks(
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
     """One surface of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
-
-    seams : (e, k, 3) along seams.    held : (h, 6, 3) along edges that may be exact.    edges : (j, 3) along all edges.
-    """
+    seams : (e, k, 3) along seams. held : (h, 6, 3) along edges that may be exact. edges : (j, 3) along all edges."""
 
     poles: Floats
     axes: Floats
@@ -156,8 +147,7 @@ class _PeakSurface:
     """By degree: (j, poles) basis along all edges."""
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return the poles with the fewest peaks off the samples, in the lowest degree. exact : keep exact edges
-        exact."""
+        """Return poles with the fewest peaks off the samples, in the lowest degree. exact : keep exact edges exact."""
         exact_gap = 1e-6  # largest gap of an exact edge of a flush face, which stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
         result, least = self.poles, int(self._misplaced(self._gaps(local)).sum())
@@ -177,8 +167,7 @@ class _PeakSurface:
         return float(np.abs(self._gaps(poles @ self.axes.T)).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Heights of the poles after each round with the number of misplaced peaks. Edges with gaps below `exact_gap`
-        keep them."""
+        """Heights of poles after each round, with the number of misplaced peaks. Gaps below `exact_gap` stay."""
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -224,7 +213,6 @@ class _PeakSurface:
         return self.over[degree]
 
     def _gaps(self, local: Floats) -> Floats:
-        """(e, k) gaps of seams above the surface, normal to it."""
         return self._gaps_and_cosines(local)[0]
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:

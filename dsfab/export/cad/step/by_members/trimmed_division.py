@@ -28,8 +28,7 @@ from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
 LEAST_WIDTH_SHARE = 1 / 20
-"""Least mean width of the part that a chord cuts off over the thickness. OCCT draws no triangles of a lens of 1.6 x 0.2
-mm."""
+"""Least mean width that a chord cuts off over the thickness. OCCT draws no triangles of a lens of 1.6 x 0.2 mm."""
 
 CHORD_SHARES = np.linspace(0, 1, 17)[1:-1]
 """Shares of a chord where its distance from the outline is measured."""
@@ -44,9 +43,7 @@ POINTS = 8
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
     """Outline of a region in halves of its edges. A place is the index of a half.
-
-    poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop.
-    """
+    poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop."""
 
     poles: Floats
 
@@ -72,10 +69,8 @@ class HalvedOutline:
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs of places, ascending, with a clear chord inside the outline.
-
         Chords from the `worst` places (k,) come first, then all others, each group by length over the smaller area cut
-        off. Each group has `times * TRIED / 2` pairs at most.
-        """
+        off. Each group has `times * TRIED / 2` pairs at most."""
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
@@ -135,9 +130,7 @@ def divided_faces(
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
     """Divide the faces whose edges no cut could split; adds the edges between the parts to the model.
-
-    inside : returns (k, 6) inner points of regions.    away : returns the vectors from points to both skins.
-    """
+    inside : returns (k, 6) inner points of regions.    away : returns the vectors from points to both skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
@@ -148,8 +141,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Largest ratio of gap, inner distance, pole distance from the box and distance from the mesh to its limit; > 1 is
-    too much."""
+    """Largest ratio of gap, inner distance, pole distance from the box and distance from the mesh to its limit."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles are farther off by the deflection
@@ -158,9 +150,7 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
 
 class _FaceDivision:
     """Division of regions, one after another.
-
-    halves : new edges of each halved edge.    times : factor of the number of tried seams.
-    """
+    halves : new edges of each halved edge.    times : factor of the number of tried seams."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
@@ -217,7 +207,6 @@ class _FaceDivision:
         return self._faces(self._with_seam(loop, *best_seam), points) if best_seam else []
 
     def _faces(self, loops: Iterable[ChainLoop], points: Floats) -> list[TrimmedFace]:
-        """Return faces of parts with one loop each, or [] if one fails."""
         try:
             two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
         except ExportError:
@@ -235,17 +224,14 @@ class _FaceDivision:
         seams = self._on_skins([(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs])
         near_numbers = [i for i, cubics in enumerate(seams) if self._is_near(cubics)]
         pairs, seams = [pairs[i] for i in near_numbers], [seams[i] for i in near_numbers]
-        misfits_left, limit = list[float](), self.times * full
+        errors, limit = list[float](), self.times * full
         for (a, b), P in zip(pairs, seams, strict=True):
             two = outline.part(a, b, P), outline.part(b, a, P[::-1, ::-1])
-            misfits_left.append(
-                _worst_misfit(points, two, sorted(misfits_left)[limit - 1] if len(misfits_left) >= limit else np.inf)
-            )
-        return [(pairs[i], seams[i]) for i in np.argsort(misfits_left, kind="stable").tolist()[:limit]]
+            errors.append(_worst_misfit(points, two, sorted(errors)[limit - 1] if len(errors) >= limit else np.inf))
+        return [(pairs[i], seams[i]) for i in np.argsort(errors, kind="stable").tolist()[:limit]]
 
     def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
-        """(k, 4, 6) cubics on the skins between both points (6,) of each chord, with as many cubics as needed or
-        allowed."""
+        """(k, 4, 6) cubics on the skins between both points (6,) of each chord, as many as needed or allowed."""
         checks = 8  # places along each cubic where its distance from the skins is measured
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:
