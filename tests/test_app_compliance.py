@@ -31,10 +31,7 @@ from dsfab.study.judges import full, quick
 TIP = {"kind": "force", "at": {"pick": "ball", "center": [1, 0, 0], "radius": 0.1}}
 CASES = {
     "surface.edge": 0.1,
-    "surface.load": [
-        {**TIP, "case": "down", "force": [0, -1000, 0]},
-        {**TIP, "case": "out", "force": [0, 0, 400]},
-    ],
+    "surface.load": [{**TIP, "case": "down", "force": [0, -1000, 0]}, {**TIP, "case": "out", "force": [0, 0, 400]}],
     "surface.support": [{"at": {"pick": "side", "axis": "x", "end": "min"}, "hold": "xyz", "clamp": True}],
     "statics.bending": "midedge",
     "statics.thickness": 0.1,

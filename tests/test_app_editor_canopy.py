@@ -20,10 +20,7 @@ from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, serving
 from tests.test_app_editor_page import READY, SEEN, page_of, solved, until
 
-pytestmark = [
-    pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed"),
-    pytest.mark.slow,
-]
+pytestmark = [pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed"), pytest.mark.slow]
 
 MOST = 12
 SIZE = (1280, 800)

@@ -10,10 +10,7 @@ from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, serving
 from tests.test_app_editor_page import READY, page_of, place_of, solved, type_into, until
 
-pytestmark = [
-    pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed"),
-    pytest.mark.slow,
-]
+pytestmark = [pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed"), pytest.mark.slow]
 
 BALL = {"pick": "ball", "center": [0.0, 3.0, 3.3], "radius": 1.6}
 BOX = {"pick": "box", "min": [-4.0, -4.0, 0.5], "max": [-1.0, -1.0, 5.0]}

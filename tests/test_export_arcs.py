@@ -31,10 +31,7 @@ def corner_net(far):
     runs = [([0, 1], 0, VOID), ([1, 2, 3], 0, VOID), ([3, 4], 1, VOID), ([4, 5], 1, VOID)]
     runs += [([3, 6], 0, 1), ([6, 0], 0, VOID), ([5, 7, 8, 6], 1, VOID)]
     chains = {k: Chain(np.array(run), left, right) for k, (run, left, right) in enumerate(runs)}
-    loops = {
-        0: [[(0, True), (1, True), (4, True), (5, True)]],
-        1: [[(2, True), (3, True), (6, True), (4, False)]],
-    }
+    loops = {0: [[(0, True), (1, True), (4, True), (5, True)]], 1: [[(2, True), (3, True), (6, True), (4, False)]]}
     weights = csr_array(eye_array(len(points), format="csr"))
     return ChainNet(weights, chains, loops, frozenset(), np.zeros(0, dtype=np.int64)), points
 

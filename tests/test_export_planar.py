@@ -327,10 +327,7 @@ def test_a_circle_closes_smoothly_and_converges():
     loop = 40 * np.c_[np.cos(turn), np.sin(turn)]
     for tolerance in (0.4, 0.02):
         one, two = curves_through(loop, np.zeros(720, dtype=bool), tolerance)
-        both = [
-            one(np.linspace(one.knots[0], one.knots[-1], 99)),
-            two(np.linspace(two.knots[0], two.knots[-1], 99)),
-        ]
+        both = [one(np.linspace(one.knots[0], one.knots[-1], 99)), two(np.linspace(two.knots[0], two.knots[-1], 99))]
         assert np.abs(np.linalg.norm(np.concatenate(both), axis=1) - 40).max() < tolerance + 4e-4
         for a, b in ((one, two), (two, one)):
             assert a.poles[-1] == pytest.approx(b.poles[0], abs=1e-9)
@@ -354,11 +351,7 @@ def test_parts_of_a_spline_are_the_spline():
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
-@given(
-    st.lists(st.floats(0.4, 1.6), min_size=5, max_size=60),
-    st.sampled_from([2.0, 0.3]),
-    st.integers(0, 2**31),
-)
+@given(st.lists(st.floats(0.4, 1.6), min_size=5, max_size=60), st.sampled_from([2.0, 0.3]), st.integers(0, 2**31))
 def test_any_star_is_followed_within_the_tolerance_and_closed(radii, tolerance, seed):
     k = len(radii)
     turn = 2 * np.pi * (np.arange(k) + 0.3 * np.random.default_rng(seed).random(k)) / k
@@ -388,11 +381,7 @@ def test_loops_keep_their_sense_and_pieces_their_holes():
 
 @pytest.mark.slow
 def test_a_build_says_how_its_step_file_was_made(tmp_path, here):
-    how = {
-        "source": Source(("surface.edge=0.08",)),
-        "files": Files(tmp_path, "step"),
-        "pictures": PictureFlags(False),
-    }
+    how = {"source": Source(("surface.edge=0.08",)), "files": Files(tmp_path, "step"), "pictures": PictureFlags(False)}
     build("cantilever", **how, quiet=True)
     notes = json.loads((tmp_path / "design.json").read_text())["warnings"]
     assert "export: STEP is planar, its outline within 0.25 mm of the mesh" in notes

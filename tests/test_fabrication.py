@@ -344,8 +344,7 @@ def test_fix_meets_the_limits_and_names_what_it_changed(plate):
 
 
 @pytest.mark.parametrize(
-    ("limits", "words"),
-    [({"min_wall": 0.02}, "raise statics.thickness"), ({"bed": [0.5, 0.5, 0.5]}, "split it")],
+    ("limits", "words"), [({"min_wall": 0.02}, "raise statics.thickness"), ({"bed": [0.5, 0.5, 0.5]}, "split it")]
 )
 def test_fix_says_what_no_pattern_can_change(plate, limits, words):
     with pytest.raises(PatternError, match=words):

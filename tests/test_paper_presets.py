@@ -65,8 +65,7 @@ def test_a_stand_in_says_so_in_the_preset(figure):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "figure",
-    [pytest.param(f, marks=[pytest.mark.slow] * (f.preset in LONG), id=f.preset) for f in FIGURES],
+    "figure", [pytest.param(f, marks=[pytest.mark.slow] * (f.preset in LONG), id=f.preset) for f in FIGURES]
 )
 def test_figures_keep_their_recorded_numbers_on_a_coarser_mesh(figure):
     name = figure.preset

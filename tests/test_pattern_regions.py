@@ -123,12 +123,7 @@ def test_any_polygon_is_cut_out_of_any_mesh(seed, corners, cells):
 
 
 @settings(deadline=None, max_examples=25)
-@given(
-    seed=st.integers(0, 10_000),
-    radius=st.floats(0.15, 1.5),
-    x=st.floats(-0.5, 1.5),
-    y=st.floats(-0.5, 1.5),
-)
+@given(seed=st.integers(0, 10_000), radius=st.floats(0.15, 1.5), x=st.floats(-0.5, 1.5), y=st.floats(-0.5, 1.5))
 def test_balls_are_cut_out_of_bumpy_sheets(seed, radius, x, y):
     rng = np.random.default_rng(seed)
     a, b = 0.15 * rng.random(2)
@@ -217,10 +212,7 @@ def test_what_is_picked_by_vertices_ends_halfway_to_the_others():
 @pytest.mark.parametrize(
     ("region", "what"),
     [
-        (
-            PatternRegion(Ball((40, 0, 0), 1.0), "void", name="door"),
-            r"region\.0 \(door\): .* 31 m from its nearest",
-        ),
+        (PatternRegion(Ball((40, 0, 0), 1.0), "void", name="door"), r"region\.0 \(door\): .* 31 m from its nearest"),
         (PatternRegion(Ball((4, 3, 0), 100.0), "void"), r"pattern\.region\.0: it takes all that is left"),
         (PatternRegion(Ball((4, 3, 9), 1.0), "keep"), "nowhere on the surface"),
         (PatternRegion(Facing((0, 0, -1), 5.0), "void"), r"pattern\.region\.0: pick = 'facing'.* picks no vertex"),

@@ -137,10 +137,7 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
     ("changes", "says"),
     [
         ({"pattern.guide": 1}, r"pattern\.guide = 1: should be a list"),
-        (
-            {"pattern.major.frequncy": 3},
-            r"unknown key pattern\.major\.frequncy; did you mean frequency\? \(",
-        ),
+        ({"pattern.major.frequncy": 3}, r"unknown key pattern\.major\.frequncy; did you mean frequency\? \("),
         ({"pattern.major.frequency": -3}, r"pattern\.major\.frequency = -3: should be greater than or equal to 0"),
         ({"pattern.major.threshold": 1.5}, r"pattern\.major\.threshold = 1\.5: should be less than or equal to 1"),
         ({"pattern.minor.mode": 0}, r"pattern\.minor\.mode = 0: should be greater than or equal to 1"),

@@ -130,13 +130,7 @@ def ring_levels(wish: Callable[[np.ndarray], np.ndarray]) -> list[float]:
     surface, rays, rings = fan()
     asked = wish(np.linalg.norm(surface.centroids, axis=1))
     fields = phase(surface, rays).field, phase(surface, rings).field
-    given = halve_lines(
-        surface,
-        fields,
-        (asked.clip(0, 1), 0 * asked),
-        (1, 0),
-        (asked, 0 * asked),
-    )
+    given = halve_lines(surface, fields, (asked.clip(0, 1), 0 * asked), (1, 0), (asked, 0 * asked))
     area, middle = given.mesh.cells.areas(given.mesh.X)[0], sum(radii(given)) / 2
     ring = np.floor(middle - 0.63).clip(0, 4).astype(int)
     return (np.bincount(ring, area * given.level[:, 0]) / np.bincount(ring, area)).tolist()

@@ -47,7 +47,7 @@ def test_stripes_on_a_plate_are_straight_and_as_long_as_it_is_wide():
         assert len(simplified_line(line.points, 1e-9)) == 2
     inner = [line for line in edges if line.family == "major"]
     assert sorted({round(x, 9) for line in inner for x in line.points[:, 0]}) == [
-        *(0.125, 0.375, 0.625, 0.875, 1.125, 1.375, 1.625, 1.875),
+        *(0.125, 0.375, 0.625, 0.875, 1.125, 1.375, 1.625, 1.875)
     ]
     assert [line.length for line in inner] == pytest.approx([1.0] * 8)
     assert Counter(line.number for line in inner) == dict.fromkeys((1, 2, 3, 4), 2)

@@ -72,10 +72,7 @@ def test_ratios_are_those_measured_with_other_code(name, cells, elements, known,
     assert ratio(name, cells, elements) == pytest.approx(known, abs=within)
 
 
-MISSED = {
-    ("pinched_cylinder", 16, "diagonal"): 0.044,
-    ("holed_hemisphere", 16, "jittered"): 0.010,
-}
+MISSED = {("pinched_cylinder", 16, "diagonal"): 0.044, ("holed_hemisphere", 16, "jittered"): 0.010}
 """Targets that the pair for verdicts does not meet, and what it does instead."""
 
 

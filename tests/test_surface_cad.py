@@ -26,10 +26,7 @@ APART = pytest.mark.slow
 @pytest.fixture
 def within(monkeypatch):
     """Foreign readers in this process: quicker by the second that a process takes to begin."""
-    readers = {
-        "meshes": lambda path: read_rhino_meshes(path, DrawingBudget()),
-        "cad": read_occt,
-    }
+    readers = {"meshes": lambda path: read_rhino_meshes(path, DrawingBudget()), "cad": read_occt}
 
     def triangles(kind, path, budget):
         return readers[kind](path)

@@ -171,11 +171,7 @@ def test_sphere_frequency_follows_the_edge():
     assert_allclose(np.linalg.norm(s.V, axis=1), 2)
 
 
-@given(
-    st.sampled_from(sorted(DIRECT)),
-    st.floats(0.6, 2.5),
-    st.floats(0.7, 1.5),
-)
+@given(st.sampled_from(sorted(DIRECT)), st.floats(0.6, 2.5), st.floats(0.7, 1.5))
 @settings(max_examples=40, deadline=None, derandomize=True)
 def test_shapes_stay_sound_over_their_range(name, coarse, stretch):
     defaults = {k: p.default for k, p in inspect.signature(SHAPES[name]).parameters.items()}

@@ -122,11 +122,7 @@ def test_a_proof_changes_no_solid():
     assert (tested.notes, tested.repairs) == (spared.notes, spared.repairs)
 
 
-CHUNKS = (
-    "slicing.cutting.cells",
-    "thickening.offset_vectors",
-    "thickening.separation_proof",
-)
+CHUNKS = ("slicing.cutting.cells", "thickening.offset_vectors", "thickening.separation_proof")
 
 
 def test_nothing_depends_on_how_many_are_looked_at_together(monkeypatch):

@@ -379,10 +379,7 @@ def assert_hindrances(plan):
     bend = max(plan.planks.bends.values())
     assert replace(plan, limit=0.9 * bend).obstacle.startswith(f"would be bent across themselves to {bend:.2%}, of")
     for changes, said in (
-        (
-            {"stuck": {"A01": 0.3, "A02": 0.4}},
-            "2 of them turn from each other by up to 23 degrees",
-        ),
+        ({"stuck": {"A01": 0.3, "A02": 0.4}}, "2 of them turn from each other by up to 23 degrees"),
         ({"crowded": ["N1 in A01"]}, "without wood between them: N1 in A01"),
         ({"crossings": PlankCrossings([], ["N7"])}, "meet at under 30 degrees at N7, without slots"),
     ):

@@ -153,12 +153,7 @@ def least_member(options: Pattern, surface: Surface) -> float:
 
 
 def kept_to_least_widths(
-    preset: Preset,
-    cells: Sheet,
-    surface: Surface,
-    log: Log,
-    options: FinishingOptions,
-    trial: TrialCut | None = None,
+    preset: Preset, cells: Sheet, surface: Surface, log: Log, options: FinishingOptions, trial: TrialCut | None = None
 ) -> Sheet:
     """Return cells, cut from a surface, without narrow places, as far as added material can; note how many were
     changed.

@@ -74,10 +74,7 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
         openings, verb = (f"{filled} openings", "were") if filled > 1 else ("an opening", "was")
         log.note("slicing", f"{openings} smaller than {than} {verb} filled")
     if merged:
-        log.note(
-            "slicing",
-            f"{_slits(merged)} narrower than the members beside: filled, so that these are one there",
-        )
+        log.note("slicing", f"{_slits(merged)} narrower than the members beside: filled, so that these are one there")
     if bridged:
         log.note("slicing", f"{_bridges(bridged)} where openings are narrower than {length(options.neck)}")
     if spikes:

@@ -224,11 +224,7 @@ def write(
 
 
 def step_estimates(
-    thing: Solid | Surface,
-    *,
-    name: str = "part",
-    step: StepOptions | Route = "auto",
-    details: Details | None = None,
+    thing: Solid | Surface, *, name: str = "part", step: StepOptions | Route = "auto", details: Details | None = None
 ) -> tuple[Estimate, ...]:
     """Estimate the cost of each route to a STEP file of a solid; keywords as in `write`. No file is written."""
     part = part_of(thing, name)

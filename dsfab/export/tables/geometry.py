@@ -67,10 +67,7 @@ def check_json(part: Part, path: Path) -> ReadBack:
 def encode_members_json(part: Part) -> Iterator[bytes]:
     """Yield one object, with a line of text for each member and for each node."""
     graph = graph_of(part)
-    entries = {
-        "members": member_entries(part),
-        "nodes": [node_entry(node) for node in graph.nodes],
-    }
+    entries = {"members": member_entries(part), "nodes": [node_entry(node) for node in graph.nodes]}
     head = {"name": part.name, "program": f"dsfab {__version__}", "unit": "millimetre", "curvature": "1/m"}
     yield (json.dumps(head | {"notes": list(graph.notes)}, ensure_ascii=False)[:-1]).encode()
     for key, listed in entries.items():
