@@ -62,11 +62,11 @@ def test_its_words_are_those_of_dsfab_build(addon):
 
 
 def test_what_dsfab_says_is_one_sentence(addon):
-    assert addon.sentence(1, "a warning\ndsfab: statics.thickness = -1: no\n") == "statics.thickness = -1: no"
-    assert addon.sentence(1, "python: No module named dsfab") == (
+    assert addon.failure_sentence(1, "a warning\ndsfab: statics.thickness = -1: no\n") == "statics.thickness = -1: no"
+    assert addon.failure_sentence(1, "python: No module named dsfab") == (
         "this Python has no dsfab; name another one in the preferences of the add-on"
     )
-    assert addon.sentence(-9, "") == "dsfab ended with -9: no word"
+    assert addon.failure_sentence(-9, "") == "dsfab ended with -9: no word"
 
 
 def test_it_needs_python_and_blender_alone(tmp_path):

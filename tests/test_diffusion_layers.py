@@ -144,7 +144,7 @@ def test_a_strip_on_its_ends_is_followed_along_its_bending():
     exact = 6 * PRESSURE * (x * (4 - x) / 2)[middle] / THICK**2 / np.sqrt(3)
     assert np.abs(values[middle]).max(axis=1).mean() == pytest.approx(exact.mean(), rel=0.03)
     # the pipeline follows the same axes
-    followed = principal_stresses(surface, design.statics.cases["load"].followed)[1]
+    followed = principal_stresses(surface, design.statics.cases["load"].followed_stress)[1]
     turned = np.abs(np.einsum("mi,mki->mk", along, followed)).max(axis=1)
     assert np.degrees(np.arccos(np.clip(turned[inner], 0, 1))).max() < 1e-3
 

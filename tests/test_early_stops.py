@@ -289,7 +289,7 @@ def test_what_hangs_on_a_point_or_two_is_told_to_hold_more(indices, says):
 def test_a_build_asks_once_what_acts_and_prints_what_it_writes(monkeypatch, tmp_path, capsys):
     asked, one = [], inspection.load_facts
     for module in (inspection, design_facts):
-        monkeypatch.setattr(module, "acting_facts", lambda *given: asked.append(given) or one(*given))
+        monkeypatch.setattr(module, "load_facts", lambda *given: asked.append(given) or one(*given))
     words = ["--set", "surface.edge=1.2", "--format", "stl", "--no-preview", "-o", str(tmp_path / "out")]
     assert main(["build", DOME_MODES, *words]) == 0
     said = capsys.readouterr().out.split("\n")

@@ -18,7 +18,7 @@ def test_an_example_runs_and_draws_its_picture(script, tmp_path, monkeypatch):
     runpy.run_path(str(script), run_name="__main__")
     with Image.open(tmp_path / f"{script.stem}.png") as made, Image.open(SHOWN / f"{script.stem}.webp") as shown:
         assert ImageStat.Stat(made.convert("L")).stddev[0] > 5  # there is something on it
-        assert made.width == pytest.approx(shown.width, abs=20)  # fonts differ
+        assert min(made.width, 1280) == pytest.approx(shown.width, abs=20)  # fonts differ; pages show 1280 pixels
 
 
 def test_every_example_is_shown_with_a_sentence():

@@ -91,7 +91,7 @@ def test_rhino3dm_finds_nurbs_curves_of_the_right_length_near_the_exact_lines(ma
     model = rhino3dm.File3dm.Read(str(write(sheet, tmp_path / "a.3dm", details=details)))
     curves = {item.Attributes.Name: item for item in model.Objects if item.Attributes.Name != "a"}
     judged(details, {name: rhino_points(item.Geometry) for name, item in curves.items()})
-    closed = [line for line in details.lines if line.closed]
+    closed = [line for line in details.lines if line.is_closed]
     whole = [line for line in closed if type(curves[line.id].Geometry) is rhino3dm.NurbsCurve]  # others have corners
     assert len(whole) >= 3
     for line in whole:

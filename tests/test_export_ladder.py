@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from dsfab.core.derived import derived_results
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import OFF_SURFACE
 from dsfab.design.output.files import curved_sheet
@@ -241,7 +242,7 @@ def test_a_smooth_solid_that_occt_cannot_cut_gives_way_to_facets_of_no_large_fil
     fails = "; cutting it in CAD fails (a half of it is not valid once OCCT has cut it): write step = 'faceted'"
     assert fails in strategies.route_sentence(smooth, [])
     cut.update(halves=True, off=0.0, box=part.box.ravel().tolist())
-    soundness._TRIED.clear()
+    derived_results(smooth).clear()
     assert strategies.route_sentence(smooth, []).endswith("; a half-space cut valid")
 
 

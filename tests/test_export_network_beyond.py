@@ -24,8 +24,7 @@ from dsfab.export.cad.step.by_members.fillet_edges import (
 )
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall, backwards, filled_corners
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
-from dsfab.export.cad.step.entities import closing, header
-from dsfab.export.cad.step.entities import StepEntities
+from dsfab.export.cad.step.entities import StepEntities, closing, header
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.worker import use
 from dsfab.export.cad.step.worker.shapes import is_valid

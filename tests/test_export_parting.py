@@ -137,7 +137,7 @@ def test_more_seams_are_tried_where_the_usual_ones_do_not_help_and_the_mesh_coun
     model, loop = folded_model(HALVES, 1)
     limits, nothing, times = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6)), list[int]()
     work = trimmed_division._FaceDivision(model, np.zeros_like, limits)
-    monkeypatch.setattr(work, "_two", lambda *given: times.append(work.times) or [])
+    monkeypatch.setattr(work, "_divide_in_two", lambda *given: times.append(work.times) or [])
     face = replace(trimmed_face(model, [loop], nothing, limits), gap=9 * SPLIT)
     assert len(work.parts(face, nothing)) == 1
     assert sum(times) == tried

@@ -170,13 +170,13 @@ def test_a_wall_follows_a_skin_that_waves_where_its_outline_is_straight():
     poles[..., [1, 4]] = np.convolve(v, np.ones(3) / 3, "valid")[None, 1:-1, None]
     poles[..., 2] = 10 * np.sin(np.arange(len(poles)) * 1.1)[:, None]
     poles[..., 5] = poles[..., 2] - 80
-    chart = SimpleNamespace(both=SplinePatch(u, v, poles))
+    chart = SimpleNamespace(skins=SplinePatch(u, v, poles))
     line = segment_spline(np.array([0.0, 150.0]), np.array([5000.0, 150.0]))
     run = OutlineRun(np.arange(2), WALL, 1e6)
     part = edges._RunPart(edges.RunRequest(run, 0, 0), line)
     ((curve, off),) = edges._on_skins([part], OutlineNodes({0: chart}, {}, {}, [], {}, {}), [wanted])
     x = np.linspace(0, 1, 20_001)
-    away = np.linalg.norm((curve(x) - chart.both(line(x))).reshape(-1, 2, 3), axis=2).max()
+    away = np.linalg.norm((curve(x) - chart.skins(line(x))).reshape(-1, 2, 3), axis=2).max()
     assert max(off, away) <= 1.05 * wanted
     assert off == pytest.approx(away, rel=0.1)
 

@@ -252,7 +252,7 @@ def test_poles_grow_with_the_fourth_root_of_what_a_fit_is_off(monkeypatch):
     assert counts == [(8, 8), (16, 16), (20, 20), (23, 23)]
     assert fit.size == pytest.approx(16 * 1.05 * 2**0.25 * 1.15)
     assert not fit.starved
-    assert tried(monkeypatch, 100, [1.0], first=11.0)[0] == [(11, 11)]
+    assert tried(monkeypatch, 100, [1.0], first_poles=11.0)[0] == [(11, 11)]
 
 
 @pytest.mark.parametrize(
@@ -260,7 +260,7 @@ def test_poles_grow_with_the_fourth_root_of_what_a_fit_is_off(monkeypatch):
     [
         (100, {"most_poles": 20}, [8, 16, 20], False),  # no more are allowed
         (32, {}, [8, 16, 20], True),  # 1024 points are for 20.2 poles each way
-        (16, {"first": 30.0}, [10], True),
+        (16, {"first_poles": 30.0}, [10], True),
         (16, {"most_poles": 10}, [8, 10], False),
     ],
 )

@@ -507,7 +507,7 @@ def test_every_pattern_knows_its_regions(way, drafted):
 )
 def test_searches_know_their_regions(more):
     preset = wall(OCULUS, BAND, **{"width": {"rule": "constant", "solid_fraction": 0.45}, **more})
-    design = dsfab.Design.of(preset).until("slicing")
+    design = dsfab.Design.from_preset(preset).until("slicing")
     inside = design.preset.pattern.region[1].faces(design.surface)
     material = np.bincount(design.sheet.parent, design.sheet.surface.areas, design.surface.m)
     assert np.allclose(material[inside], design.surface.areas[inside], rtol=1e-6)

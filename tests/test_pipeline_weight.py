@@ -69,20 +69,20 @@ def test_each_face_weighs_what_stripes_leave_of_it(vault):
     assert share.min() < 0.5 < share.max() <= 1
     assert share @ surface.areas == pytest.approx(vault.sheet.surface.area, rel=0.02)
     lighter = statics_with_weight_share(vault.preset, surface, vault.statics, share)
-    (name,) = vault.preset.followed
+    (name,) = vault.preset.followed_weights
     gone = lighter.cases[name].load.force.sum(axis=0) - vault.statics.cases[name].load.force.sum(axis=0)
-    weight = vault.preset.statics.weight * (surface.area - share @ surface.areas)
+    weight = vault.preset.statics.area_weight * (surface.area - share @ surface.areas)
     assert gone == pytest.approx([0, 0, weight], abs=1e-6 * weight)
     assert lighter.load is vault.statics.load  # what the cut sheet is judged under
 
 
 def test_a_round_draws_stripes_along_the_stress_of_the_lighter_sheet(vault):
-    asked = vault.preset.with_pattern(weight_rounds=1)
+    asked, statics = vault.preset.with_pattern(weight_rounds=1), vault.statics
     made = dsfab.design.draft(asked, earlier=vault)
     share = drawn_share(vault.preset, vault.analysis, vault.pattern.even)
     lighter = statics_with_weight_share(asked, vault.surface, vault.statics, share)
     expected, found = even_stripes(asked, vault.surface, lighter), made.pattern.even
-    assert made.statics is vault.statics
+    assert made.statics is statics
     assert np.array_equal(found.phases[1].value, expected.phases[1].value)
     assert not np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value)
     assert np.array_equal(found.forces, expected.forces)  # what graded widths follow

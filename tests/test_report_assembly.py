@@ -56,7 +56,7 @@ class Recorder(Paper):
         x = float(at[0]) - {"left": 0, "middle": wide / 2, "right": wide}[side]
         self.words.append((words, x, float(at[1]), wide, high))
 
-    def upright(self, at, words, size, colour=(0, 0, 0)):
+    def upright_text(self, at, words, size, colour=(0, 0, 0)):
         self.words.append((words, at[0], at[1], 0.25 * size, self.width(words, size)))
 
 

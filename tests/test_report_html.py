@@ -97,7 +97,7 @@ def test_reactions_that_are_dust_beside_the_loads_are_nothing():
     case = SimpleNamespace(reactions=[[133e3, 2.2, 346e3], [-133e3, -2.0, 0]], imbalance=2e-6, residual=7e-9)
     supports = [SimpleNamespace(name="foot 1"), SimpleNamespace(name="")]
     found = SimpleNamespace(
-        judged=SimpleNamespace(cases={"load": case}),
+        judgement=SimpleNamespace(cases={"load": case}),
         fields={"load": SimpleNamespace(load=SimpleNamespace(force=np.array([[0, 0, -346e3]])))},
         cases=["load"],
         task=SimpleNamespace(preset=SimpleNamespace(surface=SimpleNamespace(support=supports))),

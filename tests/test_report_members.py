@@ -73,7 +73,7 @@ def test_diagrams_show_six_forces_of_each_member_in_the_case_that_is_named(monke
     one = MemberForces("A1", s, ("N1 N2",) * 3, np.full(3, 0.1), forces)
     node = SimpleNamespace(at=(0.0, 1.0), members=("A1", "A2"))
     design = SimpleNamespace(
-        member_forces={"A1": one, "A2": one}, members=SimpleNamespace(along={"A1": [node], "A2": [node]})
+        member_forces={"A1": one, "A2": one}, members=SimpleNamespace(nodes_along={"A1": [node], "A2": [node]})
     )
     figure = force_diagrams(design, [("A1", "wind"), ("A2", "snow")])
     names = [axes.get_title(loc="right") for axes in figure.axes]

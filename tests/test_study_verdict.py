@@ -262,7 +262,7 @@ def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
     assert "by the recovery error of one mesh, which alone shows no convergence; the next mesh, of 800" in some.reason
     assert abs(some.value - navier(1e3, 0.01)) <= some.bound * some.value
     assert len(some.levels) == 1
-    with pytest.raises(ValueError, match="no sheet of its own"):
+    with pytest.raises(ValueError, match="pass `sheet`"):
         check(setting)
 
 

@@ -163,8 +163,9 @@ def test_size_and_turn_make_no_difference(power, angle, edge):
 
 def test_another_process_makes_the_same_bytes():
     code = (
-        "import hashlib; from tests.canopy import canopy; from dsfab.surface import remeshed; "
-        "s = remeshed(canopy(0.8), 0.5, 0.2, True); print(hashlib.sha256(s.V.tobytes() + s.F.tobytes()).hexdigest())"
+        "import hashlib; from tests.canopy import canopy; from dsfab.surface import remeshed_surface; "
+        "s = remeshed_surface(canopy(0.8), 0.5, 0.2, True); "
+        "print(hashlib.sha256(s.V.tobytes() + s.F.tobytes()).hexdigest())"
     )
     runs = [
         subprocess.run(

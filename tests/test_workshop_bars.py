@@ -273,7 +273,7 @@ def test_the_sharpest_angle_has_a_place_and_bars_that_lose_a_side_are_named():
     ends[1][beside] = replace(ends[1][beside], before=np.radians(7))
     bars[k], bars[other] = replace(bars[k], ends=tuple(ends[0])), replace(bars[other], ends=tuple(ends[1]))
     names = bars[k].bay.id, bars[other].bay.id
-    told = replace(plan, found=replace(plan.bar_lattice, bars=tuple(bars))).lines
+    told = replace(plan, bar_lattice=replace(plan.bar_lattice, bars=tuple(bars))).lines
     (angle,) = (line for line in told if "sharpest angle" in line)
     assert angle.endswith(f"is 7 degrees, of {names[0]} and {names[1]} at {joint.node.id}")
     (lost,) = (line for line in told if "lose a side" in line)
@@ -376,8 +376,8 @@ def test_auto_takes_planks_where_bars_would_leave_the_surface_and_planks_can_be_
 def assert_hindrances(plan):
     """What planks would be that cannot be built, in numbers."""
     assert not plan.obstacle
-    bend = max(plan.bar_lattice.bends.values())
-    assert replace(plan, limit=0.9 * bend).hindrance.startswith(f"would be bent across themselves to {bend:.2%}, of")
+    bend = max(plan.planks.bends.values())
+    assert replace(plan, limit=0.9 * bend).obstacle.startswith(f"would be bent across themselves to {bend:.2%}, of")
     for changes, said in (
         (
             {"stuck": {"A01": 0.3, "A02": 0.4}},
@@ -386,7 +386,7 @@ def assert_hindrances(plan):
         ({"crowded": ["N1 in A01"]}, "without wood between them: N1 in A01"),
         ({"crossings": PlankCrossings([], ["N7"])}, "meet at under 30 degrees at N7, without slots"),
     ):
-        assert said in replace(plan, found=replace(plan.bar_lattice, **changes)).hindrance
+        assert said in replace(plan, planks=replace(plan.planks, **changes)).obstacle
 
 
 @pytest.mark.parametrize("t", [10, 45, 90, 120])

@@ -59,7 +59,9 @@ def test_all_panels_are_simple_and_those_that_go_through_are_whole(name):
     graph = graph_of(name)
     for member in graph.members:
         mine = [part for part in found.parts if part.member == member.id]
-        cuts = sum(graph.by_id[other].family == "major" for node in graph.nodes_along[member.id] for other in node.members)
+        cuts = sum(
+            graph.by_id[other].family == "major" for node in graph.nodes_along[member.id] for other in node.members
+        )
         if member.family == "major":
             assert sum(part.span[1] - part.span[0] for part in mine) == pytest.approx(member.length)
         else:

@@ -93,7 +93,7 @@ def test_twisted_edges_are_longer_than_drawn_as_a_helix_says():
 
 
 def test_a_slot_opens_by_what_the_way_leans_to_each_plank():
-    crossing = plan_of("hypar").planks.crossings.planks[7]
+    crossing = plan_of("hypar").planks.crossings.crossings[7]
     one, two = crossing.ways
     lower, upper = crossing.slot_leans(crossing.normal + 0.1 * one - 0.2 * two)
     assert (lower, upper) == (pytest.approx(0.1), pytest.approx(0.2))

@@ -28,7 +28,7 @@ from dsfab.surface import (
     weights_at,
 )
 
-OFF_SURFACE = 0.25
+IMAGE_OFF_SURFACE = 0.25
 """Largest distance of images of vertices from the surface, as a share of the mean edge."""
 
 OFF_SUPPORT = 1.0
@@ -126,11 +126,11 @@ def checked_symmetry(
     tree = tree or face_tree(surface)
     for g in R[1:]:  # a sample refuses most surfaces quickly
         distance = largest_distance(surface, tree, (few - centre) @ g.T + centre)
-        if distance > OFF_SURFACE * edge:
+        if distance > IMAGE_OFF_SURFACE * edge:
             raise _symmetry_error(words, f"the surface is not: its image is up to {distance:.3g} m off it")
     for g in R[1:]:
         distance, T = _point_map(surface, tree, (surface.V - centre) @ g.T + centre)
-        if distance > OFF_SURFACE * edge:
+        if distance > IMAGE_OFF_SURFACE * edge:
             raise _symmetry_error(words, f"the surface is not: its image is up to {distance:.3g} m off it")
         maps.append(T)
         image = np.ascontiguousarray((surface.centroids - centre) @ g.T + centre)
@@ -332,7 +332,10 @@ class _QuickCheck:
             arm = self.surface.size / 2
             if np.linalg.norm(R @ force - force) > limit or np.abs(R @ moment @ R.T - moment).max() > limit * arm:
                 return False
-        if largest_distance(self.surface, self._tree, self._sample @ R.T + self.centre) > LENIENT * OFF_SURFACE * edge:
+        if (
+            largest_distance(self.surface, self._tree, self._sample @ R.T + self.centre)
+            > LENIENT * IMAGE_OFF_SURFACE * edge
+        ):
             return False
         reach = LENIENT * OFF_SUPPORT * edge
         return all(

@@ -86,6 +86,9 @@ SMOOTHING = 1e-5
 FEWEST_POLES, MOST_POLES = 6, 48
 """Limits of the poles of a fit in one direction."""
 
+FEW_POLES = 24
+"""A chart with more poles in one direction is divided once, because OCCT searches all poles for each projection."""
+
 FIRST_POLES = 8.0
 """Poles of the first attempt: geometric mean of both directions."""
 
@@ -372,9 +375,6 @@ class ChartAtlas:
 
         hopeless : function of a failed chart; True ends the work, because the rest is useless without it.
         """
-        # A chart with more poles in one direction is divided once, because OCCT searches all poles for each projection.
-        # Without it one tower took a third more time.
-        few_poles = 24
         # A chart may be three tolerances off: the solid is measured later, and few pieces lie at the worst place.
         useless = 3
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
@@ -388,7 +388,7 @@ class ChartAtlas:
                 todo += halves
                 continue
             try:
-                chart = self._chart(k, FIRST_POLES * (2 if turn else 1), few_poles if may and not turn else MOST_POLES)
+                chart = self._chart(k, FIRST_POLES * (2 if turn else 1), FEW_POLES if may and not turn else MOST_POLES)
             except ExportError as error:
                 self.failed[k] = str(error)
                 if hopeless(k):
