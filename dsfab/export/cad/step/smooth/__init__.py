@@ -5,5 +5,5 @@ charts : both skins over each chart, as splines through sample points.
 edges  : the outlines as curves on the skins.
 solid  : faces with shared edges, piece by piece, and the STEP text.
 acceptance : OCCT's findings compared with the mesh, and data that all layouts share.
-build  : the sequence of building, checking by OCCT (`worker.piece_check`), refitting, and facets for refused pieces.
+build  : the sequence of building, checking by OCCT (`worker.pieces`), refitting, and facets for refused pieces.
 """
