@@ -183,7 +183,7 @@ def test_members_of_a_design(vault):
         assert one.envelope[:, :, 0] == pytest.approx(one.forces["load"])
         assert (np.diff(one.s) > 0).all()
         nodes = one.bay[0].split()
-        assert all(name in {node.id for node in vault.members.along[one.member]} for name in nodes)
+        assert all(name in {node.id for node in vault.members.nodes_along[one.member]} for name in nodes)
 
 
 def test_their_thrusts_carry_what_lies_on_the_vault(vault):

@@ -11,6 +11,7 @@ import gc
 import json
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -54,7 +55,7 @@ def _whole(path: str, folder: str, deflection: str) -> dict[str, Any]:
     return {"solids": whole_findings(path, folder, float(deflection), CAN_FORK)}
 
 
-COMMANDS = {
+COMMANDS: dict[str, Callable[..., Any]] = {
     "facts": _facts,
     "triangles": _triangles,
     "use": _use,
