@@ -123,9 +123,9 @@ def test_a_contact_sheet_and_a_page_with_every_combination(
 
 
 def _counted(stage, name: str, calls: list[str]):
-    def counted(*arguments):
+    def counted(*arguments, **options):
         calls.append(name)
-        return stage(*arguments)
+        return stage(*arguments, **options)
 
     return counted
 

@@ -166,7 +166,7 @@ def bent(part, graph, folder):
 
 def assert_folds_back(part, graph, folder):
     read, course, curve = bent(part, graph, folder)
-    nodes = {node.id: node for node in graph.along[part.member]}
+    nodes = {node.id: node for node in graph.nodes_along[part.member]}
     along, left = read.beside_axis(read.holes)
     placed, _ = curve.points(along, left)
     for hole, point in zip(part.holes, placed, strict=True):

@@ -54,7 +54,7 @@ def bay_differences(graph):
         if not is_strip(member):
             continue
         layer = Development(member_course(graph, member, 0.04, 0.4), 0.0)
-        nodes = [node for node in graph.along[member.id] if node.kind == "crossing"]
+        nodes = [node for node in graph.nodes_along[member.id] if node.kind == "crossing"]
         for k in range(0, len(nodes) - 1, BAYS):
             found += _differences(graph, member, layer, nodes[k : k + BAYS + 1])
     return found

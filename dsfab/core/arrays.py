@@ -14,8 +14,10 @@ Bools = NDArray[np.bool_]
 
 
 def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
-    """Return a read-only copy (...) of `values` with type `dtype`; `None` in `shape` stands for any length. Raises
-    ValueError for another shape, because a wrong shape is a mistake of a programmer, not of a user."""
+    """Return a read-only copy (...) of `values` with type `dtype`; `None` in `shape` stands for any length.
+
+    Raises ValueError for another shape, because a wrong shape is a programmer's mistake, not a user's.
+    """
     array = np.array(values, dtype=dtype, order="C")
     fits = array.ndim == len(shape) and all(s is None or s == a for s, a in zip(shape, array.shape, strict=False))
     if not fits:
@@ -42,12 +44,12 @@ def lengths(vectors: Floats) -> Floats:
 
 
 def row_max(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return the maximum (k,) of each row of (k, few), in a fifth of numpy's time."""
+    """Return the maximum (k,) of each row of an array (k, few), in a fifth of numpy's time."""
     return np.asarray(reduce(np.maximum, rows.T))
 
 
 def row_min(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return the minimum (k,) of each row of (k, few), in a fifth of numpy's time."""
+    """Return the minimum (k,) of each row of an array (k, few), in a fifth of numpy's time."""
     return np.asarray(reduce(np.minimum, rows.T))
 
 
@@ -76,7 +78,7 @@ def edge_lengths(V: Floats, ends: Ints) -> Floats:
 
 
 def polygon_perimeter(P: Floats) -> float:
-    """Return the perimeter of the polygon with corners P (k, d), in their unit."""
+    """Return the perimeter of the polygon with corners P (k, d), in the unit of P."""
     return float(np.linalg.norm(P - np.roll(P, -1, axis=0), axis=1).sum())
 
 
@@ -87,7 +89,7 @@ def area_vectors(V: Floats, F: Ints) -> Floats:
 
 
 def unit_vectors(x: Floats) -> Floats:
-    """Return vectors x (..., 3) scaled to length 1; zero vectors stay zero."""
+    """Scale vectors x (..., 3) to length 1 and return them; zero vectors stay zero."""
     return np.asarray(x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), np.finfo(float).tiny))
 
 
@@ -105,7 +107,7 @@ def distances_from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Return positions (...), 0 at a and 1 at b (..., 3), of the places on segments nearest to points (..., 3)."""
+    """Project points (..., 3) on segments from a to b (..., 3); return the positions (...), 0 at a and 1 at b."""
     along, to = b - a, points - a
     squared = np.maximum(np.einsum("...i,...i->...", along, along), np.finfo(float).tiny)
     return np.asarray(np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1))
@@ -113,7 +115,9 @@ def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
 
 def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
     """Rotate vectors x (k, 3) by the shortest rotation from unit normals `normal` to `onto` (k, 3) [Rodrigues 1840].
-    Between two faces this is the rotation about their edge: tangents continue straight across it."""
+
+    Between two faces this rotation turns about their edge: tangents continue straight across the edge.
+    """
     across = np.cross(normal, onto)
     cosine = np.einsum("ki,ki->k", normal, onto)[:, None]
     along = np.einsum("ki,ki->k", across, x)[:, None]
@@ -121,13 +125,18 @@ def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
 
 
 def sorted_order(keys: Ints) -> Ints:
-    """Return the order that sorts integers (k,), a stable argsort. Where a key and its index fit into one number, these
-    are sorted: ten times faster than numpy's, a hundred times faster than `unique` (numpy 2.4, two million keys)."""
+    """Return the order that sorts integers (k,), a stable argsort.
+
+    If a key and its index fit into one number, the function sorts these numbers. That is ten times faster than numpy's
+    argsort and a hundred times faster than `unique` (numpy 2.4, two million keys).
+    """
     return _stable_sort(keys)[0]
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Group equal integers (k,): return `sorted_order`, the start of each group in it, and each one's group."""
+    """Group equal integers (k,): return `sorted_order`, the start of each group in that order, and the group of
+    each key.
+    """
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)
@@ -142,14 +151,16 @@ def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
 
 
 def complement(indices: Ints, count: int) -> Ints:
-    """Return the integers (count - k,) from 0 to count - 1 that are not among k distinct indices, ascending."""
+    """Return the integers (count - k,) from 0 to count - 1 that are not in `indices` (k distinct integers),
+    ascending.
+    """
     is_absent = np.ones(count, dtype=bool)
     is_absent[indices] = False
     return np.flatnonzero(is_absent)
 
 
 def _stable_sort(keys: Ints) -> tuple[Ints, Ints]:
-    """Return `sorted_order` of integers (k,), and the integers in that order."""
+    """Return `sorted_order` of integers (k,), and the sorted integers."""
     bits = max(len(keys) - 1, 1).bit_length()
     if not len(keys) or keys.min() < 0 or int(keys.max()).bit_length() + bits > 63:
         order = np.argsort(keys, kind="stable")
@@ -168,14 +179,14 @@ def first_few(indices: Ints, count: int = 5) -> str:
 
 
 ALIKE = 0.05
-"""Values (relative) of openings or bars that differ by less may be equal but for the mesh."""
+"""Values of openings or bars that differ relatively by less than this may be equal, apart from effects of the mesh."""
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
     """Return a value near `threshold` that splits values (k,) into small and large ones.
 
-    It is the threshold itself, or the middle of the widest gap within `tolerance` of it. So nearly equal things, such
-    as the openings between two rings of a dome, are on the same side.
+    The result is the threshold itself, or the middle of the widest gap within `tolerance` of the threshold. So nearly
+    equal things, such as the openings between two rings of a dome, are on the same side.
     """
     close_values = values[np.abs(values - threshold) < tolerance]
     if not len(close_values):

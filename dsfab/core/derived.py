@@ -1,6 +1,6 @@
-"""Results that follow from a frozen value alone, held by the value itself.
+"""Results that follow from a frozen value alone. The value itself stores them.
 
-A `cached_property` does this inside a class. A room above, such as statics for a `Surface`, uses `derived`.
+A `cached_property` does this inside a class. A package above, such as statics for a `Surface`, uses `derived`.
 """
 
 from collections.abc import Callable
@@ -19,13 +19,13 @@ class DerivedResults(dict[Any, Any]):
 
 
 def derived_results(value: object) -> DerivedResults:
-    """Return the results that a value holds. The value must have a `__dict__` and must not change."""
+    """Return the results that a value stores. The value must have a `__dict__` and must not change."""
     results: DerivedResults = vars(value).setdefault("_derived_results", DerivedResults())
     return results
 
 
 def derived(function: Callable[[V], R]) -> Callable[[V], R]:
-    """Decorate a function of one frozen value: the value holds the result, which is computed once."""
+    """Decorate a function of one frozen value: the value stores the result, so that it is computed once."""
 
     @wraps(function)
     def held(value: V) -> R:

@@ -1,12 +1,14 @@
-"""Error classes of dsfab, and the nearest name for a misspelt one."""
+"""Error classes of dsfab, and hints for misspelt names."""
 
 import difflib
 from collections.abc import Iterable
 
 
 class DsfabError(Exception):
-    """Unusable input, explained in one sentence: the fault, its place, and the remedy. ``dsfab.app.cli`` alone turns it
-    into a line and exit code 1. Any other exception that escapes the library is a bug of dsfab."""
+    """Unusable input, explained in one sentence: the fault, its place, and the remedy.
+
+    ``dsfab.app.cli`` alone turns this error into a line and exit code 1. Any other exception is a bug of dsfab.
+    """
 
 
 class SurfaceError(DsfabError):
@@ -26,7 +28,7 @@ class SolidError(DsfabError):
 
 
 class ExportError(DsfabError):
-    """A file that could not be written, or that did not read back as what was written."""
+    """A file that could not be written, or whose content differs from the design when dsfab reads it again."""
 
 
 class PresetError(DsfabError):

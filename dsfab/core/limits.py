@@ -1,6 +1,6 @@
 """Limits and tolerances that more than one part of dsfab applies.
 
-A stage that refuses input beyond a limit and a report that checks the same limit both take it from here.
+A stage that refuses input beyond a limit and a report that checks the same limit both import it from here.
 """
 
 from collections.abc import Iterable
@@ -27,23 +27,23 @@ REPORTED_RESIDUAL = 1e-8  # Relative residual of the linear system, in its energ
 RESIDUAL = 1e-6
 """Largest accepted relative residual, and largest relative error of a compliance that it may cause.
 
-It is far below the error of the elements. The beam under `BALANCE` has 1e-6 in double precision and 1e-10 after
-refinement in longer numbers (`dsfab.statics.factorisation.refined_solution`), where the machine has them. On a sheet
-with needles of 7 micrometres the residual stops at 1e-8. That rounding depends on the number of threads, and must not
-decide whether dsfab accepts a result.
+It is far below the error of the elements. The beam under `BALANCE` has 1e-6 in double precision. It has 1e-10 after
+refinement in longer numbers (`dsfab.statics.factorisation.refined_solution`), if the machine supports these. On a
+sheet with needles of 7 micrometres the residual stops at 1e-8. That rounding depends on the number of threads, and
+must not decide whether dsfab accepts a result.
 """
 
-LARGEST_MOVE = 0.1  # Largest displacement over the surface's longest side; beyond it linear statics are invalid.
+LARGEST_MOVE = 0.1  # Displacement over the surface's longest side; linear statics are invalid beyond it.
 
 AT_ONE_VERTEX = 0.95  # Largest accepted share of the reactions at one vertex.
-FEW_VERTICES = 3  # A support with fewer vertices is reported if it carries more than `SOME_REACTION`.
-SOME_REACTION = 0.05  # A support with a smaller share of the reactions only prevents drift.
+FEW_VERTICES = 3  # dsfab reports a support with fewer vertices if it carries more than `SOME_REACTION`.
+SOME_REACTION = 0.05  # A support with a smaller share of the reactions carries no load: it only prevents drift.
 
 FAR_FROM_SURFACE = 0.25  # Largest distance from a point to its vertex, as a share of the surface's size.
 
 LEAST_LOAD_SHARE = 1e-3  # Snow or wind has no effect if a smaller mean share reaches its faces.
 
-POSSIBLE_SIZE = (1e-9, 1e9)  # Metres; other surfaces are refused, because products of their numbers overflow.
+POSSIBLE_SIZE = (1e-9, 1e9)  # Metres; dsfab refuses other surfaces, because products of their numbers overflow.
 
 USUAL_SIZE = (0.01, 1e3)  # Metres; a smaller or larger surface causes a remark, because its unit may be wrong.
 CONVERGED = 0.02  # A compliance counts as computed if its relative error bound is below this value.
@@ -55,21 +55,23 @@ this share."""
 
 SLIT = 0.25  # Half-width, in periods, at which an opening is as wide as its members; a narrower one is a slit.
 
-CROWDING = 1.25  # Factor on the usual share of the spacing that members may take where no wider openings are possible.
-FILM = 0.05  # A sheet thinner than this share of its thickness counts as a film at that place.
+CROWDING = 1.25  # Where openings cannot be wider, members may take this many times their usual share of the spacing.
+FILM = 0.05  # A place counts as a film if less than this share of the sheet's thickness is left there.
 OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, as a share of the thickness.
 
 OFF_SURFACE = 1 / 20
-"""Default for the largest distance of a file's solid from the design's, as a share of the thickness. Smooth and
-simplified solids keep it; so does the check of a file that may have curves."""
+"""Default limit for the distance between a file's solid and the design's solid, as a share of the thickness.
+
+Smooth and simplified solids respect this limit, and so does the check of a file that may have curves.
+"""
 
 SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids that otherwise exceed the budget.
 
-DEFLECTION = 1 / 4  # Distance of a reader's triangles from curved faces, of that allowed from the design.
+DEFLECTION = 1 / 4  # A reader's triangles may deviate from curved faces by this share of `OFF_SURFACE`.
 
 CHANGED_VOLUME = 5e-3  # Largest accepted relative change of a volume when curves or fewer triangles replace triangles.
 
-READ_BACK = 1e-3  # Largest relative change by writing and reading a file: volume, area, length, box.
+READ_BACK = 1e-3  # Writing and reading a file may change its volume, area, lengths and box by this share.
 
 
 def worst_status(statuses: Iterable[Status]) -> Status:

@@ -2,7 +2,7 @@
 
 The design strength is the stress that a standard allows: the characteristic strength over the partial factor of the
 material, for timber also times k_mod = 0.8 (medium load duration, indoors or under a roof). dsfab compares it with
-von Mises stress of an isotropic sheet, which is right for metals. Timber, plywood and GFRP are strong along their
+the von Mises stress of an isotropic sheet. This is right for metals. Timber, plywood and GFRP are strong along their
 fibres only, and concrete in compression only; their comparison is a first estimate, and `says` names the strength.
 """
 
@@ -16,8 +16,8 @@ class NamedMaterial:
     """A material that a preset may name.
 
     young : Pa, the mean value.      poisson : of an isotropic sheet.      density : kg/m3, the mean value.
-    strength : Pa, the design strength.      says : its kind and its derivation.
-    expansion : thermal, 1/K; no stage uses it yet.      source : of all values.
+    strength : Pa, the design strength.      says : the kind of the strength and its derivation.
+    expansion : thermal, 1/K; no stage uses it yet.      source : reference for all values.
     """
 
     name: str
@@ -31,7 +31,7 @@ class NamedMaterial:
 
     @property
     def values(self) -> dict[str, float]:
-        """Values for the keys of [statics]: Pa, 1, kg/m3, Pa."""
+        """Young's modulus (Pa), Poisson's ratio, density (kg/m3) and strength (Pa), for the keys of [statics]."""
         return {key: getattr(self, key) for key in KEYS}
 
 
@@ -134,7 +134,7 @@ def material_named(name: str) -> NamedMaterial:
     by_lower_name = {label.lower(): material for label, material in MATERIALS.items()}
     if key in by_lower_name:
         return by_lower_name[key]
-    # the search compares small letters; the hint shows the name as the list writes it
+    # the search ignores capitals, but the hint must show the name exactly as in the list
     hint = did_you_mean(key, by_lower_name)
     for small, material in by_lower_name.items():
         hint = hint.replace(f" {small}?", f" {material.name}?")

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table in plain text; the first column is flush left, the others are flush right."""
+    """Return a table in plain text; the first column is flush left, all further columns are flush right."""
     lines = [list(head), *(list(row) for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
     return "\n".join(
@@ -27,7 +27,7 @@ def count_phrase(number: int, thing: str) -> str:
 
 
 def stopping_clause(count: int) -> str:
-    """Return the clause for parts that would collide: 'stops before its ends, where it would run into'."""
+    """Return the clause for colliding parts: 'stops before its ends, where it would run into'."""
     ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
     return f"{ends} would run into"
 

@@ -10,8 +10,10 @@ from typing import Any
 from dsfab.core.errors import PresetError
 
 PRESETS = tuple(folder / "presets" / kind for folder in Path(__file__).resolve().parents[1:3] for kind in ("", "paper"))
-"""Folders of the shipped presets: in a wheel inside the package, in a checkout at the top level. The presets of the
-paper's figures have a folder of their own; a preset is found by name in either."""
+"""Folders of the shipped presets: in a wheel inside the package, in a checkout at the top level.
+
+The presets of the paper's figures have their own folder. dsfab finds a preset by name in both folders.
+"""
 
 
 def shipped_presets() -> dict[str, Path]:
@@ -30,8 +32,11 @@ class TomlError(ValueError):
 
 
 def toml_table(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; a byte order mark is ignored. Raises TomlError, also where Python's reader
-    gives up (thousands of brackets, endless numbers), and for tables over 50 deep, several times any preset's depth."""
+    """Return the tables of a TOML text; the function ignores a byte order mark.
+
+    Raises TomlError for invalid text, and for tables nested deeper than 50 levels, several times any preset's depth. It
+    also does if Python's reader fails (thousands of brackets, endless numbers).
+    """
     try:
         values = tomllib.loads(text.removeprefix("\ufeff"))
         if _depth_is_over(values, 50):
@@ -46,7 +51,9 @@ def toml_table(text: str) -> dict[str, Any]:
 
 
 def _depth_is_over(values: dict[str, Any], limit: int) -> bool:
-    """Return whether tables and lists are nested deeper than the limit; by loops, because dotted keys have no limit."""
+    """Return whether tables and lists are nested deeper than the limit. Loops do this, because dotted keys have no
+    limit.
+    """
     level: list[Any] = [values]
     for _ in range(limit):
         inside = [value for item in level for value in (item.values() if isinstance(item, dict) else item)]

@@ -237,7 +237,8 @@ class Design:
     def _slicing(self) -> SlicingResult:
         require_buildable(self.preset, self.statics)
         result = slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
-        self._results.replace("pattern", replace(self.pattern, trial=None))  # it is large, and no later stage reads it
+        if self.pattern.trial is not None:  # it is large, and no later stage reads it
+            self._results.replace("pattern", replace(self.pattern, trial=None))
         return result
 
     @property

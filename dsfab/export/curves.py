@@ -21,11 +21,13 @@ KNOT_DIGITS = 4
 
 
 AT_ONCE = 5_000
-"""Samples of one batch of lines; the processor's cache holds their hats and points."""
+"""Number of samples in one batch of lines; the arrays of a batch fit into the processor's cache."""
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
-"""Matrix from a cubic's values at thirds of a span to its factors of 1, x, x^2 and x^3, x from 0 to 1."""
+"""Matrix that turns a cubic's values at thirds of a span into its coefficients of 1, x, x^2 and x^3, with x from 0
+to 1.
+"""
 
 Refined = tuple[Floats, Floats, int, float]
 """Knots, poles, degree, and the largest distance from the polyline."""
@@ -69,8 +71,8 @@ class SampledLine:
 
     @cached_property
     def check_points(self) -> tuple[Floats, list[Floats]]:
-        """(q,) ascending lengths at which the spline is compared with the line, and d arrays (q,) of the line's
-        coordinates.
+        """Return (q,) ascending lengths and d arrays (q,) of the line's coordinates there, to compare with the
+        spline.
         """
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
@@ -78,7 +80,7 @@ class SampledLine:
 
     @property
     def breaks(self) -> Floats:
-        """(s,) ends of the first spans: one span, or two for a smooth line."""
+        """(s,) ends of the spans of the first attempt: one span, or two for a smooth line."""
         return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
 
     def _points_at(self, shares: Floats) -> list[Floats]:
@@ -86,9 +88,9 @@ class SampledLine:
 
 
 def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
-    """Fit a spline to each line: halve its spans until the spline is within the tolerance.
+    """Fit a spline to each line: halve the spans until the spline is within the tolerance.
 
-    A result is None if the tolerance needs more samples than the line has.
+    A line gets None instead of a spline if the tolerance needs more samples than the line has.
     """
     splines: list[Refined | None] = [None] * len(runs)
     for batch in _batches(runs):
@@ -152,8 +154,8 @@ class _SplineSystem:
         return np.concatenate(counts)
 
     def _hats(self, x: Floats, counts: Ints) -> tuple[Floats, Ints]:
-        """(4, k) hats at lengths x (k,), `counts` of them in each span, and (k,) the first of each four among all
-        poles.
+        """Return the `counts` nonzero basis functions at lengths x, (4, k), and (k,) the number of the first of
+        each four.
         """
         spans = np.array([len(span_ends) - 1 for span_ends in self.breaks])
         row, span = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
@@ -186,8 +188,10 @@ class _SplineSystem:
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """Add the shared tangent d of each smooth line. It couples the first and last poles outside of the band, so it
-        is eliminated from the system and solved alone.
+        """Add the shared tangent d of each smooth line.
+
+        This tangent couples the first and the last poles, which lie outside of the band of the matrix. So the system is
+        solved without the tangent first, and then for the tangent alone.
         """
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
@@ -227,8 +231,9 @@ SHARP = np.deg2rad(30.0)
 
 
 SPANS = 4
-"""Most spans of one edge of a plane face. CAD programs integrate volumes with a few points on each edge, however many
-spans it has. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %; 4 spans keep it to 6e-5.
+"""Largest number of spans of one edge of a plane face. CAD programs integrate volumes with a few points on each edge,
+however many spans the edge has. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %. With 4
+spans the volume changes by 6e-5.
 """
 
 
@@ -248,10 +253,12 @@ class Curve(Spline):
 
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
-    """Fit a chain of at least two curves to the closed polyline `loop` (k, 2); None if a spline misses the tolerance.
+    """Fit a chain of at least two curves to the closed polyline `loop` (k, 2).
 
-    corner : (k,) vertices between two curves; sharp turns are added. A loop with at most one corner has one smooth
+    corner : (k,) vertices between two curves; the function adds sharp turns. A loop with at most one corner has one
+             smooth
              curve, which is split in two.
+    Returns None if a spline misses the tolerance.
     """
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
@@ -286,14 +293,14 @@ class Polyline:
 
 
 def fitted_curve(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None:
-    """Fit one curve to the polyline (k, 2) or (k, 3); None if that needs too many samples."""
+    """Fit one curve to the polyline (k, 2) or (k, 3); return None if the curve needs too many samples."""
     return fitted_curves([Polyline(line, smooth)], tolerance)[0]
 
 
 def fitted_curves(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
-    """Fit one curve to each polyline; None if that needs more samples than the line allows.
+    """Fit one curve to each polyline; a line gets None if its curve needs more samples than the line allows.
 
-    One call with thousands of lines takes a sixth of the time of single calls.
+    For thousands of lines, one call takes a sixth of the time of single calls.
     """
     curves: list[Curve | None] = [None] * len(lines)
     open_runs = dict[int, SampledLine]()
@@ -350,14 +357,16 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
 
 
 CLOSEST = 1e-3
-"""Least tolerance of curves along exact lines (mm)."""
+"""Smallest tolerance of curves along exact lines (mm)."""
 
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
-"""A spline that would take more samples than this has more poles than the polyline has points, and takes long."""
+"""Limits of the samples of a spline. A spline with more samples has more poles than the polyline has points, and takes
+long to fit.
+"""
 
 
 REMEMBERED = 4096
-"""Largest number of lines in the cache of curves: the next format of the same design needs the same curves."""
+"""Largest number of lines in the cache of curves. The next format of the same design uses the curves again."""
 
 
 def curve_tolerance(part: Part) -> float:
@@ -398,7 +407,7 @@ def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Cur
 
 Key = tuple[bytes, tuple[int, ...], float]
 _remembered = dict[Key, tuple[Curve, ...]]()
-"""Curves by line and tolerance; the latest are at the end."""
+"""Curves by line and tolerance; the newest curves are at the end."""
 
 
 def _remember(chain_by_key: Mapping[Key, tuple[Curve, ...]]) -> None:
@@ -413,7 +422,7 @@ def _runs(points: Floats) -> Iterator[Polyline]:
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     corners = np.flatnonzero(_sharp(points, closed))
     smooth = closed and not len(corners)
-    if closed and len(corners):  # begin at a corner
+    if closed and len(corners):  # the chain begins at a corner
         points = np.concatenate([points[corners[0] : -1], points[: corners[0] + 1]])
         corners = (corners - corners[0])[1:]
     for a, b in pairwise([0, *corners.tolist(), len(points) - 1]):
@@ -435,7 +444,7 @@ def _segments(points: Floats) -> list[Curve]:
 
 
 def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
-    """Merge neighbouring straight curves of a chain into polylines (k, 3); splines stay as they are."""
+    """Merge neighbouring straight curves of a chain into polylines (k, 3); the splines do not change."""
     pieces = list[Curve | Floats]()
     for straight, group in groupby(chain, key=lambda curve: curve.is_straight):
         run = list(group)
@@ -446,7 +455,7 @@ def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
 def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
     """(k,) ascending parameters along a curve with knots (p,), `per_span` in each span.
 
-    Lengths along 16 points are right to 1e-4 where a span turns by less than a radian.
+    With 16 points the measured length is right to 1e-4 if the span turns by less than a radian.
     """
     breaks = np.unique(knots)
     inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(per_span) / per_span)
@@ -457,8 +466,8 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
     """Check the curves that a reader found in a file against the lines of a part.
 
     curves_read : by line id, points (k, 3) along each curve of the line (mm).
-    The length of all curves must agree within the tolerance of bends, and each line must have its place.
-    Raises ExportError for a difference.
+    The total length must agree within the tolerance of bends, and each line must lie in its place.
+    Raises ExportError if the file differs from the part.
     """
     lines = {line.id: line.points for line in part.details.lines}
     if curves_read.keys() != lines.keys():
@@ -477,7 +486,9 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
 
 
 def check_length(part: Part, length_read: float) -> float:
-    """Return the relative error of a length (mm); raises ExportError unless it is that of all lines."""
+    """Return the relative error of a length (mm) against the total length of the part's lines; ExportError if too
+    large.
+    """
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(

@@ -1,4 +1,4 @@
-"""The formats, one entry each, and `write`, which turns a solid or a sheet into a file."""
+"""List of the file formats, and `write`, which writes a solid or a sheet to a file."""
 
 import difflib
 import time
@@ -34,15 +34,16 @@ MISSING: dict[MemberContent, str] = {
     "utilisation": "no members to check; only a design knows them",
     "frame": "no beam model; only a design knows it",
 }
-"""Words of the error for content that a part lacks."""
+"""Words for the error message if a part lacks the content of a format."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format of files: its functions for a part.
+    """A file format with its functions for a part.
 
-    encode  : returns the bytes.    check : reads the file back; raises ExportError if the content differs.
-    prepare : returns the part with the format's rounding.
+    encode  : returns the bytes.
+    check   : reads the file back; raises ExportError if the content differs.
+    prepare : returns the part, rounded as the format rounds.
     ready   : raises ExportError if a library of the format is not installed.
     """
 
@@ -54,12 +55,12 @@ class Format:
 
 @dataclass(frozen=True)
 class MeshFormat(Format):
-    """A format of a solid, or of any mesh.
+    """A format for solids, or for any mesh.
 
-    sheets       : whether it can hold an open sheet.
+    sheets       : True if the format can hold an open sheet.
     alternatives : returns alternatives of the part, the best first; `write` takes the first that passes the check. An
-                   ExportError in place of a part is an alternative that is refused without a trial.
-    sentence     : returns a sentence about the alternative that `write` took, from the refusals before it.
+                   ExportError in place of a part means that `write` skips this alternative without a trial.
+    sentence     : returns a sentence about the alternative that `write` took, from the earlier refusals.
     refusal      : returns the error to raise if `write` refused all alternatives.
     """
 
@@ -71,10 +72,10 @@ class MeshFormat(Format):
 
 @dataclass(frozen=True)
 class SheetFormat(Format):
-    """A format of lines, or of fields.
+    """A format for lines on a sheet, or for fields on a sheet.
 
     content : lines on a sheet; a solid and lines; or fields of the uncut surface.
-    curves  : whether the format needs exact lines because it holds smooth curves.
+    curves  : True if the format holds smooth curves and so needs exact lines.
     """
 
     content: Literal["lines", "solid and lines", "fields"] = "lines"
@@ -83,7 +84,7 @@ class SheetFormat(Format):
 
 @dataclass(frozen=True)
 class MemberFormat(Format):
-    """A format of members, of their forces, or of their beam model.
+    """A format for members, for forces of members, or for the beam model.
 
     content  : the field of `Details` that the format writes.
     sentence : returns a sentence about the content, or ''.
@@ -97,7 +98,7 @@ class MemberFormat(Format):
 class Written:
     """A file that was written and read back.
 
-    size : bytes.    seconds : wall time of both steps.    found : content by the second reader.
+    size : bytes.    seconds : wall time of writing and reading.    found : content according to the second reader.
     """
 
     path: Path
@@ -174,7 +175,7 @@ FORMATS: dict[str, MeshFormat | SheetFormat | MemberFormat] = {
         saf.encode, saf.check, sentence=saf.agreement_text, ready=saf.require_xlsxwriter, content="frame"
     ),
 }
-"""Formats by suffix."""
+"""All formats, by the suffix of the file."""
 
 
 def write(
@@ -191,13 +192,13 @@ def write(
 
     thing   : metres. Files are in millimetres (.glb in metres, as its standard demands) and name the unit if they can.
     name    : name of the part in the file; by default the file's name without suffix.
-    step    : options of STEP files, or the word for the route alone.
+    step    : options of STEP files, or only the name of the route.
     details : lines, fields and facts, for the formats that hold them.
-    note    : called with a line on the route of a STEP file and the reasons against better routes.
-    report  : called with size, seconds, triangles or faces, and the error of the volume.
+    note    : function that gets a line on the route of a STEP file and the reasons against better routes.
+    report  : function that gets size, seconds, triangles or faces, and the error of the volume.
 
     Equal input gives equal bytes. A second reader must find the same closed triangles and the same volume (area of a
-    sheet) to 0.1 %; then the file takes its name in one step. A failure leaves an older file as it was.
+    sheet) to 0.1 %. Only after this check the file gets its name, in one step. A failure does not change an older file.
     Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines, a shape
     that the format cannot hold, too many faces for STEP, no permission or space, and a file that reads back different.
     """
@@ -271,7 +272,7 @@ def _require_content(form: Format, part: Part, suffix: str) -> None:
 
 
 def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: Path) -> tuple[str, ReadBack]:
-    """Write and check the first alternative that passes; return the format's sentence about it and its content."""
+    """Write and check the alternatives until one passes; return the format's sentence and the content read back."""
     if not isinstance(form, MeshFormat):
         write_chunks(temporary, form.encode(part))
         readback = form.check(part, temporary)
@@ -293,14 +294,18 @@ def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: P
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix in lower case; two words if they name a format: `.lines.step`, and `members.json` alone."""
+    """Return the suffix in lower case: two words if both name the format (`.lines.step`), and `members.json` for
+    that name.
+    """
     double = "".join(path.suffixes[-2:]).lower()
     file_name = f".{path.name}".lower() if path.suffix else ""
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())
 
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
-    """Return the format of a suffix in any case; raises ExportError that names the most similar suffix."""
+    """Return the format of a suffix in any case; raises ExportError for an unknown suffix and names the most
+    similar one.
+    """
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]

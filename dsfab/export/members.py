@@ -1,4 +1,4 @@
-"""Facts of members and nodes for files: rounded millimetres, and words."""
+"""Facts of members and nodes for files: rounded lengths in millimetres, and texts."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from dsfab.members import Member, MemberAxis, MemberGraph, Node
 
 LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9
-"""Decimals of millimetres, and of directions and curvatures per metre."""
+"""Decimals of lengths in millimetres, and decimals of directions and of curvatures per metre."""
 
 
 @dataclass(frozen=True)
 class MemberFacts:
     """Facts of a member: lengths in mm, areas in mm2, names of its nodes.
 
-    own_area     : area without the parts that are counted with members that cross it.
-    counted_with : names of these members.
+    own_area     : area of the member without the parts that crossing members include in their own areas.
+    counted_with : names of these crossing members.
     """
 
     member: "Member"
@@ -44,7 +44,7 @@ class MemberFacts:
 
 
 def graph_of(part: Part) -> "MemberGraph":
-    """Return the members of a part that has some."""
+    """Return the members of a part; the part must have members."""
     assert part.details.members is not None
     return part.details.members
 
@@ -125,7 +125,7 @@ def rounded_mm(metres: float) -> float:
 
 
 def rounded_lists(values: Floats, digits: int = LENGTH_DIGITS) -> list[Any]:
-    """Return an array as rounded lists for files."""
+    """Return an array (...) as rounded lists for files."""
     lists: list[Any] = (values.round(digits) + 0.0).tolist()
     return lists
 

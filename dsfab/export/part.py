@@ -33,8 +33,8 @@ class DividedSheet(NamedTuple):
     V, F      : (n', 3) and (m', 3), metres; pieces share no vertices.
     D         : (n', 3) half-thickness vectors, metres.
     chart     : (m',) chart of each face.
-    half_edge : (k,) half-edges of the boundary, 3 face + corner.
-    family    : (k,) field whose edge each of them is; -1 for the boundary of the uncut surface.
+    half_edge : (k,) half-edges of the boundary, numbered 3 face + corner.
+    family    : (k,) number of the field that ends at each half-edge; -1 at the boundary of the uncut surface.
     """
 
     V: Floats
@@ -46,10 +46,10 @@ class DividedSheet(NamedTuple):
 
 
 class StripedSheet(NamedTuple):
-    """A sheet divided along all edges of its stripes, those below other stripes included.
+    """A sheet divided along all edges of its stripes, also along edges below other stripes.
 
     F       : (m, 3) cells, oriented as the uncut surface.
-    weights : (n', n) barycentric weights of its vertices on those of the uncut surface.
+    weights : (n', n) barycentric weights of the sheet's vertices on the vertices of the uncut surface.
     label   : (m,) equal for cells of the same stripes.    loose : (m,) cells outside of all stripes.
     seam    : (k, 2) pairs of half-edges at one place and in one direction, where a one-sided surface was cut open.
     """
@@ -68,9 +68,8 @@ class Curved:
     V, F  : (n, 3) and (m, 3) of the uncut, oriented surface, metres.
     D     : (n, 3) half-thickness vectors on it, metres.
     shift : offset of the sheet's middle from the surface in units of D: 0, 1 or -1.
-    divided : divides the sheet along the upper envelope of fields (n, c) on the uncut surface: chart k is where field k
-              is largest.
-    striped : divides the sheet along its stripes; None if these are unknown.
+    divided : function that divides the sheet by fields (n, c) on the uncut surface: chart k is where field k is largest.
+    striped : function that divides the sheet along its stripes; None if the stripes are unknown.
     twins : (k, 2) pairs of vertices at one place with opposite D, where a one-sided surface was cut open.
     """
 
@@ -94,10 +93,10 @@ class MemberShape:
     """A closed mesh and the lines of a member, or of a part of it, in metres or millimetres.
 
     id    : name of the member.    layer : family or kind: "major", "minor", "rim", "keep", "fill".
-    V, F  : (n, 3), (m, 3) the body; triangles counter-clockwise seen from outside.
-    axis  : (k, 3) points along its middle; (0, 3) if it has no axis.
+    V, F  : (n, 3), (m, 3) vertices and triangles of the body; triangles counter-clockwise seen from outside.
+    axis  : (k, 3) points along the middle of the member; (0, 3) if the member has no axis.
     edges : closed outlines (k, 3) on the middle surface.
-    plate : whether it is a plate; else it is long and narrow.
+    plate : True for a plate, False for a long and narrow member.
     """
 
     id: str
@@ -123,7 +122,7 @@ STEP_FACES = 30_000
 """Default limit of the faces of a STEP file; `dsfab.export.cad.step.file` has the measurements."""
 
 Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"]
-"""Routes to a STEP file; compact is another word for smooth."""
+"""Ways to write a STEP file; `compact` means the same as `smooth`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,18 +130,18 @@ class Details:
     """Content of a file besides its mesh; each format takes the parts that it can hold.
 
     lines     : edges and centre lines, metres.
-    tolerance : largest error of the content (m): of `lines` themselves, or of curves through exact `lines`.
-    values    : by name with SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
+    tolerance : largest error of the content (m): of the `lines`, or of curves through exact `lines`.
+    values    : values at the vertices (n, ...) or in the faces (m, ...) of the mesh, by name with SI unit.
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, where known.
-    frame     : the beam model of the members; then `facts` tell how it agrees with the sheet.
-    section_forces : by case and combination, in the faces of `sheet`, metres.
-    member_forces  : by member.    utilisation : of the members.
-    description    : text about the whole.
+    frame     : the beam model of the members; the `facts` of a beam model compare it with the sheet.
+    section_forces : section forces by case and combination, in the faces of `sheet` (metres).
+    member_forces  : forces by member.    utilisation : utilisation of the members.
+    description    : text about the whole part.
     material       : name of the material, or ''.
     members        : members and nodes.
-    whole_members  : whether members that cross lie one over the other, so that each has its whole area.
-    drawings       : drawing files of each member's parts, by its name.
+    whole_members  : True if crossing members lie one over the other, so that each member has its whole area.
+    drawings       : drawing files of each member's parts, by the name of the member.
     shapes    : members as bodies, metres.
     origin    : origin of the file on its site (m), in the coordinates of a survey (east, north, up).
     """
@@ -167,7 +166,7 @@ class Details:
 
     @property
     def beam_model(self) -> "Frame":
-        """The beam model, of details that have one."""
+        """The beam model; the details must have one."""
         assert self.frame is not None
         return self.frame
 
@@ -186,12 +185,12 @@ class StepOptions:
                 untrimmed four-sided patches, which CAD programs cut and measure well; smooth or compact: few skins and
                 ruled walls, the smallest file, which CAD programs often fail to cut; faceted: planar faces only; auto:
                 the first that suits the solid and passes the check; tessellated: triangles for viewers, never by auto.
-    faces     : largest number of planar faces, counted after coplanar triangles were joined.
-    tolerance : largest error of curves along the outline (m), 0: a fortieth of the thickness. A faceted solid is
-                simplified by it; 0: only if no other route is accepted.
-    megabytes : largest size of the file in 1e6 bytes; 0 is no limit.
-    corners   : (k, 3) points of a flat sheet's outline (m) that stay corners even where it turns by little.
-    curved    : returns the curved sheet for smooth STEP.
+    faces     : largest number of planar faces; coplanar triangles count as one face.
+    tolerance : largest error of curves along the outline (m); 0 means a fortieth of the thickness. A faceted solid is
+                simplified within this tolerance, or for 0 only if all other routes fail.
+    megabytes : largest size of the file in 1e6 bytes; 0 means no limit.
+    corners   : (k, 3) points of a flat sheet's outline (m) that stay corners even where the outline turns by little.
+    curved    : function that returns the curved sheet for smooth STEP.
     """
 
     route: str = "auto"
@@ -204,24 +203,24 @@ class StepOptions:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A triangle mesh on its way to a file.
+    """A triangle mesh that will be written to a file.
 
     V          : (n, 3) vertices, millimetres.
     F          : (m, 3) faces; of a solid, counter-clockwise seen from outside.
-    name       : its name in the file.
-    is_solid   : closed, with a volume; otherwise a sheet.
+    name       : name of the mesh in the file.
+    is_solid   : True for a closed mesh with a volume, False for a sheet.
     step_faces : largest number of faces of a STEP file.
     step       : route of a STEP file, see `StepOptions`.
     tolerance  : largest error of the curves of a planar STEP file (mm); 0 is the default.
-    corners    : (k, 3) points of the outline that those curves must not round, millimetres.
+    corners    : (k, 3) points of the outline that curves of a planar STEP file must not round, millimetres.
     details    : lines, fields and facts; lengths in millimetres.
-    step_mb    : largest size of a STEP file, 1e6 bytes; 0 is no limit.
-    note       : changes of the mesh before it came here.
-    simpler    : whether these left fewer triangles than the solid has.
-    curved     : returns the sheet for smooth STEP; None if only the solid is known.
-    cut        : whether OCCT tries one cut of a smooth file, if that costs little.
-    hurry      : effort limit for smooth STEP that the user did not name: number of layouts, multiple of the walls that
-                 take little time, and limit of faces by members; 0 if the user named the route.
+    step_mb    : largest size of a STEP file, 1e6 bytes; 0 means no limit.
+    note       : text about earlier changes of the mesh.
+    simpler    : True if earlier changes removed triangles of the solid.
+    curved     : function that returns the sheet for smooth STEP; None if only the solid is known.
+    cut        : True if OCCT tries one cut of a smooth file, unless the cut takes long.
+    hurry      : effort limit for smooth STEP if the user did not name the route, otherwise 0. It limits the number of
+                 layouts, the walls (as a multiple of a quick number), and the faces by members.
     """
 
     V: Floats
@@ -286,7 +285,7 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     """Return the part on rounded vertices V (n, 3); edges without length are contracted together with their triangles.
 
     Readers merge equal points and keep collapsed triangles; STEP cannot hold these. `holding` names the rounding in the
-    message. Raises ExportError if the contraction opens the solid, changes its volume by over 0.1 %, or leaves no face.
+    message. Raises ExportError if the contracted solid is open, differs in volume by over 0.1 %, or has no face.
     """
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
@@ -315,8 +314,9 @@ def in_single_precision(part: Part) -> Part:
 
 
 def open_edges(F: Ints) -> int:
-    """Return the number of edges of F (m, 3) whose two directions do not occur equally often; 0 for a closed,
-    oriented mesh.
+    """Return the number of edges of F (m, 3) whose two directions do not occur equally often.
+
+    The number is 0 for a closed, oriented mesh.
     """
     a, b = half_edges(F)
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)

@@ -1,4 +1,6 @@
-"""Comparison of a written file with its part, on the mesh, lines or member bodies that a second reader returns."""
+"""Comparison of a written file with its part: a second reader returns the mesh, the lines or the members of the
+file.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,12 +15,12 @@ from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
 NUMBERS_READ_BACK = 1e-9
-"""Numbers of 10 digits or more that are read back may differ by this share of the largest one."""
+"""Relative tolerance of numbers of 10 or more digits that are read back, as a share of the largest number."""
 
 
 @dataclass(frozen=True)
 class ReadBack:
-    """Content of a file by its reader: a count of `what`, and the relative error of a measure (NaN without one).
+    """Content of a file according to a reader: the number of `what`, and the relative error of a measure (or NaN).
 
     measure : volume of a solid, area of a sheet, length of lines.
     """
@@ -42,8 +44,8 @@ _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dt
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
     """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged.
 
-    libigl saves the half second of importing trimesh. trimesh reads paths beyond ASCII, because libigl cannot open
-    them on every system. Raises ExportError for a file that is no such mesh.
+    libigl saves the half second of importing trimesh. For a path with characters beyond ASCII trimesh is used, because
+    libigl cannot open such paths on every system. Raises ExportError if the file is not such a mesh.
     """
     if not str(path).isascii():
         return read_with_trimesh(path)
@@ -59,10 +61,7 @@ def read_with_igl(path: Path) -> tuple[Floats, Ints]:
 
 
 def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Read vertices (n, 3) and faces (m, 3) of a file unchanged.
-
-    Raises ExportError for a file that is no such mesh.
-    """
+    """Read vertices (n, 3) and faces (m, 3) of a file unchanged; raises ExportError if the file is not a mesh."""
     import trimesh
 
     try:
@@ -75,7 +74,7 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
     """Check a mesh V (n, 3), in millimetres, F (m, 3) against the part: triangles, box, volume; a solid must be closed.
 
-    Raises ExportError for a difference.
+    Raises ExportError if the mesh differs from the part.
     """
     if len(F) != len(part.F):
         raise count_error(part, "triangles", len(part.F), len(F))
@@ -122,7 +121,7 @@ def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
 
 
 def count_error(part: Part, what: str, expected: int, count_read: int) -> ExportError:
-    """Return the error for a count that reads back different."""
+    """Return the error for a count in the file that differs from the part's count."""
     return ExportError(f"{part.name!r} reads back with {count_read} {what} instead of {expected}; write another format")
 
 
@@ -133,12 +132,12 @@ def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 
 def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
-    """Return the different rows among rows of three numbers (k, 3), and the number of each row's twin there (k,).
+    """Return the distinct rows of an array (k, 3), and for each row (k,) its index among the distinct rows.
 
-    A hash of the bits identifies a row, in a sixth of the time of comparing rows. After a collision of hashes the rows
-    themselves are compared.
+    A hash of the bits identifies a row, in a sixth of the time of comparing rows. If two hashes collide, the function
+    compares the rows directly.
     """
-    rows = rows + 0.0  # no -0
+    rows = rows + 0.0  # the sum turns -0 into 0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
     _, first_row, number = np.unique(mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2], return_index=True, return_inverse=True)
@@ -149,7 +148,7 @@ def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
 
 
 COLOURS = {"major": (31, 78, 156), "minor": (179, 38, 30), "keep": (46, 125, 50), "rim": (0, 121, 134)}
-"""Colours of layers, red, green and blue of 255."""
+"""Colours of layers: red, green and blue, from 0 to 255."""
 GREY = (120, 120, 120)
 
 
@@ -164,14 +163,14 @@ def _single(shape: MemberShape) -> MemberShape:
 
 
 def layer_colour(layer: str) -> tuple[int, int, int]:
-    """Return red, green and blue of 255."""
+    """Return red, green and blue of a layer's colour, from 0 to 255."""
     return COLOURS.get(layer, GREY)
 
 
 def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
-    """Check meshes by name against the part's members, V (n, 3), in millimetres, F (m, 3).
+    """Check meshes by name, V (n, 3) in millimetres and F (m, 3), against the part's members.
 
-    Each must be closed and have its triangles, its place and its volume to 0.1 %; else ExportError.
+    Each mesh must be closed, and have the member's number of triangles, place, and volume to 0.1 %; else ExportError.
     """
     shapes = part.details.shapes
     if [shape.id for shape in shapes] != list(meshes_read):

@@ -1,4 +1,4 @@
-"""Splines of any dimension: basis, evaluation, and least-squares fits with adaptive knots, many at once."""
+"""Splines in any dimension: basis functions, evaluation, and least-squares fits of many splines at once."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A clamped B-spline: ascending knots (p + degree + 1,), poles (p, d), degree 1, 2 or 3; a line has two poles."""
+    """A clamped B-spline: ascending knots (p + degree + 1,), poles (p, d), degree 1, 2 or 3. A straight line has
+    two poles.
+    """
 
     knots: Floats
     poles: Floats
@@ -35,20 +37,24 @@ def segment_spline(a: Floats, b: Floats) -> Spline:
 
 
 def bernstein(x: Floats) -> Floats:
-    """(k, 4) the cubic Bernstein polynomials at x (k,) in [0, 1]."""
+    """Return the (k, 4) cubic Bernstein polynomials at x (k,) in [0, 1]."""
     y, values = 1 - x, np.empty((len(x), 4))
     values[:, 0], values[:, 1], values[:, 2], values[:, 3] = y**3, 3 * x * y**2, 3 * x**2 * y, x**3
     return values
 
 
 def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
-    """Return the first of the four nonzero cubic hats at each x (k,), and their values (k, 4)."""
+    """Return the number of the first of the four nonzero cubic basis functions at each x (k,), and their values (k,
+    4).
+    """
     first_hats, values, _ = hats(x, knots)
     return first_hats, values
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return the first of the four nonzero cubic hats at each x (k,), their values and slopes (k, 4)."""
+    """Return the first of the four nonzero cubic basis functions at each x (k,), their values and their slopes (k,
+    4).
+    """
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -59,9 +65,10 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """(4, k) values of the cubic hats at x (k,) in spans from knots[span], and their (3, k) shares [de Boor 1978].
+    """Return (4, k) values of the cubic basis functions at x (k,) in spans from knots[span], and (3, k) shares [de
+    Boor 1978].
 
-    Hat r of a degree is a share of hat r and a share of hat r - 1 of the degree below.
+    Basis function r of a degree combines the functions r and r - 1 of the degree below; the shares are the factors.
     """
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
@@ -81,8 +88,8 @@ class LeastSquares:
 
     Plain sums and direct LAPACK calls take a third of the time of sparse matrices for thousands of short lines.
 
-    values : (4, k) nonzero hats at each sample.    first : (k,) number of the first of these hats.
-    factor : (4, n) banded Cholesky factor of the products of hats; rows of fixed poles are the identity.
+    values : (4, k) nonzero basis functions at each sample.    first : (k,) number of the first of these functions.
+    factor : (4, n) banded Cholesky factor of their products; rows of fixed poles are the identity.
     held   : numbers of the fixed poles.
     """
 
@@ -93,7 +100,7 @@ class LeastSquares:
 
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
-        """Factor the equations of hats `values` (4, k), the first of each four at `first_hats` (k,) among n hats.
+        """Factor the equations of basis functions `values` (4, k), the first of each four at `first_hats` (k,) among n.
 
         first_poles : (r,) the first pole of each curve.
         """
@@ -115,7 +122,7 @@ class LeastSquares:
         return np.asarray(sum(values[i][:, None] * poles[first_hats + i] for i in range(4)))
 
     def sums(self, Q: Floats) -> Floats:
-        """(n, d) sum over all samples of Q (k, d) times each hat."""
+        """Return the (n, d) sum over all samples of Q (k, d) times each basis function."""
         around, shares = (self.first[:, None] + np.arange(4)).ravel(), self.values.T
         columns = [np.bincount(around, (shares * q[:, None]).ravel(), self.factor.shape[1]) for q in Q.T]
         return np.stack(columns, axis=1)
@@ -138,7 +145,7 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
             band[j - i] += np.bincount(first_hats + i, values[i] * values[j], n)
     band[0, fixed_poles] = 0.0
     size = np.diff(np.append(first_poles, n))
-    band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)  # a span without a sample
+    band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)  # for spans without samples
     band[0, fixed_poles] = 1.0
     for below in range(1, 4):
         band[below, fixed_poles] = band[below, fixed_poles - below] = (
@@ -151,7 +158,7 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
 class SplineRows:
     """Samples of several curves, one after the other.
 
-    number : (r,) of the curves; count, first, last (r,) : number of samples of each, and their range.
+    number : (r,) number of each curve; count, first, last (r,) : its number of samples and their range.
     row    : (k,) row of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,).
     """
 
@@ -174,7 +181,7 @@ class SplineRows:
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
     def subset(self, chosen: Bools) -> "SplineRows":
-        """Return the chosen rows (r,)."""
+        """Return the chosen curves `rows` (r,)."""
         chosen_samples = chosen[self.row]
         number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
         return SplineRows.from_counts(
@@ -193,13 +200,13 @@ class SplineRows:
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
     def row_maxima(self, distances: Floats) -> Floats:
-        """(r,) largest value of each row of values (k,)."""
+        """(r,) largest of the values (k,) in each row."""
         return np.asarray(np.maximum.reduceat(distances, self.first))
 
 
 @dataclass(frozen=True, eq=False)
 class RowSpans:
-    """Spans of rows: their ends `low` and `high` (s,), their rows (s,), and the span of each sample (k,)."""
+    """Spans of rows: ends of the spans `low` and `high` (s,), their rows (s,), and the span of each sample (k,)."""
 
     low: Floats
     high: Floats
@@ -213,7 +220,7 @@ class RowSpans:
 
     @property
     def knots(self) -> Floats:
-        """(s + 7 r,) knots, row after row: 0 and 1 count four times."""
+        """(s + 7 r,) knots, row after row; 0 and 1 are repeated four times."""
         knots, end = np.zeros(len(self.row) + 7 * len(self.count)), np.cumsum(self.count + 7)
         knots[np.arange(len(self.row)) + 7 * self.row + 3] = self.low
         knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
@@ -237,11 +244,11 @@ class RowSpans:
 
 
 SAMPLES_PER_SPAN = 6
-"""Fewest samples for each span of a curve; with fewer, curves swing between them."""
+"""Smallest number of samples for each span of a curve; with fewer samples the curve oscillates between them."""
 
 
 AT_ONCE = 20_000
-"""Samples of one batch of curves; the processor's cache holds their arrays."""
+"""Number of samples in one batch of curves; the arrays of a batch fit into the processor's cache."""
 
 Fitted = tuple[Spline, float]
 """A curve, and its largest distance from its samples."""
@@ -250,11 +257,11 @@ Fitted = tuple[Spline, float]
 def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
-    """Fit lines, parabolas or cubics of few halved spans to points Q (k, d) at x (k,) in [0, 1], within tolerances.
+    """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) in [0, 1], within tolerances.
 
-    x rises from 0 to 1; d is equal for all. A curve begins and ends at its first and last points. parts : number of
-    points that the d coordinates hold, whose distances count separately. The result includes the largest distance,
-    which exceeds the tolerance if the samples are too few for more spans.
+    x rises from 0 to 1, and d is equal for all curves. A curve begins at its first point and ends at its last. parts :
+    number of points in the d coordinates; the distance of each is measured separately. The result includes the largest
+    distance, which exceeds the tolerance if the samples are too few for more spans.
     """
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
@@ -279,7 +286,6 @@ def _batches(counts: list[int]) -> Iterator[range]:
 
 
 def _lines(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
-    """Store the curves that lines can replace; return the remaining rows."""
     errors = rows.row_maxima(rows.distances(rows.line))
     accepted = errors <= 0.5 * rows.tolerance
     for r in np.flatnonzero(accepted):
@@ -288,7 +294,6 @@ def _lines(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
 
 
 def _parabolas(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
-    """Store the curves that parabolas can replace; return the remaining rows."""
     line, bow = rows.line, 2 * rows.x * (1 - rows.x)
     bend = np.add.reduceat(bow[:, None] * (rows.Q - line), rows.first) / np.add.reduceat(bow * bow, rows.first)[:, None]
     errors = rows.row_maxima(rows.distances(line + bow[:, None] * bend[rows.row]))
@@ -304,7 +309,7 @@ def _parabolas(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
 def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
     """Store cubics; halve inaccurate spans until none is left or their samples are too few."""
     spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
-    rounds = 14  # a span is at least 2^-14 of its curve
+    rounds = 14  # the shortest span is 2^-14 of its curve
     for turn in range(rounds):
         poles, distances = _least_squares(rows, spans)
         errors, many = rows.row_maxima(distances), np.bincount(spans.of, minlength=len(spans.row))
@@ -324,7 +329,7 @@ def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
 
 
 def _least_squares(rows: SplineRows, spans: RowSpans) -> tuple[Floats, Floats]:
-    """Return poles (s + 3 r, d) of the nearest cubics with fixed ends, and the distance of each sample."""
+    """Return poles (s + 3 r, d) of the best cubics with fixed ends, and the distance of each sample."""
     values, _ = hats_within(rows.x, spans.knots, spans.of + 7 * rows.row + 3)
     first_hats, size = spans.of + 3 * rows.row, spans.count + 3
     begin, n = np.cumsum(size) - size, int(size.sum())

@@ -1,7 +1,7 @@
-"""Run programs in processes of their own, because OCCT and gmsh may crash or not end.
+"""Run programs in separate processes, because OCCT and gmsh may crash or never finish.
 
-Their limit is processor time where the system counts it (Linux), so that a busy machine gives the same result as an
-idle one. The clock ends only a program that waits for ever.
+The limit is processor time where the system counts it (Linux), so that a busy machine gives the same result as an
+idle one. The limit on the clock only ends a program that waits forever.
 """
 
 import json
@@ -17,23 +17,23 @@ from types import TracebackType
 
 try:
     import resource
-except ImportError:  # Windows: the clock alone is left
+except ImportError:  # on Windows only the clock limits a program
     resource = None  # type: ignore[assignment]
 
 
 class ProgramError(RuntimeError):
-    """A program that failed or printed no output; the text is the last line of its error output."""
+    """A program failed or printed no output; the text is the last line of its error output."""
 
 
 class _Work:
-    """Work to do once while a program runs."""
+    """Work that is done once while a program runs."""
 
     def __init__(self, work: Callable[[], None]) -> None:
         self._work, self._done = work, False
         self._error: Exception | None = None
 
     def do(self) -> None:
-        """Run the work unless it is done; keep its exception, because the caller did not request the work."""
+        """Do the work unless it is done; keep an exception for `end`."""
         if not self._done:
             self._done = True
             try:
@@ -42,7 +42,7 @@ class _Work:
                 self._error = error
 
     def end(self) -> None:
-        """Run the work unless it is done, then raise its exception."""
+        """Do the work unless it is done, then raise its exception if there is one."""
         self.do()
         if self._error:
             raise self._error
@@ -53,7 +53,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Run `work` once inside this context: as soon as a program runs, or at the end; not after an exception."""
+    """Run `work` once inside this context: when the first program runs, or at the end; not after an exception."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -98,13 +98,13 @@ class PreparedProgram:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self._run.kill()
-        with self._run:  # closes the pipes
+        with self._run:  # the context closes the pipes
             pass
 
     def send(self, *arguments: str) -> None:
         """Send the arguments, once; `answer` returns the output."""
         if self._run.stdin:
-            with suppress(BrokenPipeError):  # the program has ended, and its error output says more
+            with suppress(BrokenPipeError):  # the program has ended, and its error output tells why
                 self._run.stdin.write(json.dumps(arguments) + "\n")
                 self._run.stdin.flush()
 
@@ -123,7 +123,7 @@ class PreparedProgram:
                     wait([pending], 0.02)
                 if is_ready():
                     work()
-            except BaseException:  # else the pool would wait for the program
+            except BaseException:  # otherwise the pool waits for the program
                 self._run.kill()
                 raise
             return _last(pending.result())
@@ -147,7 +147,7 @@ def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
     with suppress(OSError):  # the program has ended, or the system forbids the limit
         resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # the signal would write a core dump
         _, system_limit = resource.prlimit(run.pid, resource.RLIMIT_CPU)
-        grace = 5  # seconds of the processor between the signal that a program can handle and the final one
+        grace = 5  # a program gets 5 s of processor time after the signal that it can handle
         hard_limit = (
             soft_limit + grace if system_limit == resource.RLIM_INFINITY else min(soft_limit + grace, system_limit)
         )

@@ -1,4 +1,4 @@
-"""Write numbers as text, and files and folders atomically: all of the new content, or the old content."""
+"""Write numbers as text, and write files and folders atomically: a failure leaves the old content."""
 
 import ctypes
 import errno
@@ -28,7 +28,7 @@ def rows(template: str, *columns: Any) -> Iterator[str]:
     size = 10_000
     for start in range(0, len(columns[0]), size):
         sliced = [column[start : start + size] for column in columns]
-        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # bounds memory
+        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # saves memory
         yield (template * len(pieces[0])) % tuple(chain.from_iterable(zip(*pieces, strict=True)))
 
 
@@ -50,7 +50,7 @@ def one_line(name: str) -> str:
 PARTIAL = ".partial"
 _WHOSE = re.compile(r"-([0-9a-f]{8})-(\d+)-(\d+)-[0-9a-z_]+(\..*)?")
 _STATE, _TICK = 0, 19
-"""Words of /proc/PID/stat behind the name of the program: its state, and its first tick."""
+"""Positions of two words in /proc/PID/stat, counted after the program's name: its state and its first tick."""
 
 
 def partial_name(suffix: str = "") -> str:
@@ -59,14 +59,14 @@ def partial_name(suffix: str = "") -> str:
 
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
-    """Return a temporary folder of this process; remove those of ended processes with the same word."""
+    """Return a new temporary folder of this process; remove folders of the same word that ended processes left."""
     for path in abandoned_paths(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
 
 
 def is_abandoned(name: str, word: str = PARTIAL) -> bool:
-    """Return True if an ended process on this machine left a file of this name."""
+    """Return True if a process on this machine that has ended left a file of this name."""
     match = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
     return match is not None and match[1] == _host() and not _alive(int(match[2]), int(match[3]))
 
@@ -90,7 +90,7 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove files that ended processes left in a folder; once per folder, because it may hold thousands."""
+    """Remove files that ended processes left in a folder, only once per folder because it may hold thousands."""
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)
@@ -103,7 +103,7 @@ def _owner() -> str:
 
 @cache
 def _host() -> str:
-    """Return eight letters for this machine and its numbering of processes."""
+    """Return eight letters that identify this machine and its numbering of processes."""
     try:
         space = os.readlink("/proc/self/ns/pid")
     except OSError:
@@ -113,7 +113,7 @@ def _host() -> str:
 
 def _alive(pid: int, began: int) -> bool:
     """Return True if the process exists, or if the system cannot tell."""
-    if os.name == "nt":  # a signal would end it there
+    if os.name == "nt":  # on Windows a signal would end the process
         return True
     try:
         os.kill(pid, 0)
@@ -126,7 +126,7 @@ def _alive(pid: int, began: int) -> bool:
 
 
 def _start_tick(pid: int) -> int | None:
-    """Return the start tick of a process; 0 if it has ended and waits for its parent, None if unknown."""
+    """Return the start tick of a process: 0 if the process has ended and waits for its parent, None if unknown."""
     try:
         words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
         return 0 if words[_STATE] in "ZX" else int(words[_TICK])
@@ -155,7 +155,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
     A failure or an interrupt removes the temporary file and leaves an older `path` as it was.
     Raises ExportError in place of OSError.
     """
-    target = Path(os.path.realpath(path))  # a link stays a link: the file it points to is replaced
+    target = Path(os.path.realpath(path))  # a link remains; its target is replaced
     temporary = target.with_name(partial_name(target.suffix))
     remove_abandoned_files(target.parent)
     try:
@@ -170,7 +170,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 
 def require_writable_file(path: Path) -> None:
-    """Raise ExportError before minutes of work if a file cannot be written; a trial changes no file.
+    """Raise ExportError early if a file cannot be written; the trial changes no file.
 
     For a folder that does not exist yet, the trial uses the nearest existing folder above it.
     """
@@ -206,7 +206,7 @@ def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
 
 
 DESIGN = "design.json"
-"""File with the manifest of a design's folder, under `MANIFEST`. It is written last, and does not list itself."""
+"""File with the manifest of a design's folder, under `MANIFEST`. It is written last, and is not in the manifest."""
 
 MANIFEST = "manifest"
 JOURNAL = ".journal.json"
@@ -216,17 +216,18 @@ _HERE, _EXCHANGE = -100, 2
 
 
 Outdated = Callable[[Path, Path], set[str]]
-"""Function of the old folder and its replacement that returns names of old files to remove."""
+"""Function of the old folder and the new folder that returns names of old files to remove."""
 
 
 @contextmanager
 def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
-    """Yield a folder whose files move into `folder` at the end; after a failure `folder` is as it was.
+    """Yield a temporary folder whose files move into `folder` at the end; a failure does not change `folder`.
 
-    outdated : selects old files to remove; by default those of the old manifest, if a new one comes.
+    outdated : function that selects old files to remove. The default selects the files of the old manifest if there is
+               a new one.
     Raises ExportError if the folder cannot be written.
     """
-    target = Path(os.path.realpath(folder))  # a link stays a link
+    target = Path(os.path.realpath(folder))  # a link remains, its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
     try:
         complete_folder(target)
@@ -253,23 +254,23 @@ def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Pa
 
 
 class _TriedError(Exception):
-    """Ends a trial and leaves the folder as it was."""
+    """Exception that ends a trial, so that the folder does not change."""
 
 
 def require_writable(folder: Path) -> None:
-    """Raise ExportError before minutes of work if a folder cannot be written; the folder stays as it is."""
+    """Raise ExportError early if a folder cannot be written; the trial does not change the folder."""
     with suppress(_TriedError), atomic_folder(folder):
         raise _TriedError
 
 
 def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
-    """Return bytes and SHA-256 of every file of a folder by name, without the manifest itself."""
+    """Return size and SHA-256 of every file of a folder, by name; the manifest itself is not included."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != DESIGN)
     return {path.name: {"bytes": path.stat().st_size, "sha256": _sha256(path)} for path in files}
 
 
 def complete_folder(folder: Path) -> None:
-    """Finish moves into a folder that an interrupted process began, and remove its remains in and beside the folder."""
+    """Complete a move into a folder that an interrupted process began, and remove the files that this process left."""
     for partial in abandoned_paths(folder):
         if (partial / JOURNAL).is_file():
             _follow_journal(partial, folder)
@@ -278,7 +279,7 @@ def complete_folder(folder: Path) -> None:
 
 
 def _partial_of(target: Path) -> Path:
-    """Create a folder to write in: beside the target if the two can be exchanged, else inside."""
+    """Create a temporary folder to write in: beside the target if the two can be exchanged, else inside the target."""
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.exists():
         if not target.is_dir():
@@ -298,7 +299,7 @@ def _put_in_place(partial: Path, target: Path, outdated: Outdated) -> None:
                 os.rename(partial, target)
                 return
         except OSError:
-            if not target.exists():  # else another process has just created it
+            if not target.exists():  # another process may have created the folder
                 raise
         if _exchangeable(target) and _swap(partial, target, outdated(target, partial)):
             return
@@ -315,10 +316,10 @@ def _put_in_place(partial: Path, target: Path, outdated: Outdated) -> None:
 
 
 def _follow_journal(partial: Path, target: Path) -> None:
-    """Do the remaining moves and removals of a journal."""
+    """Do the remaining moves and removals that a journal lists."""
     journal = json.loads((partial / JOURNAL).read_bytes())
     for name in journal["move"]:
-        with suppress(FileNotFoundError):  # an earlier run moved it
+        with suppress(FileNotFoundError):  # an earlier run moved the file
             os.replace(partial / name, target / name)
     for name in journal["remove"]:
         (target / name).unlink(missing_ok=True)
@@ -326,8 +327,8 @@ def _follow_journal(partial: Path, target: Path) -> None:
 
 
 def _exchangeable(target: Path) -> bool:
-    """Return True if two folders may be exchanged: the target is not the working folder and holds the user's files
-    only.
+    """Return True if two folders may be exchanged: the target holds only the user's files, and is not the working
+    folder.
     """
     if not hasattr(os, "geteuid") or os.path.ismount(target) or target.stat().st_uid != os.geteuid():
         return False
@@ -339,7 +340,9 @@ def _exchangeable(target: Path) -> bool:
 
 
 def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
-    """Exchange the folders in one step, with the user's own files in both; return False if this is not possible."""
+    """Exchange the folders in one step, with the user's own files in both; return False if the system cannot do
+    this.
+    """
     fresh = {path.name for path in partial.iterdir()}
     old_names = {path.name for path in target.iterdir()}
     user_names = old_names - fresh - outdated
@@ -362,7 +365,7 @@ def _link(target: Path, partial: Path, user_names: set[str]) -> bool:
 
 
 def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set[str]) -> None:
-    """Take over files that the user saved during the exchange."""
+    """Keep files that the user saved during the exchange."""
     for path in old_folder.iterdir():
         new_path = target / path.name
         replaced = path.name in user_names and new_path.exists() and not path.samefile(new_path)
@@ -380,7 +383,7 @@ def _exchange(folder_a: Path, folder_b: Path) -> bool:
 
 
 def _outdated_files(target: Path, partial: Path) -> set[str]:
-    """Unchanged files of the target's manifest that a new design does not have."""
+    """Return unchanged files of the target's manifest that the new design does not have."""
     if not (partial / DESIGN).is_file():
         return set()
     fresh, before = {path.name for path in partial.iterdir()}, _manifest_of(target)

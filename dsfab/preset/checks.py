@@ -41,7 +41,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         return f"{key} is missing"
     if kind.startswith("union_tag") or kind == "model_attributes_type":
         return _unknown_kind(key, detail)
-    if kind == "value_error":  # keys that do not go together
+    if kind == "value_error":  # keys that exclude each other
         return f"{key}: {detail['ctx']['error']}" if key else str(detail["ctx"]["error"])
     hint = ""
     if kind == "literal_error":
@@ -104,16 +104,19 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows a sum of stress magnitudes rather than one case or combination."""
+    """Return True if the pattern follows a sum of stress magnitudes, and not one single case or combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
 def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the stresses that the pattern follows, as name -> weight: one name, or the combined names.
-    Combined are the combinations, or the cases of a preset without combinations. The default weight is 1; names of
-    weight 0 are left out."""
+    """Return the names of the stresses that the pattern follows, with their weights: a single name, or all combined
+    names.
+
+    The pattern combines the combinations, or the cases of a preset without combinations. The default weight is 1;
+    names with weight 0 are left out.
+    """
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -121,14 +124,18 @@ def follow_weights(
 
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """Return the names that a combined pattern follows: the combinations without those for displacements alone (SLS),
-    unless all are such; or the cases if there are no combinations."""
+    """Return the names that a combined pattern follows: the combinations, or the cases if there are no combinations.
+
+    Combinations for displacements alone (SLS) are left out, unless all are of this kind.
+    """
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return cases and combinations for a limit state: its own combinations, else those without one, else all."""
+    """Return cases and combinations for a limit state: its own combinations, else those without any limit state,
+    else all.
+    """
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):
@@ -186,11 +193,13 @@ def _no_such(what: str, name: str, existing: Iterable[str]) -> str:
 
 
 SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
-"""Least modulus of a sheet (Pa), least density (kg/m3) and strength (Pa) of a solid."""
+"""Least modulus of a sheet (Pa), and least density (kg/m3) and strength (Pa) of a solid."""
 
 
 def with_material(values: Any) -> Any:
-    """Return the table [statics] with the values of its material where it has none; unknown names are left."""
+    """Return the table [statics] with values of its material for missing keys; tables with unknown materials stay
+    unchanged.
+    """
     name = values.get("material") if isinstance(values, Mapping) else None
     if not isinstance(name, str):
         return values
@@ -201,7 +210,7 @@ def with_material(values: Any) -> Any:
 
 
 def known_name(name: str | None) -> str | None:
-    """Return a material's name as the list of materials writes it; raises ValueError for an unknown one."""
+    """Return a material's name in the spelling of the list of materials; raises ValueError for an unknown name."""
     try:
         return None if name is None else material_named(name).name
     except PresetError as error:
@@ -223,7 +232,7 @@ def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
 
 
 def modulus(value: float) -> float:
-    """Return the modulus, Pa; raises ValueError for a value so small that its unit must be GPa or MPa."""
+    """Return the modulus, Pa; raises ValueError for a value so small that the user must have meant GPa or MPa."""
     if 0 < value < 1000:
         raise ValueError(f"{value:g} Pa is no stiffness: pascals are asked, write {value:g}e9 for {value:g} GPa")
     if 0 < value < SOFTEST:
@@ -232,20 +241,22 @@ def modulus(value: float) -> float:
 
 
 def specific_mass(value: float) -> float:
-    """Return the density, kg/m3; raises ValueError if its unit must be t/m3 or g/cm3. 0 means no weight."""
+    """Return the density, kg/m3; raises ValueError if the user must have meant t/m3 or g/cm3. 0 means no weight."""
     if 0 < value < LIGHTEST:
         raise ValueError(f"{value:g} kg/m3 is no solid: write {1000 * value:g} for {value:g} t/m3 or g/cm3")
     return value
 
 
 def resistance(value: float) -> float:
-    """Return the strength, Pa; raises ValueError for values that must be MPa. 0 means no comparison."""
+    """Return the strength, Pa; raises ValueError for a value that the user must have meant in MPa. 0 means no
+    comparison.
+    """
     if 0 < value < WEAKEST:
         raise ValueError(f"{value:g} Pa is no strength: pascals are asked, write {value:g}e6 for {value:g} MPa")
     return value
 
 
 def require_strength(material: str | None, strength: float) -> None:
-    """Raise PresetError if neither a material nor a strength tells the resistance of members."""
+    """Raise PresetError if neither a material nor a strength defines the resistance of members."""
     if not material and not strength:
         raise PresetError(NO_STRENGTH)

@@ -1,4 +1,4 @@
-"""Presets as TOML files: finding, reading, overriding and writing them, with one sentence for each mistake."""
+"""Presets as TOML files: dsfab finds, reads, overrides and writes them, and explains each mistake in one sentence."""
 
 import re
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from dsfab.preset.model import Preset
 from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface, SurfaceSection, missing_preset
 
 _LIST = re.compile(r"""\[\n((?: +(?:[^\s\[\]{},"]+|"(?:[^"\\\n]|\\.)*"),\n)+) *\]""")
-"""A list of numbers and words with a line for each."""
+"""Pattern of a list of numbers and words with one item per line."""
 
 
 def load_preset(
@@ -50,7 +50,9 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return `preset` with other values at dotted keys; raises PresetError as `load_preset`, and for other objects."""
+    """Return `preset` with new values at dotted keys; raises PresetError for the mistakes that `load_preset`
+    reports, and if `preset` is not a preset.
+    """
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # the other sections have passed their checks
@@ -81,7 +83,9 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def require_mesh(preset: Preset) -> None:
-    """Raise PresetError, with the command's options, for a shipped preset that needs a mesh of the user's."""
+    """Raise PresetError for a shipped preset that needs a mesh of the user's. The message names the command's
+    options.
+    """
     if isinstance(surface := preset.surface, FileSurface) and surface.waits:
         raise PresetError(
             f"preset {preset.name} needs a mesh of yours: add --mesh FILE, and --unit mm if it is in millimetres"
@@ -90,8 +94,11 @@ def require_mesh(preset: Preset) -> None:
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset, defaults included, as TOML that builds the same design again.
-    A material has its name, and only those values that differ from its own.
-    for_people : replaces the numbers of a mesh from Python by its size."""
+
+    A material appears as its name, with only those values that differ from the material's.
+
+    for_people : whether the size of a mesh from Python replaces its numbers.
+    """
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
@@ -101,7 +108,7 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
     surface = values["surface"]
     for key in ("support", "load"):
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
-    # the shape comes first, then its supports and loads
+    # the shape comes before its supports and loads
     values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
     return _short_lists(tomli_w.dumps(values))
 
@@ -136,13 +143,15 @@ def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old_surface = values.get("surface", {})
     keys = (
         (*OwnSurface.model_fields, "unit") if "file" in old_surface else (*SurfaceSection.model_fields, "unit")
-    )  # a shape has no edge
+    )  # a procedural shape has no key `edge`
     new_surface = {key: old_surface[key] for key in keys if key in old_surface}
     values["surface"] = {**new_surface, "file": str(mesh)}
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys, which removes the other of two exclusive keys; a new material removes the old one's values."""
+    """Set dotted keys. Of two exclusive keys the new one removes the old one; a new material removes the old one's
+    values.
+    """
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # a later key may reach into this value

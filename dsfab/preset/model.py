@@ -111,12 +111,14 @@ class Statics(Section):
 
     @property
     def material_words(self) -> str:
-        """'GL24h', or 'GL24h, but for density'; empty without a named material."""
+        """Material in words: 'GL24h', or 'GL24h, but for density'; empty without a named material."""
         own_keys = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
 
     def require_strength(self) -> None:
-        """Raise PresetError if neither the material nor a strength is known, because members cannot be checked then."""
+        """Raise PresetError if the preset has neither a material nor a strength, because dsfab cannot check its
+        members.
+        """
         require_strength(self.material, self.strength)
 
     @property
@@ -126,8 +128,9 @@ class Statics(Section):
 
     @property
     def analyses(self) -> ResultRequest:
-        """Requests for strength, natural frequencies and buckling; with any of them, other elements solve the statics
-        again."""
+        """Requests for strength, natural frequencies and buckling. For these dsfab solves the statics again, with
+        more accurate elements.
+        """
         return ResultRequest(self.strength, self.frequencies, self.buckling)
 
 
@@ -234,7 +237,9 @@ class Family(Section):
 
     @property
     def stripes(self) -> Stripes:
-        """Stripes; at frequency 1 for a `spacing`, whose frequency needs a mode (see `frequency_for`)."""
+        """Stripes of the family. A `spacing` has frequency 1 here, because its frequency needs a mode (see
+        `frequency_for`).
+        """
         return Stripes(self.frequency or 1.0, self.shift, self.threshold)
 
 
@@ -273,12 +278,15 @@ class Width(Section):
 
     @property
     def asked_least(self) -> float:
-        """Least width of members in the preset, metres; 0 for auto."""
+        """Least width of members that the preset requests, metres; 0 for auto."""
         return 0.0 if self.min_width == AUTO else self.min_width
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
-        """Return the width rule; a width to be solved for is a multiple of a hundredth of `length`, metres.
-        least : least width (m) if `min_width` is auto, unless `max_width` is less."""
+        """Return the width rule. If dsfab must solve for a width, the width is a multiple of a hundredth of `length`,
+        metres.
+
+        least : least width (m) if `min_width` is auto, unless `max_width` is less.
+        """
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
@@ -286,7 +294,7 @@ class Width(Section):
 
 
 def _with_curves(thing: Any) -> Any:
-    """The support, load, guide ... with the curves of the drawing that its picker names."""
+    """Return the support, load or guide with the curves of the drawing that its picker names."""
     picker = getattr(thing, "at", None)
     complete = self_contained(picker)
     return thing if complete is picker else replace(thing, at=complete)
@@ -383,7 +391,7 @@ class Pattern(Section):
 
     @property
     def drawn_regions(self) -> int:
-        """Number of regions that are layers of their own, before all others: those that are not void."""
+        """Number of solid regions and bands. Each is a layer of its own, before all families."""
         return len(self.region) - len(self.voids)
 
     @property
@@ -393,7 +401,7 @@ class Pattern(Section):
 
     @property
     def is_steered(self) -> bool:
-        """True if stripes leave the direction of the stress."""
+        """True if stripes deviate from the direction of the stress."""
         return bool(self.rotate or self.guide)
 
     @property
@@ -409,7 +417,7 @@ class Pattern(Section):
 
     @property
     def may_halve(self) -> bool:
-        """True if lines may be left out where they crowd; they end on members of the other family."""
+        """True if dsfab may omit lines in crowded places; omitted lines end on members of the other family."""
         return self.halve and self.families == "both"
 
     @property
@@ -579,8 +587,11 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """A void removes vertices, so that vertex numbers of guides and regions would change; supports and loads are
-        picked first."""
+        """Refuse vertex numbers in guides and regions beside a void, because a void removes vertices and changes their
+        numbers.
+
+        Supports and loads may name vertices, because dsfab picks these before the void.
+        """
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [
@@ -602,8 +613,10 @@ class Preset(Section):
         return self.surface.load, self.surface.sums, self.diffusion.follow, self.diffusion.weights
 
     def judged_in(self, state: LimitState, names: Iterable[str]) -> list[str]:
-        """Return the cases and combinations that govern stress and buckling (`ULS`) or displacements (`SLS`): all of
-        them if no combination has a limit state."""
+        """Return the cases and combinations for stress and buckling (`ULS`) or for displacements (`SLS`).
+
+        They are all cases if no combination has a limit state.
+        """
         return judged_names(names, self.surface.sums, state)
 
     @property
@@ -629,8 +642,9 @@ class Preset(Section):
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=changes)})
 
     def self_contained(self) -> "Preset":
-        """Return the preset with the curves of drawings that its pickers name; raises SurfaceError for a missing
-        drawing."""
+        """Return the preset with the curves of its drawings in place of their files; raises SurfaceError for a
+        missing drawing.
+        """
         lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():
@@ -641,8 +655,11 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage whose section differs, or None; name and description make no difference. The surface
-        depends on the outlines of regions, because they cut it, and on the statics if its mesh follows the stress."""
+        """Return the first stage whose section differs, or None; name and description make no difference.
+
+        The outlines of regions belong to the surface here, because they cut it. So does the section [statics] if the
+        mesh follows the stress.
+        """
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

@@ -49,7 +49,7 @@ from dsfab.surface import (
 
 
 class Section(BaseModel):
-    """A section of a preset: frozen, without unknown keys. Its constructor raises PresetError."""
+    """A section of a preset: frozen, and closed to unknown keys. Its constructor raises PresetError."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
 
@@ -59,13 +59,16 @@ class Section(BaseModel):
         except ValidationError as error:
             raise PresetError(f"{type(self).__name__.lower()}: {mistakes(error, type(self))}") from None
 
-    # only Python code calls this; a preset file reports the mistakes of all sections together
+    # only Python code calls this constructor; a preset file reports the mistakes of all sections together
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 class SurfaceSection(Section):
-    """Keys of every surface. pydantic builds its checks on first use, because a preset builds those of all kinds
-    together. Separate checks of supports and loads took half of the time of starting dsfab."""
+    """Keys of every surface.
+
+    pydantic builds the checks on first use, because a preset would build those of all kinds of surfaces at once.
+    Separate checks of supports and loads took half of the time of starting dsfab.
+    """
 
     model_config = ConfigDict(defer_build=True)
 
@@ -88,7 +91,7 @@ class SurfaceSection(Section):
 
     @property
     def sums(self) -> tuple[Combination, ...]:
-        """Combinations in the list, then those after the standard."""
+        """Combinations in the list, followed by the combinations after the standard."""
         return (*self.combination, *self.standard_sums)
 
     @property
@@ -143,7 +146,9 @@ class OwnSurface(SurfaceSection):
 
     def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
         """Return the surface, with edges of these sizes if it gets a new mesh; raises SurfaceError.
-        base : result of `base_surface()`, if known."""
+
+        base : result of `base_surface()`, if the caller has it.
+        """
         base = base or self.base_surface()
         if not self.edge:
             return refined_surface(base, self.refine, self.smooth) if self.refine else base
@@ -175,7 +180,7 @@ class FileSurface(OwnSurface):
 
     @property
     def waits(self) -> bool:
-        """True for a shipped preset that needs a mesh of the user's."""
+        """True for a shipped preset that needs the user's mesh."""
         return self.file.parent in PRESETS and not self.file.exists()
 
     def base_surface(self) -> Surface:
@@ -220,8 +225,10 @@ Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text
 
 
 class MeshSurface(OwnSurface):
-    """A surface from a mesh in Python; `dsfab.save` writes it beside the preset, which then names the file.
-    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces."""
+    """A surface from a mesh in Python. `dsfab.save` writes the mesh beside the preset, and the preset names this file.
+
+    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces.
+    """
 
     mesh: Annotated[Mesh, Field(repr=False)]
 
@@ -272,7 +279,7 @@ else:
 
 
 def plain(value: Any) -> Any:
-    """Convert supports, loads, pickers and the like to tables, so that they pass the checks of a file."""
+    """Convert supports, loads, pickers and similar objects to tables, so that the checks of a preset file apply."""
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
@@ -283,9 +290,11 @@ def plain(value: Any) -> Any:
 
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
-    """Return `surface` of Python code as a table, with `lists` in place of its own lists.
+    """Return the argument `surface` of Python code as a table, with `lists` in place of its own lists.
+
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
-    Raises SurfaceError for an invalid mesh."""
+    Raises SurfaceError for an invalid mesh.
+    """
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
     elif isinstance(surface, SurfaceSection | Mapping):
@@ -305,7 +314,7 @@ EXAMPLE = (
 
 
 def missing_preset(thing: Any) -> str:
-    """Return a sentence on the right argument in place of an object that is no preset."""
+    """Return a sentence that explains which argument must replace an object that is not a preset."""
     if isinstance(thing, str | Path) and Path(thing).suffix in ("", ".toml"):
         return f"{str(thing)!r} is only the name of a preset; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
     names: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}

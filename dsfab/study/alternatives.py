@@ -1,4 +1,4 @@
-"""Competitors of a design, and alternatives of its mass: a thinner sheet, stripes that ignore the stress."""
+"""Structures to compare a design with, at the design's mass: a thinner sheet, and stripes that ignore the stress."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -18,10 +18,11 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 
 @dataclass(frozen=True)
 class Spread:
-    """Compliances of a competitor's variants, joules, by `quick`.
+    """Compliances (J) of a competitor's variants, as the judge `quick` computes them.
 
-    tried, carried : number of variants, and of those that carry the loads.      best, mean, worst : of the latter.
-    median         : of all, with infinite compliance for variants that carry no loads.
+    tried, carried : number of variants, and number of variants that carry the loads.
+    best, mean, worst : compliances of the variants that carry the loads.
+    median : median of all variants; a variant that does not carry the loads counts as infinite.
     """
 
     tried: int
@@ -33,7 +34,7 @@ class Spread:
 
     @classmethod
     def from_compliances(cls, compliances: Sequence[float]) -> "Spread":
-        """Return the statistics of compliances (J); infinite values carry no loads."""
+        """Return the statistics of compliances (J); an infinite value is a variant that does not carry the loads."""
         sound = [value for value in compliances if np.isfinite(value)]
         statistics = (min(sound), float(np.mean(sound)), max(sound)) if sound else (float("inf"),) * 3
         return cls(len(compliances), len(sound), *statistics, float(np.median(compliances)))
@@ -43,12 +44,13 @@ class Spread:
 class Competitor:
     """A structure under the design's loads, or the reason (`error`) why it is missing.
 
-    variant         : the stiffest of several variants, such as "modes 1, 2".
-    area_fraction   : of the surface; 1 for an uncut sheet.       mass : kg.     thickness : metres.
-    judgement       : None with an error.       pieces : of the sheet.      loose : share of the material left out.
-    smallest_member : metres; None if the sheet has no measurable member.
-    spread          : over the variants, if they are several.
-    seconds_made, seconds : of making all variants, and of making and judging them.
+    variant         : name of the stiffest of several variants, such as "modes 1, 2".
+    area_fraction   : share of the surface; 1 for an uncut sheet.       mass : kg.     thickness : metres.
+    judgement       : None with an error.       pieces : number of the sheet's pieces.
+    loose           : share of the material that is left out because it reaches no support.
+    smallest_member : width in metres; None if the sheet has no measurable member.
+    spread          : statistics of the variants; None for a single variant.
+    seconds_made    : time to make all variants.     seconds : time to make and to judge them.
     structure       : the judged structure, for drawings; with an error, a single structure that does not carry its
                       loads.
     """
@@ -74,7 +76,10 @@ class Competitor:
         return self.judgement.compliance if self.judgement else float("inf")
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return a table row of plain SI values, None for unknown ones. full, design: compliance of both (J)."""
+        """Return a table row of plain SI values, None for unknown values.
+
+        full, design : compliance (J) of the full sheet and of the design.
+        """
         columns: dict[str, Any] = {
             "name": self.name,
             "variant": self.variant,
@@ -148,12 +153,13 @@ ALTERNATIVE_WORDS = {
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another structure of the mass of a design, under the same loads.
+    """Another structure with the mass of a design, under the design's loads.
 
     over      : the design's compliance over the alternative's: above 1 the design is softer. Infinite if the design
                 does not carry its loads; 0 if the alternative does not.
-    low, high : interval of `over`, from the bounds of both.        variant : the best variant, such as "modes 1, 2".
-    level     : how both were judged, in words.                     error : why the alternative is missing, or ''.
+    low, high : interval of `over`, from the error bounds of both compliances.
+    variant   : the best variant, such as "modes 1, 2".
+    level     : check of both compliances, in words.                error : why the alternative is missing, or ''.
     """
 
     name: str
@@ -204,7 +210,10 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives, by the quickest sufficient solve, once. Raises DsfabError if it cannot be cut."""
+    """Return a design's alternatives; they are solved once, by the quickest solve that suffices.
+
+    Raises DsfabError if the design cannot be cut.
+    """
 
     def solve() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -217,7 +226,7 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
 def alternatives(
     task: ComparisonTask, structure: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
 ) -> tuple[Alternative, ...]:
-    """Return the alternatives `names` to a structure of the task's mass."""
+    """Return the alternatives `names` to a structure; they have the mass of the task."""
     return tuple(
         {"thinner": thinner_alternative, "isotropic": isotropic_alternative}[name](task, structure) for name in names
     )
@@ -241,8 +250,11 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare with a thinner sheet, by one solve each with elements that rank, or with better ones if that leaves it
-    open. Outside a plane the thinner sheet then gets a full check: its mesh is coarse beside that of a cut sheet."""
+    """Compare with a thinner sheet, by one solve of each sheet with elements that rank designs.
+
+    If the result is uncertain, better elements solve both sheets again. A sheet that bends gets a full check, because
+    its mesh is coarser than that of the cut sheet.
+    """
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     alternative = _alternative(
         "thinner", _ranked_compliance(task, structure), _judged_compliance(quick, task, thin), "one solve each"
@@ -260,7 +272,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
 
     Every pair of modes is cut once and solved with quick elements, like a candidate of a search. The two best pairs are
     cut again to exactly the design's mass and judged with better elements, like the design. Quick elements make members
-    up to twice too stiff if they bend in their plane, and 1 % more material makes them 5 % stiffer.
+    up to twice too stiff if the members bend in their plane; 1 % more material makes a sheet 5 % stiffer.
     """
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
@@ -279,7 +291,7 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
     rival = min(rivals, key=lambda one: one.compliance, default=failed)._replace(bound=0.0)
-    # the same elements err to the same side on both sheets: their ratio is known to 10 %
+    # errors of these elements have the same sign on both sheets, so the ratio is exact to 10 %
     return _alternative("isotropic", _judged_compliance(quick, task, structure)._replace(bound=0.1), rival, level)
 
 
@@ -321,7 +333,7 @@ def _alternative(name: str, design: _BoundedCompliance, rival: _BoundedComplianc
 
 
 def _ranked_compliance(task: ComparisonTask, structure: Structure) -> _BoundedCompliance:
-    """Return the compliance of a cut sheet by one solve with the elements that rank, which are 5 to 15 % off."""
+    """Return the compliance of a cut sheet by one solve; its elements rank designs, with errors of 5 to 15 %."""
     statics = task.preset.statics
     try:
         loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure))

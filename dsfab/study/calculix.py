@@ -1,4 +1,4 @@
-"""Sheets as solids of quadratic wedges, and CalculiX as a process that solves them."""
+"""Sheets as solids of quadratic wedges for CalculiX, and CalculiX as a process."""
 
 import re
 import shutil
@@ -29,9 +29,9 @@ class Wedges:
     """A solid with one quadratic wedge (C3D15) for each triangle, in metres.
 
     nodes  : (p, 3).        elements : (m, 15) in CalculiX's order: corners below, corners above, middles of the edges
-             below, middles above, middles of the upright edges.
-    columns : (n, 3) of each vertex of the sheet: its nodes below, above and in the middle of the thickness.
-    middles : (e, 2) of each edge: its nodes below and above.
+             below, middles of the edges above, middles of the upright edges.
+    columns : (n, 3) nodes of each vertex of the sheet: below, above and in the middle of the thickness.
+    middles : (e, 2) nodes of each edge: below and above.
     """
 
     nodes: Floats
@@ -41,7 +41,7 @@ class Wedges:
 
 
 def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
-    """Return the solid between the two surfaces half a thickness off the middle surface."""
+    """Return the solid between two surfaces, each half a thickness away from the middle surface."""
     edges, F = surface.edges, surface.F
     n, e = surface.n, len(edges.ends)
     corner, normal = projection(surface.V)
@@ -50,7 +50,7 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
     columns = np.arange(n)[:, None] + n * np.arange(3)
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
-    # the normals define top and bottom: turn faces of the other orientation
+    # the normals define top and bottom: turn faces that are oriented against them
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
     F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
     parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
@@ -106,13 +106,17 @@ def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
 
 
 THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # Shares of a force on a vertex for its nodes below, above and between.
+"""Shares of a vertex force on its nodes below, above and in the middle of the thickness."""
 
 
 @dataclass(frozen=True, eq=False)
 class WedgeModel:
-    """solid : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
-    opposite : (r, 3) two nodes and a direction in which they move oppositely: the sheet may turn there.
-    force    : (p, 3) newtons."""
+    """A solid with its supports and forces.
+
+    solid    : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
+    opposite : (r, 3) two nodes and a direction in which their movements are opposite, so that the sheet can turn.
+    force    : (p, 3) newtons.
+    """
 
     solid: Wedges
     material: Material
@@ -124,8 +128,9 @@ class WedgeModel:
 def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> WedgeModel:
     """Return a model with one wedge through the thickness for each triangle.
 
-    normal : (n, 3) at the vertices, unit vectors, all to one side.    thickness : metres.
-    Supports hold the middle of the thickness; clamped edges are fixed over all of it. Raises StaticsError for springs.
+    normal : (n, 3) unit normals at the vertices, all on one side of the sheet.    thickness : metres.
+    Supports hold the middle of the thickness; clamped edges are fixed over the whole thickness. Raises StaticsError for
+    springs.
     """
     if load.spring.any():
         raise StaticsError("springs of supports are not in the nonlinear check; hold these supports rigidly for it")
@@ -164,7 +169,7 @@ TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class CcxFiles:
-    """Output of CalculiX so far: console text, .dat and .sta; ended : True if the program ended by itself."""
+    """Output of CalculiX so far: console text, .dat and .sta; `ended` is True if the program ended by itself."""
 
     said: str
     results: str
@@ -242,9 +247,12 @@ FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
 
 @dataclass(frozen=True, eq=False)
 class LoadPath:
-    """load : (k,) factors on the loads, from 0 on.    u : (k, w, 3) metres, of the watched nodes.
-    whole   : True if the last requested factor was reached.    late : True if the time ran out before.
-    failed  : (f, 2) of each attempt without equilibrium: its start point, and its increment of the factor."""
+    """Path of a structure under growing loads.
+
+    load    : (k,) factors on the loads, from 0 on.    u : (k, w, 3) displacements of the watched nodes, metres.
+    whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
+    failed  : (f, 2) start point and load increment of each attempt without equilibrium.
+    """
 
     load: Floats
     u: Floats
@@ -263,7 +271,9 @@ def _no_stop(path: LoadPath) -> int | None:
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
-    """Return the lowest linear buckling factor and its shape (p, 3), any size. Raises StaticsError for none."""
+    """Return the lowest linear buckling factor and its shape (p, 3), which has no scale. Raises StaticsError for
+    none.
+    """
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:
@@ -289,7 +299,8 @@ def load_path(
 ) -> LoadPath:
     """Return the path of nodes (w,) as loads grow to each of `factors` in turn, with large displacements.
 
-    nodes : (p, 3) initial positions, metres.    stop_point : returns a path's last point of interest so far, or None.
+    nodes : (p, 3) initial positions, metres.
+    stop_point : function of a path that returns the point at which CalculiX may stop, or None.
     Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load.
     The path ends where CalculiX fails or the seconds are over. Raises StaticsError if the first step fails.
     """
@@ -303,7 +314,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # `end` is the same however late the program was stopped
+    path, end = until(files)  # the time at which the program stops does not change `end`
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:

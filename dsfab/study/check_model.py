@@ -28,8 +28,12 @@ third of the mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below.""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
-    """Return nodes (n + e, 3), metres: vertices, then middles of edges; and triangles (m, 6): corners, then middles.
-    The fourth node is between the first two, the fifth between the second and the third, the sixth behind."""
+    """Return nodes (n + e, 3) in metres, vertices before middles of edges, and triangles (m, 6), corners before
+    middles.
+
+    The fourth node lies between the first and the second, the fifth between the second and the third, the sixth between
+    the third and the first.
+    """
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
@@ -39,10 +43,11 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
     """Return (n + e, 3) newtons on the nodes of six-node triangles that do the same work as dsfab's loads.
 
     force  : (n, 3) newtons on the vertices, the share of `spread` included.
-    spread : loads per area and per length, which act on bubbles too.
+    spread : loads per area and per length, which act on the edges' bubbles too.
 
-    The quadratic shape of a corner is its hat function less half of the bubbles of its edges; that of a middle node is
-    the bubble. So middles take the force on the bubbles, and corners lose half of it.
+    The quadratic shape of a corner is its hat function less half of the bubbles of its edges. The shape of a middle
+    node
+    is the bubble. So middles take the force on the bubbles, and corners lose half of that force.
     """
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
@@ -54,8 +59,11 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return the held directions (n + e, 3) of all nodes by support, from those of vertices (n, 3). Middles follow
-    dsfab's `held_middles`; a middle between two supports belongs to the first support that holds an end."""
+    """Return the held directions (n + e, 3) of all nodes by support, from those of vertices (n, 3).
+
+    Middles follow dsfab's `held_middles`. A middle between two supports belongs to the first support that holds one of
+    its ends.
+    """
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}
@@ -80,8 +88,8 @@ def six_node_model(
 ) -> CalculixModel:
     """Return the CalculiX model of a sheet. Faces that are fixed in all directions do not turn, as in dsfab.
 
-    supports : by name, (n, 3) held directions of the vertices.
-    steps    : by name, (n + e, 3) newtons, see `nodal_forces`.
+    supports : (n, 3) held directions of the vertices, by name of the support.
+    steps    : (n + e, 3) newtons, by name of the step, see `nodal_forces`.
     springs  : (n, 3) newtons per metre on the vertices.
     element  : CPS6 for a flat sheet that is loaded in its plane, across the coordinate `axis`.
     """
@@ -104,22 +112,22 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return (3,) the coordinates that become x, y and z of a file for a view along the coordinate `axis`."""
+    """Return the coordinates (3,) that become x, y and z of a file for a view along the coordinate `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
 def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
-    """Return the model in CPS6, seen along the coordinate `axis`: the two other coordinates become x and y.
+    """Return the model in CPS6, seen along the coordinate `axis`: the two remaining coordinates become x and y.
 
-    thickness : largest thickness of the section, metres. A stiffer material makes up for it, so that displacements,
-                reactions and energy stay and stresses grow.
+    thickness : largest thickness of the section, metres. A stiffer material balances a thinner section: displacements,
+                reactions and energy stay, and stresses grow.
 
     Raises StaticsError for a sheet that is not flat.
     """
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("a sheet that is not flat cannot be solved in its plane; choose S6 elements")
     turn = axes_of_file(axis)
-    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # no -0
+    nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # 0.0 turns -0 into 0
     notes = list(model.notes)
     if axis != 2:
         notes.append(f"AXES: x and y of this file are {'xyz'[turn[0]]} and {'xyz'[turn[1]]} of the surface")
@@ -167,8 +175,12 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """Return the whole surface of a preset with a step for each case and combination. Elements are S6 shells, or CPS6
-    for a flat surface that is loaded in its plane. Raises DsfabError if the preset cannot be solved."""
+    """Return the whole surface of a preset with a step for each case and combination.
+
+    Elements are S6 shells, or CPS6 for a flat surface that is loaded in its plane. Raises DsfabError if the preset
+    cannot
+    be solved.
+    """
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)
@@ -265,7 +277,7 @@ def _check_model(
 def _answers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
 ) -> dict[str, Equilibrium]:
-    """Solve with the elements whose displacements are those of six-node triangles."""
+    """Return displacements by the elements whose displacements equal those of six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")

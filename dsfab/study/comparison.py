@@ -38,7 +38,7 @@ class Comparison:
 
     The loads are those that the pattern follows. Several load cases add their compliances with the weights of
     [diffusion] (default 1). `task` is the common input. `pattern` holds the measures of the design's pattern, unless
-    its widths are scaled; `looked_at` holds alternatives that are not competitors.
+    its widths are scaled. `looked_at` holds alternatives that do not compete.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """A thinner sheet and isotropic stripes, as judged rivals, or else from `looked_at`."""
+        """A thinner sheet and isotropic stripes: judged rivals if they compete, else entries of `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
@@ -71,7 +71,10 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return a competitor's compliance over the design's: above 1 the design is stiffer; nan if neither carries."""
+        """Return a competitor's compliance over the design's: above 1 the design is stiffer.
+
+        The result is nan if neither of both carries the loads.
+        """
         rival, design_compliance = self[name].compliance, self.design.compliance
         return (
             rival / design_compliance if np.isfinite(design_compliance) else 0.0 if np.isfinite(rival) else float("nan")
@@ -116,10 +119,10 @@ def comparison(
     against : names of `BASELINES`.     judge : judge of the design and the full sheet; `quick` selects the best
               variants.
     rival_judge : judge of the competitors; default: `judge`.
-    refuse : whether to raise an error if the design does not carry its loads. Otherwise the comparison holds the error;
-             competitors then have the mass of the cut sheet, and are missing if it cannot be cut.
+    refuse  : whether to raise an error if the design does not carry its loads. Otherwise the comparison holds the
+              error. Competitors have the mass of the cut sheet; they are missing if the design cannot be cut.
 
-    Raises StaticsError if the design does not carry its loads: a concentrated load on a loose piece is not carried.
+    Raises StaticsError if the design does not carry its loads, for instance a concentrated load on a loose piece.
     Raises DsfabError for unknown names.
     """
     rivals = baselines_by_name(against)
@@ -144,8 +147,12 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare with `share` of the surface for every sheet, the design's widths scaled to it; a design that does not
-    carry its loads then becomes an error. Raises DsfabError for unknown names and for a share not between 0 and 1."""
+    """Compare sheets that all cover `share` of the surface; the design's widths are scaled to that share.
+
+    If the design does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names and for
+    a
+    share that is not between 0 and 1.
+    """
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
@@ -232,7 +239,7 @@ def _smallest_member(structure: Structure) -> float | None:
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # Of a full check, in the plane and bent, as measured.
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # Measured time of a full check; True: sheet in its plane.
 
 
 Level = Literal["quick", "full"]
@@ -243,7 +250,7 @@ class Checks:
     """Depth of the checks of a comparison.
 
     level  : quick or full. None: full for the design, and for competitors if all checks take less than a minute.
-    ask    : results besides the compliance.        memory : bytes that the solver may take for a full check.
+    ask    : number of frequencies and of load factors.        memory : bytes that the solver may take for a full check.
     """
 
     level: str | None = None
@@ -253,7 +260,10 @@ class Checks:
 
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the judge of a depth: quick, full, or whole (full for whole sheets, quick for cut sheets).
-        One solve is far off on the coarse meshes of whole sheets.    every : whether to judge all cases."""
+
+        The depth "whole" exists because one solve is inexact on the coarse meshes of whole sheets.
+        every : whether to judge all cases.
+        """
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
         if depth == "full":
@@ -262,7 +272,10 @@ class Checks:
 
 
 class Judges(NamedTuple):
-    """Judges of the design (all cases) and of its competitors, and why one solve has to suffice for these, or ''."""
+    """Judges of the design (all cases) and of its competitors.
+
+    The reason says why the competitors get one solve only; '' for a full check.
+    """
 
     own: Judge
     rival: Judge
@@ -275,8 +288,9 @@ def compare(
     """Compare the compliance of the design's own cut sheet with competitors of the same mass, like `dsfab compare`.
 
     against : names of `dsfab.study.baselines.BASELINES`.
-    level   : quick, one solve each; full, on finer and finer meshes, for a compliance with a tested bound. None: full
-              for the design, and for competitors if all checks take less than a minute.
+    level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, and a tested error bound.
+              None:
+              full for the design, and for competitors if all checks take less than a minute.
 
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names.
     """

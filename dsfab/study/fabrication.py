@@ -23,7 +23,7 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A limit of [fabrication] and its measured value, metres (for `bed` three of each).
+    """A limit of [fabrication] and its measured value, metres (for `bed` three lengths each).
 
     name  : the key of the limit.    value, place, what : empty if the design has no such feature, which passes.
     asked : True for a limit from [fabrication]; False for a limit from `least_widths`.
@@ -40,7 +40,10 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A piece of the sheet: m2, the acting entries of surface.support and surface.load (from 1), their names."""
+    """A piece of the sheet with its area (m2), and the entries of surface.support and surface.load that act on it.
+
+    Entries have their number, from 1, and their name.
+    """
 
     area: float
     supports: tuple[int, ...]
@@ -90,7 +93,7 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return clauses: why a design must not be exported without the user's consent.
+    """Return reasons, as clauses, why a design must not be exported without the user's consent.
 
     Reasons are loads that nothing carries and a sheet thinned to a film. A workshop design also must not have members
     and openings that are below their limit and below a millimetre.
@@ -170,7 +173,7 @@ COARSER, COARSEST = 0.85, 0.6  # Largest and smallest factor on frequencies if n
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design within its limits, its measures, and the changed keys with old and new values."""
+    """A design within its limits, its measures, and the changed keys with their old and new values."""
 
     design: Design
     made: FabricationMeasures
@@ -180,10 +183,10 @@ class FixedDesign:
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
     """Return the design with wider or fewer members and gaps, so that no check of its [fabrication] fails.
 
-    Members widen by pattern.width.min_width, and by the rim or the kept region if these are narrow.
+    Members widen by pattern.width.min_width, and by the rim or the kept region if these are narrow. The key
     pattern.width.min_gap fills gaps between two stripes of a family, slicing.min_opening fills gaps between families.
-    Both then grow, and frequencies fall. Each change revises the design before, so early stages are solved once. Raises
-    PatternError if another section must change (walls, bed), and if `ATTEMPTS` changes do not suffice.
+    Later changes raise both keys and lower the frequencies. Each design starts from the stages of the previous design.
+    Raises PatternError if another section must change (walls, bed), and if `ATTEMPTS` changes do not suffice.
     """
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
@@ -265,7 +268,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def _raised_value(value: float, check: Check) -> float:
-    """Return the limit, or more if a request of the limit gave a smaller width; at most 1.25 times the old value."""
+    """Return the limit, or more if the limit as a value gave a smaller width; at most 1.25 times the old value."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)

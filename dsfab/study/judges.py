@@ -33,15 +33,16 @@ class CaseResponse:
     """Response of a sheet to a load.
 
     compliance, displacement : joules, and metres with its place.
-    stress, tension, compression : see `dsfab.study.verdict.estimates`, Pa; of the finest solved mesh.
-    triangles   : of that mesh.
-    utilisation : stress over strength: of 99 % of the area, and of the largest stress at a rib's width from corners.
+    stress, tension, compression : Pa, of the finest solved mesh; see `dsfab.study.verdict.estimates`.
+    triangles   : number of triangles of that mesh.
+    utilisation : stress over strength, as two values. The first holds for 99 % of the area. The second is the largest
+                  at a rib's width from corners.
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
-    buckling, frequency : lowest load factor, and hertz; None if not requested or not found.
+    buckling, frequency : lowest load factor, and hertz; None without a request or a result.
     buckling_bound, frequency_bound : relative half width of their intervals, by two meshes or three; None for one mesh.
     refusals    : reasons for missing values.
-    assumed     : assumptions about the supports for both, see `dsfab.statics.mode_supports`; or ''.
+    assumed     : assumptions about the supports for buckling and frequency, see `dsfab.statics.mode_supports`; or ''.
     """
 
     compliance: float
@@ -68,7 +69,7 @@ class Judgement:
 
     compliance : joules, the weighted sum over the loads that the pattern follows.
     bound      : relative error bound, or None if the judge has none.
-    verdict    : whether the bound is reliable, and `reason`.
+    verdict    : status of the bound (reliable or not); `reason` explains it.
     cases      : by name, the response to each load, by one solve on the unrefined mesh.
     check      : the verdict on several meshes; None for one mesh.
     theory     : share by which a solid may be softer, see `dsfab.study.verdict`; None by one solve.
@@ -123,9 +124,9 @@ def quick(
 ) -> Judgement:
     """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions.
 
-    The error is typically within 2 %, and within 5 % for nine designs in ten, which is the bound. So compare similar
-    sheets with it; it gives no verdict. Whole sheets that bend get a bound of 50 %, because the dome's thinner sheet
-    was 32 % off.
+    The error is typically within 2 %, and within 5 % for nine designs in ten; 5 % is the bound. So compare only similar
+    sheets; the result is not a verdict. Whole sheets that bend get a bound of 50 %, because the error for the dome's
+    thinner sheet was 32 %.
 
     ask   : number of frequencies and load factors (the lowest is kept).
     every : judge each case and combination, not only those that the pattern follows.
@@ -167,7 +168,7 @@ def _case_response(
 
 
 def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
-    """Return stress over strength: of 99 % of the area, and at a rib's width from corners; None without a strength."""
+    """Return stress over strength for 99 % of the area, and at a rib's width from corners; None without a strength."""
     return (stress.quantile / strength, stress.settled / strength) if strength else None
 
 
@@ -229,8 +230,8 @@ def full(
     the finest mesh; displacements and reactions stay those of the unrefined mesh. If the budget allows no solve, the
     results of `quick` stay.
 
-    every : judge each case and combination. If a case that the pattern does not follow is not carried, the verdict is
-            `fail`.
+    every : judge each case and combination. If the sheet does not carry a case that the pattern does not follow, the
+            verdict is `fail`.
     ask   : as for `quick`.         budget : bytes.
 
     Raises StaticsError if the structure does not carry the loads that its pattern follows.

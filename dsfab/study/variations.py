@@ -1,4 +1,4 @@
-"""Values of `--vary`: parsing, all combinations, and the expected time of drawing them."""
+"""Values of `--vary`: parsing, all combinations, and the expected time to draw them."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,8 +14,9 @@ Values = dict[str, list[Any]]  # Dotted keys and their values.
 
 
 def parse_variations(texts: Sequence[str]) -> Values:
-    """Return keys and values of `KEY=LOW:HIGH:COUNT` (evenly apart, both ends included) and `KEY=ONE,TWO,...`. Raises
-    DsfabError for other texts, ranges without steps, and repeated values or keys."""
+    """Return keys and values of `KEY=LOW:HIGH:COUNT` (equal steps, both ends included) and `KEY=ONE,TWO,...`. Raises
+    DsfabError for other texts, ranges without steps, and repeated values or keys.
+    """
     variations: Values = {}
     for text in texts:
         key, equals, values = (part.strip() for part in text.partition("="))
@@ -71,13 +72,13 @@ def combinations(values: Values) -> Iterator[dict[str, Any]]:
 
 
 def stage_of(key: str) -> int:
-    """Return the place of a key's stage in `STAGES`; keys of no stage come last."""
+    """Return the place of a key's stage in `STAGES`; a key without a stage gets the last place."""
     section = key.split(".")[0]
     return STAGES.index(section) if section in STAGES else len(STAGES)
 
 
 def best_order(values: Values) -> list[int]:
-    """Return indices of the combinations, early stages varying slowest, so that solves are shared."""
+    """Return indices of the combinations in an order that shares solves: keys of early stages vary slowest."""
     keys = sorted(values, key=stage_of)
     places = [{str(value): i for i, value in enumerate(values[key])} for key in keys]
     all_of_them = list(combinations(values))

@@ -21,8 +21,10 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
     """Part of a member in space, station by station.
+
     edges : (k, 2, 3) right and left edge (m).    normals : (k, 3) unit normals of its face.
-    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes."""
+    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes.
+    """
 
     id: str
     member: str
@@ -35,7 +37,9 @@ class RefoldedStrip:
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
     """Strips or planks of a plan in space, and the deviations (h,) of their joints (m).
-    A deviation is the distance of a hole from its bolt's line, or of the two slots at a node."""
+
+    A deviation is the distance of a hole from the line of its bolt, or of the two slots at a node from each other.
+    """
 
     strips: tuple[RefoldedStrip, ...]
     deviations: Floats
@@ -43,7 +47,7 @@ class RefoldedPlan:
 
 @lru_cache(maxsize=2)
 def refolded_plan(plan: WorkshopPlan) -> RefoldedPlan:
-    """Return the strips or planks of a full-size plan in space; flat sheets and plates have none."""
+    """Return the strips or planks of a full-size plan in space; flat sheets and plates are left out."""
     graph, layering = plan.graph, plan.layering
     if plan.planks and graph:
         return _refolded_planks(plan.planks, graph)
@@ -123,7 +127,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     P, _, up, normal = layer.frame(np.interp(every, layer.length, course.s))
     edges = np.stack([P + side[:, None] * up for side in sides], axis=1)
     low = np.abs(y) < y.max() / 2
-    bottoms = np.flatnonzero(low & np.roll(low, -1))  # a slot's two inner corners follow each other
+    bottoms = np.flatnonzero(low & np.roll(low, -1))  # the two inner corners of a slot are neighbours
     middles = (part.outline[bottoms] + np.roll(part.outline, -1, axis=0)[bottoms]) / 2
     places, y = _line_coordinates(part.axis, along, middles)
     P, _, up, _ = layer.frame(np.interp(places, layer.length, course.s))
@@ -131,7 +135,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return an edge (lengths, distances to the left) with the farther ends of the opposite edge, at oblique cuts."""
+    """Return an edge (lengths, distances to the left). At oblique cuts it reaches as far as the opposite edge."""
     (places, y), (opposite_places, z) = edge, opposite
     before, after = (
         slice(0, int(opposite_places[0] < places[0])),

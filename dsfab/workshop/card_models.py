@@ -1,10 +1,11 @@
 """Models in card: their scale and limits, and panels with tabs.
 
-══════════╗╔══════════   a member that goes through
-     ─────╢╟─────        others end at its edges, and a tab of each is glued beneath it
+══════════╗╔══════════   a continuous member
+     ─────╢╟─────        crossing members end at its edges; a tab of each is glued beneath it
 ══════════╝╚══════════
 
-Edges and kept regions go through all others, then the major family. Panels are developed without an offset.
+Edges and kept regions are continuous; at crossings of stripes the major family is. Panels are developed without an
+offset.
 """
 
 from collections.abc import Sequence
@@ -28,7 +29,7 @@ from dsfab.workshop.strips import MESH_TOLERANCE, StripLimits, bending_strain, i
 CREASE_STRAIN = 0.01
 """Strain at which greyboard creases: a bending radius of 50 thicknesses. A rule of thumb; thin card takes more."""
 NARROWEST = 0.002
-"""Least width of card strips (m); narrower strips tear at holes and burn through."""
+"""Least width of card strips (m); a laser tears narrower strips at holes and burns through them."""
 MODEL_LETTERS = (0.003, 0.002)
 """Largest heights of part names and of node names (m)."""
 
@@ -83,7 +84,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
             f"together at ({narrow[0].id} is {length(least)}): build at 1:{larger:g} or "
             f"larger, or make members {length(NARROWEST * scale)} wide, see [pattern.width]"
         )
-    fit = 1e-4  # metres that a coarse mesh may move holes of a model away from their nodes
+    fit = 1e-4  # metres: a coarse mesh may move holes of a model this far from their nodes
     wanted_edge = limits.wanted_edge * np.sqrt(fit / (MESH_TOLERANCE * bolt)) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted_edge:
         notes.append(
@@ -110,25 +111,30 @@ def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
 
 
 def _rounded_scale(limit: float) -> float:
-    """Return the largest usual scale number up to `limit`; below 1 `limit` rounded down."""
+    """Return the largest usual scale number up to `limit`; for a limit below 1, round the limit down."""
     usual = [k * 10.0**power for power in range(5) for k in (1.0, 2.0, 2.5, 5.0)]
     return max((scale for scale in usual if scale <= limit), default=float(np.floor(10 * limit) / 10))
 
 
 THROUGH_ORDER = ("keep", "rim", "major", "minor")
-"""Families in the order in which they go through others."""
+"""Families in order of continuity: at a crossing the earlier family is continuous."""
 ROOT_SHARE, TIP_SHARE = 0.8, 0.6
-"""Widths of a tab at its root and tip, over that of its panel."""
+"""Widths of a tab at its base and at its tip, over the width of its panel."""
 TAB_GAP_SHARE = 0.15
-"""Distance from a tab to the middle of the member above it, over half its width; the opposite tab needs the rest."""
+"""Distance from a tab to the middle of the member above it, over half the member's width; the opposite tab needs the
+rest.
+"""
 SHARP_SINE = float(np.sin(np.radians(25.0)))
-"""Sine of the least angle at which a member is cut at another; at sharper angles it lies on the other."""
+"""Sine of the smallest angle at which a member is cut at its neighbour; at sharper angles it lies on the neighbour."""
 
 
 @dataclass
 class PanelParts:
-    """Panels, and counts of their details. sharp : names of nodes at which members meet too sharply to be cut. covered
-    : bays without room for a panel. tabs : number of tabs. feet : with the names of their panels."""
+    """Panels, and counts of their details.
+
+    sharp   : names of nodes at which members meet too sharply to be cut.
+    covered : bays without room for a panel.    tabs : number of tabs.    feet : with the names of their panels.
+    """
 
     parts: list[FlatPart] = field(default_factory=list)
     sharp: list[str] = field(default_factory=list)
@@ -154,7 +160,9 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
-    """Crossing member on a course: arc length, direction (2,), half width (m), node, and whether it goes through."""
+    """Crossing member on a course: arc length, direction (2,), half width (m), node, and whether the member is
+    continuous.
+    """
 
     name: str
     s: float
@@ -179,8 +187,10 @@ def panel_parts(
     ground: BasePlane | None = None,
 ) -> PanelParts:
     """Return the panels of all strips of a graph at model size.
+
     letters : largest height of names (m).    room : lengths and widths (m) that parts may have on the stock.
-    ground  : base plate for feet with tabs; None leaves the ends as they are."""
+    ground  : base plate for feet with tabs; without a base plate (None) the ends have no feet.
+    """
     members = [member for member in graph.members if is_strip(member)]
     widest = max((member.mean_width for member in members), default=0.0)
     courses = {member.id: member_course(graph, member, 0.0, 6 * widest) for member in members}
@@ -218,7 +228,10 @@ def _crossing_edge(
 @dataclass(frozen=True)
 class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
-    tab : arc lengths and distances to the left (q,) each; empty without a tab.    foot : a tab into the base plate."""
+
+    tab : (q,) arc lengths and (q,) distances to the left; empty without a tab.
+    foot : a tab into the base plate.
+    """
 
     right: float
     left: float
@@ -274,7 +287,7 @@ class _MemberPanels:
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
     def _ends_with_foot(self, begin: _PanelEnd, end: _PanelEnd) -> tuple[_PanelEnd, _PanelEnd]:
-        """Return both ends of a panel; a foot beneath a member on the ground stays connected to its other tab."""
+        """Return both ends of a panel. The foot of a member on the ground stays connected to the panel's second tab."""
         least = 0.1 * self.member.mean_width  # length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least
@@ -333,7 +346,7 @@ class _MemberPanels:
         return FlatPart(name, self.member.id, span, outline, (), (), tuple(marks), 0.0, strain, axis).along_x()
 
     def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_CrossingEdge]) -> list[Floats]:
-        ticks, share = list[Floats](), 0.25  # length of a tick over the width
+        ticks, share = list[Floats](), 0.25  # share: length of a tick over the width
         for edge in under:
             right_width, left_width = self._sides(edge.s)
             for y in (

@@ -1,6 +1,7 @@
 """Development of members: axes and edges laid open, and strips rolled out into the plane.
 
-A curve P + h N at a height h has these lengths, turns by phi against the axis, and bends by kg_h in the surface:
+A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its turn phi against the axis, and its
+bending kg_h in the surface are
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
 They follow from N' = -kn T - tg B (Darboux frame). With the lengths of the middle surface, strips of two layers would
 miss each other by centimetres on a dome.
@@ -17,9 +18,9 @@ from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph, Node
 
 PARALLEL_SHARE = 0.05
-"""Change of width, over the width, below which edges count as parallel."""
+"""Relative change of width below which edges count as parallel."""
 OBLIQUE_WIDTHS = 1.5
-"""Length at each end of a member where its cells do not show its width, over its width."""
+"""Length at each end of a member, over its width, in which the cells do not show the width."""
 EXTENSION_STATIONS = 16
 """Number of stations beyond each end of an axis."""
 
@@ -29,9 +30,9 @@ class StripCourse:
     """Stations along an axis and a little beyond its ends, in metres and 1/m as in `MemberAxis`.
 
     s     : (k,) arc length; on a closed axis it passes the axis length at the beginning.
-    P, T, N : (k, 3)    kg, kn, tg : (k,)
+    P, T, N : (k, 3) points, tangents, normals.    kg, kn, tg : (k,) curvatures and torsion.
     left, right : (k,) distances from the axis to the edges of the member (m).
-    begin, end : arc lengths of the built part.    closed : whether both are one place.
+    begin, end : arc lengths of the built part.    closed : whether both ends are at the same place.
     """
 
     s: Floats
@@ -55,7 +56,9 @@ class StripCourse:
 
     def frame_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return points, unit tangents and unit normals (q, 3) at arc lengths (q,), by cubic interpolation [Hermite].
-        Chords would be a quarter of a millimetre off the arcs of a narrow ring."""
+
+        On a narrow ring, chords would be a quarter of a millimetre away from the arcs.
+        """
         i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         h = (self.s[i + 1] - self.s[i])[:, None]
         t = (np.asarray(s) - self.s[i])[:, None] / h
@@ -69,7 +72,9 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return arc lengths (3q,) a round before, as they are and a round later; unchanged (q,) on an open course."""
+        """Return arc lengths (3q,) shifted by a round backwards, by none and by a round forwards; (q,) on an open
+        course.
+        """
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -88,9 +93,9 @@ class StripCourse:
 def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
     """Return the course of a member with an axis.
 
-    overhang : length beyond a node that is closer than that to the member's end (m).
+    overhang : length beyond the last node, if the member ends closer to the node (m).
     extra_length : length of stations beyond the built part (m).
-    A closed course begins in the middle of its longest bay; a course that curls up at an end stops before the curl.
+    A closed course begins in the middle of its longest bay. A course that curls up at an end stops before the curl.
     """
     axis = member.axis
     assert axis is not None
@@ -145,7 +150,9 @@ def node_stations(member: Member, nodes: tuple[Node, ...]) -> Floats:
 
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
-    Edges that are parallel to the axis but for noise become parallel; others are smoothed."""
+
+    Edges become parallel to the axis if only noise separates them from it; the remaining edges are smoothed.
+    """
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
@@ -162,7 +169,7 @@ def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floa
 
 
 def _square_ends(s: Floats, sides: Floats) -> Floats:
-    """Return sides (k, 2) without the oblique cuts within `OBLIQUE_WIDTHS` widths of the ends."""
+    """Return sides (k, 2) without the effect of oblique cuts within `OBLIQUE_WIDTHS` widths of the ends."""
     past = min(OBLIQUE_WIDTHS * float(np.median(sides.sum(axis=1))), s[-1] / 3)
     inner = np.clip(s, past, s[-1] - past)
     return np.stack([np.interp(inner, s, side) for side in sides.T], axis=1)
@@ -186,7 +193,7 @@ def _course_of_ring(
 
 
 def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
-    """Return ascending stations beyond an end with its curvatures, by a second-order frame [Darboux]."""
+    """Return ascending stations beyond an end; curvatures are those of the end, by a second-order frame [Darboux]."""
     u = distance * np.arange(1, EXTENSION_STATIONS + 1) / EXTENSION_STATIONS
     u = u[::-1] if distance < 0 else u
     P, T, N, B = axis.P[end_index], axis.T[end_index], axis.N[end_index], axis.B[end_index]
@@ -211,12 +218,14 @@ def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
 
 
 CHORD_TOLERANCE = 2e-5
-"""Largest distance of an outline's chord from its arc (m)."""
+"""Largest distance between an outline's chord and its arc (m)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """Course at a height h along its normals (m), and its plane development x (k, 2), from the origin along +x."""
+    """Course at a height h along its normals (m), and its plane development x (k, 2), which begins at the origin
+    along +x.
+    """
 
     course: StripCourse
     height: float
@@ -272,8 +281,10 @@ class Development:
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
-        """Return where the line through a point (3,) along a unit normal (3,) pierces the layer.
-        The result is an arc length of the course close to `s`, and the distance to the left (m)."""
+        """Return the point where a layer meets the line through a point (3,) along a unit normal (3,).
+
+        The result is an arc length of the course close to `s`, and the distance to the left (m).
+        """
         y = 0.0
         for _ in range(4):  # Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
@@ -294,7 +305,7 @@ class Development:
         return np.concatenate([x - right_edge[:, None] * across, (x + left_edge[:, None] * across)[::-1]])
 
     def stations(self, begin: float, end: float) -> Floats:
-        """Return arc lengths (k,) between two values, close enough for chords in place of arcs."""
+        """Return arc lengths (k,) between two values, so close that chords can replace arcs."""
         longest_step = float(np.diff(self.course.s).max())
         count = int(np.ceil((end - begin) / min(longest_step, np.sqrt(8 * CHORD_TOLERANCE / self._largest_bend)))) + 1
         return np.linspace(begin, end, max(count, 2))

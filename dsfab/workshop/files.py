@@ -28,11 +28,11 @@ from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
 TITLE, SMALL_TITLE = 0.06, 0.06
-"""Height of a sheet's title (m); for small sheets a share of their width."""
+"""Height of a sheet's title (m), and for small sheets its share of their width."""
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
-    """Return the drawing of a part, with its middle line on the layer AXIS, which is not to be cut."""
+    """Return the drawing of a part. Its middle line is on the layer AXIS, which the machine does not cut."""
     axis = [FlatLine("AXIS", part.axis)] if len(part.axis) else []
     return FlatDrawing(part.id, (*part_lines(part), *axis), part_circles(part))
 
@@ -68,7 +68,7 @@ def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
     """Return all sheets of a plan in rows from left to right, each with its number above it."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
-    pitch = 1.15  # from sheet to sheet, over the largest one
+    pitch = 1.15  # distance from sheet to sheet, over the largest sheet
     wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
     high = max(sheet.size[1] for sheet in plan.sheets) * pitch
     across = max(1, round(np.sqrt(len(plan.sheets) * high / wide)))
@@ -157,7 +157,7 @@ def stock_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def nest_table(plan: WorkshopPlan) -> PlanTable:
-    """Return a row for each part on its sheet: the lower left corner of its box, and its turn."""
+    """Return a row for each part on its sheet: the lower left corner of the part's box, and its turn."""
     head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
     rows = []
     for k, s in enumerate(plan.sheets, 1):
@@ -197,9 +197,9 @@ BAR_HEAD = (
 def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
     """Return a row for each bar: its nodes, sizes and angles.
 
-    files : stems of drawings that bars share with others.
-    along : degrees from the first bar of the node, counter-clockwise from outside.    dip : degrees below the node
-            plate.
+    files : stems of drawings that several bars share.
+    along : degrees from the first bar of the node, counter-clockwise from outside.
+    dip   : degrees below the node plate.
     twist : degrees from the first to the second node, right-handed.    bow : distance of the member's axis (mm).
     """
     nodes, rows = plan.bar_lattice.lattice.nodes, []
@@ -267,7 +267,7 @@ def write_workshop(
 ) -> Path:
     """Write the files of a plan into a folder, all of them or none; equal plans give equal bytes.
 
-    Files of an earlier plan, by its cut list, are removed if this plan does not have them.
+    Files that the cut list of an earlier plan names are removed if this plan does not have them.
     documents : further files by name.
     Raises ExportError if the folder is not writable.
     """

@@ -1,7 +1,7 @@
 """Feet of strips with tabs, and the base plate that they stand in.
 
 layer   ║ ║         shoulders stand on the plate, which is as thick as the card;
-      ──╨─╨──       the tab between them goes through its slot
+      ──╨─╨──       the tab between them goes through a slot of the plate
      ▒▒▒▒│▒│▒▒▒     plate
 """
 
@@ -19,15 +19,17 @@ from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, label
 
 STEEP_SINE = np.sin(np.radians(25.0))
-"""Sine of the least slope of a strip that stands on the plate; a flatter strip is glued on it, without a tab."""
+"""Sine of the smallest slope of a strip that stands on the plate; a flatter strip is glued on the plate, without a
+tab.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class StripFoot:
     """End of a layer on the base plate, by arc lengths of its course.
 
-    shoulders : (4,) on the plate: right edge, right and left side of the tab, left edge.
-    sides     : (4,) distances of these to the left of the axis (m).
+    shoulders : (4,) arc lengths on the plate: right edge, right and left side of the tab, left edge.
+    sides     : (4,) distances of the shoulders to the left of the axis (m).
     tips      : (2,) end of the tab, right and left.    at_end : whether the foot is at the end of the course.
     slot      : (4, 2) corners of its slot in the plate (m).
     """
@@ -48,8 +50,10 @@ class StripFoot:
 @dataclass(frozen=True, eq=False)
 class BasePlane:
     """Upper face of the base plate, through a point (3,) in metres, with the unit normal `up` (3,).
-    supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from these (m).
-    thickness : of the plate (m).    clearance : between tabs and slots, to each side (m)."""
+
+    supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from a support (m).
+    thickness : thickness of the plate (m).    clearance : gap between a tab and its slot, on each side (m).
+    """
 
     point: Floats
     up: Floats
@@ -79,7 +83,7 @@ class BasePlane:
         return np.asarray((points - self.point) @ self.up)
 
     def plan_view(self, points: Floats) -> Floats:
-        """Return points (q, 3) as seen from above, (q, 2) metres: x to the right where up is z or y."""
+        """Return points (q, 3) as seen from above, (q, 2) metres; x points to the right if z or y points up."""
         right = np.array([1.0, 0.0, 0.0])
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
@@ -90,13 +94,15 @@ class BasePlane:
         return distance < limit and abs(float(self.heights(point[None])[0])) < limit
 
     def support_height(self, point: Floats, width: float) -> float | None:
-        """Return the height of the support nearest to an end (3,) over the plate (m); None if none is close."""
+        """Return the height over the plate of the support nearest to an end (3,) of a strip (m); None without a
+        near support.
+        """
         distance, k = cKDTree(self.supports).query(point)
         is_near = float(distance) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
 
     def cut_course(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
-        """Return a layer's course cut off or trimmed at the plate, and its feet at supports."""
+        """Return a layer's course that ends at the plate, and its feet at supports."""
         if course.closed:
             return self._trim_course(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()
@@ -119,7 +125,7 @@ class BasePlane:
         middle, half = (
             (left_width - right_width) / 2,
             0.6 * (left_width + right_width) / 2,
-        )  # the tab has 0.6 of the width of the strip
+        )  # the tab takes 0.6 of the width of the strip
         sides = np.array([-right_width, middle - half, middle + half, left_width])
         shoulders = self.stations_at_height(layer, sides, station, 0.0)
         tips = self.stations_at_height(layer, sides[1:3], station, -self.thickness)
@@ -128,7 +134,7 @@ class BasePlane:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
-        """Return arc lengths (q,) near `station` where lines at sides (q,) have a height over the plate, or None."""
+        """Return arc lengths (q,) near `station` at which lines at sides (q,) have a height over the plate, or None."""
         s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # Newton steps: strips are almost straight near the plate
             P, T, B, _ = layer.frame(s)
@@ -145,7 +151,7 @@ class BasePlane:
         down, N, B = frame
         P, _, across, _ = layer.frame(s)
         ends = P + sides[:, None] * across
-        half = self.thickness / 2  # half the thickness of the strip, which is of the same card
+        half = self.thickness / 2  # the strip is as thick as the plate
         corners = np.array([end + u * half * N for end in ends for u in (-1, 1)])
         corners = np.concatenate(
             [corners - ((self.heights(corners) - z) / (down @ self.up))[:, None] * down for z in (0.0, -self.thickness)]
@@ -207,13 +213,16 @@ NO_FEET_NOTE = "no strip ends on the base plate steeply enough for a tab: glue t
 def base_parts(
     ground: BasePlane, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
-    """Return the plate in as few equal rectangles as fit into one of `room`, each in its place under the model.
+    """Return the base plate as a few equal rectangles, each in its place under the model.
+
+    The number of rectangles is the smallest for which each fits into one of `room`.
     surface : at model size, with its supports at those of the base plate.    feet : with the names of their parts.
-    room : lengths and widths (m)."""
+    room : lengths and widths (m).
+    """
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
     every = np.concatenate([ground.plan_view(ground.supports), *slots])
-    border = 0.012  # metres of plate around the supports
+    border = 0.012  # metres: width of the plate's border around the supports
     low, size = every.min(axis=0) - border, np.ptp(every, axis=0) + 2 * border
     turned = [*room, *((b, a) for a, b in room)]
     counts = ((int(np.ceil(size[0] / a)), int(np.ceil(size[1] / b))) for a, b in turned)
@@ -274,7 +283,7 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
         deep = float(np.linalg.norm(direction))
         direction = direction / deep * (1 if direction @ (middle - centre) >= 0 else -1)
         angle = float(np.arctan2(*(foot.slot[1] - foot.slot[0])[::-1]))
-        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # readable from below
+        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # the name is readable from below
         lines += label(name, middle + (deep / 2 + 0.002 + NAME_HEIGHT / 2) * direction, angle, NAME_HEIGHT)
     return lines
 

@@ -18,7 +18,7 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS
 
 FAMILIES_BELOW = ("rim", "keep")
-"""Families that cross both families of stripes and have layers of their own, below all others."""
+"""Families that cross both families of stripes and have layers of their own, below all layers of stripes."""
 END_DISTANCE = 3.0
 """Distance from a bolt to the end of a part, over the bolt diameter."""
 BOLT_PITCH = 4.0
@@ -27,14 +27,14 @@ BOLT_PITCH = 4.0
 
 @dataclass(frozen=True)
 class Layering:
-    """Layers of a thickness (m) from the top, to which normals point, downwards; bolts of a diameter (m).
+    """Layers of a thickness (m), counted downwards from the top, to which normals point; bolts of a diameter (m).
 
-    major  ═══════════════     0      of two layers; of four the families take turns
+    major  ═══════════════     0      of two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1
-    rim    ═══════════════     2      edges, then kept regions, below the stripes
-                               4      plates, below all
+    rim    ═══════════════     2      edges, and below them kept regions, both below the stripes
+                               4      plates, below all strips
 
-    families_below : families of `FAMILIES_BELOW` that have layers; a model leaves out the absent ones.
+    families_below : families of `FAMILIES_BELOW` that have layers; a model leaves out the absent families.
     letters : largest heights of part names and of node names (m).
     """
 
@@ -65,11 +65,11 @@ class Layering:
         return ((self.count - 1) / 2 - number) * self.thickness
 
     def cover_height(self, family: str, number: int) -> float:
-        """Return the height of a splice's cover plate (m), on the side without crossing members."""
+        """Return the height of a splice's cover plate (m), which lies on the side without crossing members."""
         return self.layer_height(number - 1 if family == "major" else number + 1)
 
     def packing_layers(self, node: Node, families: dict[str, str]) -> int:
-        """Return the number of packing layers between the two members of a node, by the families of all members."""
+        """Return the number of packing layers between the two members of a node; families : families of all members."""
         layers_a, layers_b = (self.family_layers(families[name]) for name in node.members)
         upper, lower = (layers_a, layers_b) if layers_a[0] < layers_b[0] else (layers_b, layers_a)
         return max(lower[0] - upper[-1] - 1, 0)
@@ -99,13 +99,13 @@ class _StripEnd:
     @classmethod
     def from_course(cls, name: str, course: StripCourse, at_end: bool) -> "_StripEnd":
         width = float(np.median(course.left + course.right))
-        count = max(int(6 * (course.end - course.begin) / width), 2)  # six places in each length of one width
+        count = max(int(6 * (course.end - course.begin) / width), 2)  # six places per width
         s = np.linspace(course.begin, course.end, count)
         s = s[::-1] if at_end else s
         return cls(name, at_end, width, course.frame_at(s)[0], s)
 
     def clear_station(self, rival: "_StripEnd") -> float | None:
-        """Return the arc length from which the end is clear of a rival that it overlaps; None without an overlap."""
+        """Return the arc length from which the end does not overlap another strip; None without an overlap."""
         least = 0.98 * (self.width + rival.width) / 2
         away = np.asarray(cKDTree(rival.places).query(self.places)[0])
         is_far = np.linalg.norm(rival.places[0] - self.places[0]) > least
@@ -120,10 +120,11 @@ def shortened_courses(
     joined: set[frozenset[str]],
     overhang: float,
 ) -> dict[str, StripCourse]:
-    """Return courses of one layer that stop before they run into others.
+    """Return courses of one layer; a course stops before it runs into another course.
 
-    A course ends `overhang` metres beyond its last node before the collision; without such a node, at the collision.
-    nodes : arc lengths of nodes on each course.    joined : pairs of members that share a node, where they are notched.
+    It ends `overhang` metres beyond its last node before the collision; without such a node, at the collision.
+    nodes : arc lengths of nodes on each course.
+    joined : pairs of members that share a node, where they are notched.
     """
     ends = [
         _StripEnd.from_course(name, one, at_end)

@@ -2,13 +2,13 @@
 
 `factorise` takes the first solver that can be used:
 
-1. PARDISO (extra `fast`): the fastest, on all cores.
-2. Multifrontal Cholesky on scipy's BLAS: about PARDISO's time on one core, a quarter of SuperLU's. It needs less
-   memory than SuperLU, which stores L and U, and works wherever scipy does.
-3. Multigrid (extra `amg`), if the analysis shows that the factor exceeds the free memory. It needs three unknowns a
-   point and the rigid motions. It is slower, and each solve checks its true residual.
+1. PARDISO (extra `fast`) is the fastest and uses all cores.
+2. Multifrontal Cholesky uses scipy's BLAS. On one core it takes about PARDISO's time, a quarter of SuperLU's. It needs
+   less memory than SuperLU, which stores L and U, and works on every machine with scipy.
+3. Multigrid (extra `amg`) follows if the analysis shows that the factor exceeds the free memory. It needs three
+   unknowns per point and the rigid motions. It is slower, and each solve checks its true residual.
 
-A caller may request SuperLU by name: it is the fastest for one right-hand side and one unknown a point.
+A caller may request SuperLU by name. It is the fastest solver for one right-hand side and one unknown per point.
 """
 
 import importlib.util
@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 Factor = Pardiso | Multifrontal | SuperLU | Multigrid
-"""Factor of K: a call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes new values on the same pattern."""
+"""Factor of K. A call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes new values of the same pattern."""
 
 
 def solver_name() -> str:
@@ -82,7 +82,7 @@ def factorise(
 
 
 class SamePatternFactors:
-    """Factors of matrices with the same pattern (of one mesh), which are analysed once.
+    """Factors of several matrices with one pattern, so that dsfab analyses the pattern once.
 
     points, node : see `factorise`.
     many_solves  : whether there are many solves with each factor. PARDISO then does not treat points with two unknowns
@@ -94,8 +94,11 @@ class SamePatternFactors:
         self._factor: Factor | None = None
 
     def factor(self, K: csr_array) -> Factor:
-        """Return b -> K^-1 b for a positive definite K (N, N), real or Hermitian like the first, valid until the next
-        call. Raises the errors of `factorise`, and ValueError for another pattern."""
+        """Return b -> K^-1 b for a positive definite K (N, N), valid until the next call.
+
+        All matrices must be real, or all Hermitian. Raises the errors of `factorise`, and ValueError for another
+        pattern.
+        """
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)
         elif self._factor is None:
@@ -127,5 +130,5 @@ _BUILDERS: dict[str, Callable[[Matrix, Floats, Ints, Floats | None], Factor]] = 
 
 
 def _has_blocks(node: Ints) -> bool:
-    """Return whether points have several unknowns each; PARDISO then analyses blocks."""
+    """Return whether a point has several unknowns. In that case PARDISO analyses blocks."""
     return len(node) > 1.5 * float(np.count_nonzero(np.bincount(node)))

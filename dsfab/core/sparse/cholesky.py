@@ -1,7 +1,8 @@
 """Multifrontal Cholesky factorisation: nested dissection, memory and BLAS threads.
 
-The unknowns of a part of the mesh form a dense front. Its elimination leaves an update, which is added to the front of
-a later separator. `dissection_keys` chooses the parts, `Fronts` analyses the pattern, `Multifrontal` computes.
+The unknowns of a part of the mesh form a dense front. Its elimination leaves an update matrix, and the solver adds
+this matrix to the front of a later separator. `dissection_keys` chooses the parts, `Fronts` analyses the pattern,
+`Multifrontal` computes.
 """
 
 import ctypes
@@ -33,7 +34,7 @@ class FactorMemoryError(DsfabError, MemoryError):
 
     @classmethod
     def from_bytes(cls, needed: int | None, free: int | None = None) -> Self:
-        """Return the error for `needed` and `free` bytes, as far as these are available."""
+        """Return the error with the `needed` and `free` bytes in its message, if these numbers are available."""
         need = "more memory than there is" if needed is None else f"{needed / 2**30:.1f} GiB"
         free_text = "" if free is None else f", {free / 2**30:.1f} GiB are free"
         return cls(
@@ -72,15 +73,16 @@ def require_memory(needed: int) -> None:
 
 
 LITTLE = 20e6
-"""Bytes that `give_back` does not release. The search for them takes up to 20 ms in a long-running process, as long as
-all other work on a thousand unknowns."""
+"""Bytes that `release_freed_memory` does not release. The search for them takes up to 20 ms in a long-running process.
+All other work on a thousand unknowns takes as long.
+"""
 
 
 def release_freed_memory(freed: float) -> None:
-    """Return freed memory to the system; glibc otherwise holds it as long as small blocks lie above it.
+    """Return freed memory to the system, because glibc keeps it while small blocks lie above it.
 
-    That is 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of their factor. The function
-    takes 10 ms for 100 MB and does nothing on other systems.
+    glibc would keep 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of their factor. The
+    function takes 10 ms for 100 MB and does nothing on other systems.
 
     freed : approximate number of freed bytes; the function does nothing up to `LITTLE`.
     """
@@ -104,7 +106,9 @@ def _pools() -> Any:
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread: on vectors and small fronts, threads cost up to ten times their gain.
-    The number of threads belongs to the process, so other threads of Python wait."""
+
+    The number of threads belongs to the whole process, so other Python threads wait.
+    """
     with _BLAS_LOCK, _pools().limit(limits=1, user_api="blas"):
         yield
 
@@ -114,12 +118,12 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
     graph    : pairs of different points that the matrix couples, each pair in both directions.
     unknowns : number of unknowns of all points together.
-    leaf     : parts of at most this many unknowns are not divided; fronts of one to two hundred unknowns suit BLAS
-               best.
+    leaf     : parts with at most this many unknowns stay whole; BLAS is most efficient on fronts of one to two hundred
+               unknowns.
 
-    Each part is halved at the median of its longest axis. The points of one half that touch the other half separate the
-    two (the half with fewer such points) and are eliminated after both. Each level adds one base-4 digit (0 lower, 1
-    upper, 2 separator), so the order of the keys is the order of elimination. All parts of a level are divided at once.
+    The method halves each part at the median of its longest axis. The separator is the set of points of one half that
+    touch the other half; the smaller such set counts. Its elimination follows that of both halves. Each level adds one
+    base-4 digit (0 lower, 1 upper, 2 separator), so the order of the keys is the order of elimination.
     """
     i, j = graph
     n = len(points)
@@ -142,7 +146,9 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 (k,) for points above the median of their part (k,), from 0, along its longest axis, else 0."""
+    """Return 1 (k,) for points above the median of their part along its longest axis, else 0. part : (k,) numbers
+    from 0.
+    """
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -165,7 +171,11 @@ def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def morton_positions(points: Floats) -> Ints:
-    """Return positions (n,) on a space-filling curve [Morton 1966], 1024 steps an axis, near for near points."""
+    """Return positions (n,) of points on a space-filling curve with 1024 steps per axis; near points have near
+    positions.
+
+    Source: Morton 1966.
+    """
     low = points.min(axis=0)
     cell = ((points - low) * (1023 / max(float((points - low).max()), np.finfo(float).tiny))).astype(np.int64)
     number = np.zeros(len(points), dtype=np.int64)
@@ -175,7 +185,7 @@ def morton_positions(points: Floats) -> Ints:
     return number
 
 
-Index = npt.NDArray[np.integer[Any]]  # Of 4 bytes where these suffice, because each entry has one.
+Index = npt.NDArray[np.integer[Any]]  # Integers of 4 bytes if possible, because each entry has one.
 
 
 Numbers = npt.NDArray[Any]  # Real or complex array.
@@ -189,12 +199,12 @@ class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgErr
 class Fronts:
     """Analysis of the pattern of a matrix for its factor, independent of its values.
 
-    order    : (N,) unknowns in the order of elimination; all other fields count in that order.
+    order    : (N,) unknowns in the order of elimination; all further fields number unknowns in that order.
     start    : (fronts + 1,) the pivots of front s are the unknowns start[s] to start[s + 1].
     rows     : per front, the later unknowns that it touches, ascending.
     children : per front, the earlier fronts that add to it.
     entry    : positions of the lower triangle's values in K.data, column by column.
-    row, column : of each entry.     pointer : (N + 1,) start of each column.
+    row, column : indices of each entry.     pointer : (N + 1,) start of each column.
     """
 
     order: Ints
@@ -208,11 +218,13 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse K (N, N) by points, because the unknowns of a point share rows; unknown i is on point node[i]."""
+        """Analyse K (N, N) point by point, because the unknowns of a point share rows; unknown i is on point
+        node[i].
+        """
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # along a curve, a child touches a few runs of a separator, which can be added as blocks
+        # a child touches few runs of a separator along a curve; blocks add these runs quickly
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -238,7 +250,9 @@ class Fronts:
 
     @property
     def peak(self) -> int:
-        """Largest number of values in memory during the factorisation: the factor, waiting updates, and a front."""
+        """Largest number of values in memory during the factorisation: those of the factor, waiting updates, and a
+        front.
+        """
         stored = waiting = worst = 0
         for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
             m = len(rows)
@@ -267,7 +281,7 @@ def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[
 
 
 def _unknowns_of_points(begin: Ints, points: Ints) -> Ints:
-    """Return the unknowns of `points` in a row: begin[p] to begin[p + 1] of each point p."""
+    """Return the unknowns of all `points` as one array; point p has the unknowns begin[p] to begin[p + 1]."""
     count = begin[points + 1] - begin[points]
     return np.asarray(np.arange(count.sum()) + np.repeat(begin[points] - (np.cumsum(count) - count), count))
 
@@ -353,7 +367,7 @@ def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers,
 def _triangular_solve(L: Numbers, b: Numbers, adjoint: bool = False) -> Numbers:
     if not len(L):
         return b
-    transposed = 2 if adjoint else 0  # numbers of BLAS
+    transposed = 2 if adjoint else 0  # BLAS codes for the adjoint and the transposed matrix
     trsv, trsm = (ztrsv, ztrsm) if np.iscomplexobj(L) else (dtrsv, dtrsm)
     solve = trsv(L, b, lower=1, trans=transposed) if b.ndim == 1 else trsm(1.0, L, b, lower=1, trans_a=transposed)
     return np.asarray(solve)

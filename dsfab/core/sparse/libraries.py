@@ -33,7 +33,7 @@ class SuperLU:
     """Factor of a symmetric positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
 
     order    : (N,) elimination order, from another matrix of the same pattern.
-    definite : K is positive definite; the check of the pivots takes a tenth of the factorisation.
+    definite : K is positive definite; the check of the pivots takes a tenth of the factorisation's time.
 
     Raises NotPositiveDefinite for a pivot that is not positive.
     """
@@ -63,8 +63,11 @@ class SuperLU:
 
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
-    """Return the unknowns (N,) of K (N, N) by nested dissection of their points, equal parts along a space-filling
-    curve. Leaves are small, because SuperLU forms its own dense blocks: the factor has a fifth fewer entries."""
+    """Return the order (N,) for the elimination of the unknowns of K (N, N), by nested dissection of their points.
+
+    Unknowns of one part follow a space-filling curve. Parts are small, because SuperLU forms its own dense blocks: the
+    factor has a fifth fewer entries.
+    """
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
@@ -79,27 +82,31 @@ SYMMETRIC, HERMITIAN = 2, 4  # Kinds of positive definite matrices, in PARDISO's
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 """Entries of PARDISO's `iparm`, counted from 0.
 
-In order: user's choices; nested dissection by METIS; pivots as for symmetric matrices; count of the factor's entries;
-the two-level factorisation. With one unknown a point its factor solves in 40 % of the time; with three nothing changes.
-The other entries are 0. Entry 7 would refine at each solve and triple its time; callers that need more digits
-refine with longer numbers.
+In order, these select: the user's choices; nested dissection by METIS; pivots for symmetric matrices; a count of the
+factor's entries; the two-level factorisation. With one unknown per point, a two-level factor solves in 40 % of the
+time; with three unknowns nothing changes. All further entries are 0. Entry 7 would refine at each solve and triple
+its time. Callers that need more digits refine in longer numbers.
 """
 
 BLOCKS = {36: -100}
-"""Additional entry where points have several unknowns: rows of one structure are analysed as one. With three unknowns a
-point the analysis takes a third of the memory and time. The factorisation takes a few percent longer, which costs
-less."""
+"""Additional entry for points with several unknowns: PARDISO analyses rows with equal columns as one row.
+
+With three unknowns per point the analysis takes a third of the memory and time. The factorisation takes a few
+percent longer, a smaller cost.
+"""
 
 ALONE = 12_000
-"""Unknowns up to which PARDISO uses one thread. With two threads, solves of 10 000 unknowns took twice the time and
-three times the processor time, and factorisations as long. One thread also gives the same answer on any number of
-cores."""
+"""Number of unknowns up to which PARDISO uses one thread. With two threads, solves of 10 000 unknowns took twice the
+time
+and three times the processor time, and factorisations were no faster. One thread also gives equal results on any
+number of cores.
+"""
 
 
-OUT_OF_MEMORY = (-2, -9)  # PARDISO's errors for lack of memory; any other means a pivot that is not positive.
+OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory; all further codes mean a pivot that is not positive.
 
 
-Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds it for a moment.
+Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds a matrix.
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
@@ -109,8 +116,11 @@ def pardiso_matrix(K: Matrix) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class _Pattern:
-    """Positions of the entries of a symmetric matrix (n, n), and of those in its upper triangle.
-    indptr, indices : of the matrix.    pointer, column : of the upper triangle.    place : its entries among all."""
+    """Positions of the entries of a symmetric matrix (n, n), and of the entries in its upper triangle.
+
+    indptr, indices : of the matrix.    pointer, column : of the upper triangle.
+    place : positions of the upper triangle's entries among all entries.
+    """
 
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
@@ -138,7 +148,7 @@ class Pardiso:
     """Factor of a positive definite matrix, real or Hermitian; a call with b, (N,) or (N, k), returns K^-1 b.
 
     K      : see `dsfab.core.sparse.factorise`.
-    blocks : whether unknowns come in groups with rows of one structure.
+    blocks : whether unknowns come in groups whose rows have the same columns.
 
     Raises NotPositiveDefinite for a pivot that is not positive, FactorMemoryError if the factor does not fit.
     """
@@ -154,7 +164,7 @@ class Pardiso:
         self._solver = PyPardisoSolver(mtype=HERMITIAN if np.iscomplexobj(K) else SYMMETRIC)
         for entry, value in (PARDISO_OPTIONS | (BLOCKS if blocks else {})).items():
             self._solver.set_iparm(entry + 1, value)
-        weakref.finalize(self, _release, self._solver)  # MKL's memory is not Python's
+        weakref.finalize(self, _release, self._solver)  # Python does not free MKL's memory
         self._threads = 1 if K.shape[0] <= ALONE else int(self._solver.libmkl.MKL_Get_Max_Threads())
         self._upper = _Pattern.from_matrix(K).upper(K)
         self._known: _Pattern | None = None  # only `refactor` needs it, so a single factor saves its memory
@@ -164,7 +174,7 @@ class Pardiso:
         analysis, permanent, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
         release_freed_memory(
             700.0 * len(nothing)
-        )  # bytes that assembly and analysis leave, before the factor takes the most
+        )  # release bytes of the assembly and the analysis before the factor takes most memory
         require_memory(max(analysis, permanent + work))
         self._call(FACTORISE, nothing)
 
@@ -186,7 +196,7 @@ class Pardiso:
         from pypardiso.pardiso_wrapper import PyPardisoError
 
         self._solver.set_phase(phase)
-        # the two-level factor is laid out for its threads: a solve with another number of threads is wrong
+        # a solve must use as many threads as the factorisation, else a two-level factor gives a wrong solution
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(self._threads)
         try:
             x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` would hash the matrix at every call
@@ -200,20 +210,22 @@ class Pardiso:
 
 
 def _set_mkl_path() -> None:
-    """Set the path of MKL for pypardiso before its import, which else searches the Python installation (1 s)."""
+    """Set the path of MKL before the import of pypardiso, which would otherwise search the Python installation (1
+    s).
+    """
     if "PYPARDISO_MKL_RT" in os.environ:
         return
     try:
         files = importlib.metadata.files("mkl") or []
     except importlib.metadata.PackageNotFoundError:
-        return  # installed by other means: let pypardiso search
+        return  # MKL did not come from pip, so pypardiso must search for it
     paths = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
     if paths and os.path.exists(paths[0]):
         os.environ["PYPARDISO_MKL_RT"] = paths[0]
 
 
 def _release(solver: Any) -> None:
-    """Release the solver's memory. PARDISO refuses after Ctrl-C between its phases; nobody could act on that."""
+    """Release the solver's memory. PARDISO refuses this after Ctrl-C between its phases; dsfab ignores that refusal."""
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     with suppress(PyPardisoError):
@@ -235,9 +247,9 @@ def has_pyamg() -> bool:
 class Multigrid:
     """Solver for the stiffness of thin sheets with up to three unknowns a point; a call with b returns K^-1 b.
 
-    Smoothed aggregation [Vanek, Mandel and Brezina 1996] with all available knowledge: points as blocks of three, rigid
-    motions, strength 0, energy-smoothed prolongation, symmetric block Gauss-Seidel. Otherwise it needs hundreds of
-    steps or diverges on irregular sheets. Each solve therefore computes the true residual.
+    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996]. It uses blocks of three unknowns per point,
+    the rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. Without these it
+    needs hundreds of steps or diverges on irregular sheets. Each solve therefore computes the true residual.
 
     rigid : (N, 6) the rigid motions in the unknowns of K, which K nearly annihilates away from supports.
 
@@ -249,13 +261,13 @@ class Multigrid:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Take the values of K, (N, N) on the same points."""
+        """Take new values of K, (N, N), on the same points."""
         import pyamg
 
         self._K = K
         self._place, size = _positions_in_blocks(self._node)
         full = K.tocoo()
-        spare = np.setdiff1d(np.arange(size), self._place)  # supported unknowns get a unit diagonal to fill the blocks
+        spare = np.setdiff1d(np.arange(size), self._place)  # a unit diagonal for supported unknowns fills the blocks
         blocks = coo_array(
             (
                 np.concatenate([full.data, np.ones(len(spare))]),

@@ -1,4 +1,4 @@
-"""CalculiX: finite element models of shells or beams as an .inp file that `ccx` runs."""
+"""CalculiX: finite element models of shells or beams as an .inp file for the program `ccx`."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -28,10 +28,10 @@ class CalculixModel:
     """A sheet of six-node triangles with its supports and loads.
 
     nodes     : (p, 3) metres.
-    triangles : (m, 6) nodes: three corners, then the middles after them.
+    triangles : (m, 6) nodes: three corners, then the middle of the edge after each corner.
     thickness : metres.           young : pascals.         density : kg/m3.
-    steps     : by name, (p, 3) newtons on the nodes; one *STEP each.
-    supports  : by name, (p, 3) fixed directions; a node set each. Names are upper-case words.
+    steps     : by name, (p, 3) newtons on the nodes; each load is one *STEP.
+    supports  : by name, (p, 3) fixed directions; each support is a node set. Names are upper-case words.
     clamped   : (p,) nodes with fixed rotations (S6 only).
     springs   : (p, 3) newtons per metre between node and ground; 0 without a spring.
     notes     : lines for the top of the file.
@@ -104,7 +104,7 @@ def cards(model: CalculixModel) -> Iterator[str]:
     yield from _header(model)
     numbers = np.arange(1, len(model.nodes) + 1)
     yield "*NODE, NSET=ALL\n"
-    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # ccx reads 20 characters
+    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # ccx reads 20 digits
     yield f"*ELEMENT, TYPE={model.element}, ELSET=SHEET\n"
     yield from rows("%d, %d, %d, %d, %d, %d, %d\n", np.arange(1, len(model.triangles) + 1), *(model.triangles.T + 1))
     yield from _section(model)
@@ -166,7 +166,7 @@ def _springs(model: CalculixModel) -> Iterator[str]:
 
 def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[str]:
     yield f"** LOAD CASE {k}: {one_line(name)}\n"
-    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW removes the loads of the step before
+    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW removes the loads of the last step
     node, axis = np.nonzero(_acting(force))
     if len(node):
         yield from rows("%d, %d, %.11e\n", node + 1, axis + 1, force[node, axis])
@@ -179,7 +179,7 @@ def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[st
 
 
 def _acting(force: Floats) -> Bools:
-    """(p, 3) components to write; smaller ones are rounding errors of the step's largest."""
+    """Return the (p, 3) components to write; the others are rounding errors of the largest component of the step."""
     rounding = 1e-14
     return np.asarray(np.abs(force) > rounding * np.abs(force).max())
 
@@ -192,13 +192,15 @@ def _node_set(name: str, members: Bools) -> Iterator[str]:
 
 
 def _set_name(text: str) -> str:
-    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # ccx's limit
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # limit of ccx
     return word if word[:1].isalpha() else f"S{word}"
 
 
 SUFFIX = ".beams.inp"
 PIECES = 4
-"""Elements of a beam: with one the solids are up to 17 % too stiff where beams meet at angles, with four up to 8 %."""
+"""Number of elements of a beam. Where beams meet at angles, the solids are up to 17 % too stiff with one element, and
+up to 8 % with four.
+"""
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -208,7 +210,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the cards back: number of beams, and coordinates of nodes."""
+    """Read the cards of the file back: number of beams, and coordinates of nodes."""
     cards = path.read_text(encoding="ascii").split("\n*")
     frame = part.details.beam_model
     beams = sum(card.startswith("ELEMENT, TYPE=B32R") for card in cards)

@@ -47,7 +47,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the words back: number of beams, and coordinates of nodes."""
+    """Read the words of the script back: number of beams, and coordinates of nodes."""
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
     frame = part.details.beam_model
     beams = sum(row[:2] == ["element", "ElasticTimoshenkoBeam"] for row in rows)

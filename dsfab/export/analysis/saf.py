@@ -26,13 +26,17 @@ VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
 FINE, COARSE = 0.1, 1.0
-"""Steps to which widths are rounded (mm), coarse from 100 mm on; otherwise each beam would have its own section."""
+"""Steps of rounded widths (mm): fine below 100 mm, coarse above. Without rounding, each beam would have its own
+section.
+"""
 SMALL = {0: 1e-6, 3: 1e-2}
-"""Forces (0) and moments (3) below this share of the largest of their case are left out: forces as rounding errors,
-moments of loads beside their beam. Displacements of tower and snow_vault change by under 0.07 %; half of the rows go.
+"""Forces (0) and moments (3) below this share of the largest of their case are left out. Such forces are rounding
+errors;
+such moments come from loads beside their beam. The displacements of tower and snow_vault change by under 0.07 %, and
+half of the rows go.
 """
 TYPES = {"S": "Steel", "GL": "Timber", "CLT": "Timber", "plywood": "Timber", "aluminium": "Aluminium"}
-"""Types of materials by the beginning of their names; all others are `Other`."""
+"""Types of materials by the first letters of the material's name; all other names are `Other`."""
 TYPES |= {"concrete": "Concrete"}
 """Types of materials by how their names begin; all others are `Other`."""
 ACTIONS = {
@@ -41,7 +45,7 @@ ACTIONS = {
     "wind": ("Variable", "Wind"),
     "variable": ("Variable", "Standard"),
 }
-"""Action type and load type of a case."""
+"""Action type and load type of each kind of case."""
 GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}
 """Load types of groups of variable loads."""
 DIRECTIONS = ("ux", "uy", "uz", "fix", "fiy", "fiz")
@@ -53,8 +57,8 @@ STIFFNESS = (
 
 @dataclass(frozen=True)
 class SafSheet:
-    """A sheet of a workbook: rows below a head. `Project` and `Model` have no head, and a name and a value in each
-    row.
+    """A sheet of a workbook: rows below a head. The sheets `Project` and `Model` have rows of name and value
+    without a head.
     """
 
     name: str
@@ -202,7 +206,9 @@ def _supports(frame: "Frame") -> Iterator[dict[str, Cell | None]]:
 
 
 def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
-    """A group for each kind of action; cases of snow, and of wind, exclude each other, as in EN 1990 here."""
+    """Return a group for each kind of action. Snow cases exclude each other, and so do wind cases, as in EN 1990
+    here.
+    """
     return [
         {
             "Name": f"LG {kind}",
@@ -255,7 +261,7 @@ def _actions(frame: "Frame", first_column: int) -> Iterator[dict[str, Cell | Non
 
 SUFFIX = ".saf.xlsx"
 FIXED_DATE = datetime(1980, 1, 1)
-"""Date of every workbook, so that equal designs give equal bytes."""
+"""Date of every workbook; it is fixed, so that equal designs give equal bytes."""
 MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 
 
@@ -266,7 +272,7 @@ def require_xlsxwriter() -> None:
 
 
 def agreement_text(part: Part) -> str:
-    """Return the comparison of beams and sheet, a line for each case."""
+    """Return a comparison of the beams with the sheet, a line for each case."""
     return "\n".join(part.details.facts)
 
 
@@ -318,7 +324,7 @@ def _coordinates(rows: Sequence[Sequence[Cell | None]]) -> "np.ndarray[tuple[int
 def workbook_cells(path: Path) -> dict[str, list[list[Cell | None]]]:
     """Return the rows of each sheet by name; empty cells are None.
 
-    It reads the parts of Office Open XML (ECMA-376) that XlsxWriter writes: numbers and shared strings.
+    The function reads the parts of Office Open XML (ECMA-376) that XlsxWriter writes: numbers and shared strings.
     """
     with zipfile.ZipFile(path) as archive:
         shared = [

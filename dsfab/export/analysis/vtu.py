@@ -1,7 +1,7 @@
-"""VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields. Metres and SI units, as each name tells.
+"""VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres and the SI unit in each name.
 
-The file's field data repeats the unit of length, because the format has no place for one, and holds the facts about
-the fields as `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes.
+The file's field data repeats the unit of length, because the format has no place for the unit. Facts about the fields
+are `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes.
 """
 
 import base64
@@ -37,8 +37,9 @@ def prepare(part: Part) -> Part:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the file, one piece. A field with as many rows as vertices belongs to the vertices, any other to the
-    faces.
+    """Yield the file in one piece.
+
+    A field with as many rows as vertices belongs to the vertices, any other field to the faces.
     """
     values = part.details.values
     on_vertices = {name: array for name, array in values.items() if len(array) == len(part.V)}
@@ -56,7 +57,7 @@ def encode(part: Part) -> Iterator[bytes]:
         yield f"</{tag}>\n".encode()
     yield b"<Points>\n" + _array("Points", part.V / MM_PER_M) + b"</Points>\n<Cells>\n"
     yield _array("connectivity", part.F.ravel()) + _array("offsets", 3 * np.arange(1, len(part.F) + 1))
-    yield _array("types", np.full(len(part.F), 5, dtype=np.uint8))  # VTK_TRIANGLE
+    yield _array("types", np.full(len(part.F), 5, dtype=np.uint8))  # 5 means VTK_TRIANGLE
     yield b"</Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
 
 
@@ -75,7 +76,7 @@ def _array(name: str, values: NDArray[Any]) -> bytes:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the mesh and every field back with an XML parser."""
+    """Read the mesh and every field back with an XML parser and compare them."""
     arrays = dict(_arrays(path))
     V, F = arrays.pop("Points"), arrays.pop("connectivity").astype(np.int64).reshape(-1, 3)
     result = check_mesh(replace(part, V=part.V / MM_PER_M), V.reshape(-1, 3), F)

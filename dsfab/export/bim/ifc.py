@@ -1,4 +1,4 @@
-"""IFC4 (ISO 16739): a roof of plates, or of named members, with material, quantities and drawings."""
+"""IFC4 (ISO 16739): a roof of plates or of named members, with material, quantities and drawings."""
 
 import importlib.util
 import uuid
@@ -25,15 +25,15 @@ PLATE_SETS = {
     "Qto_PlateBaseQuantities": {"Width": "LENGTH", "NetVolume": "VOLUME", "NetWeight": "WEIGHT"},
     "Dsfab_PieceQuantities": {"NetSurfaceArea": "AREA"},
 }
-"""Sets of quantities of a piece, the standard's first, and their kinds; its width is the sheet's thickness."""
+"""Quantities of a plate and their kinds; the set of the standard is first, and its width is the sheet's thickness."""
 Naming = Callable[[str], str]
-"""Function from a word to an identifier."""
+"""Function that turns a word into an identifier."""
 
 
 class Place(NamedTuple):
-    """Entity numbers that elements refer to; 0 for an unknown material or unknown properties.
+    """Numbers of entities that elements refer to; 0 if material or properties are unknown.
 
-    placement : of the whole.    part : of each of its parts, relative to that.
+    placement : of the whole roof.    part : of each part, relative to the roof.
     """
 
     body: int
@@ -56,7 +56,9 @@ def file_header(name: str, version: str) -> str:
 
 
 def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
-    """Add units, project, site and building, and the entities that all elements share; return their numbers."""
+    """Add units, project, site, building and the entities that all elements share; return the numbers of these
+    entities.
+    """
     title, measures = step_string(one_line(name)), details.measures
     units = ",".join(f"#{k}" for k in _units(entities))
     origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
@@ -79,7 +81,7 @@ def building(entities: StepEntities, name: str, details: Details, naming: Naming
 
 
 def roof(entities: StepEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
-    """Add the roof that holds elements, with its placement, and the material and properties of the elements."""
+    """Add the roof with its placement, and the material and properties of its elements."""
     title, listed = step_string(one_line(name)), ",".join(f"#{k}" for k in elements)
     roof_entity = entities.add(
         f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{place.placement},$,$,.FREEFORM.)"
@@ -93,7 +95,7 @@ def roof(entities: StepEntities, place: Place, name: str, elements: list[int], n
 
 
 def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, float]) -> None:
-    """Add the position of the model in a survey's coordinates (m); the file cannot name the survey."""
+    """Add the model's position in the coordinates of a survey (m); the file cannot name the survey."""
     metre = entities.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
     survey = entities.add(f"IFCPROJECTEDCRS('unknown','that of the mesh file',$,$,$,$,#{metre})")
     east, north, up = map(real, origin)
@@ -101,7 +103,7 @@ def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, f
 
 
 def surface_style(entities: StepEntities, name: str, colour: tuple[float, float, float]) -> int:
-    """Add a named colour, 0 to 1; return its number."""
+    """Add a named colour (values from 0 to 1); return the number of its entity."""
     red, green, blue = map(real, colour)
     rgb = entities.add(f"IFCCOLOURRGB($,{red},{green},{blue})")
     shading = entities.add(f"IFCSURFACESTYLESHADING(#{rgb},0.)")
@@ -123,7 +125,7 @@ def _units(entities: StepEntities) -> Iterator[int]:
 
 
 def _material(entities: StepEntities, measures: Mapping[str, float], material_name: str) -> int:
-    """Add the material and its values; 0 if none is known."""
+    """Add the material with its values; return 0 if the material is unknown."""
     kinds = {
         "density": ("Pset_MaterialCommon", "MassDensity", "IFCMASSDENSITYMEASURE"),
         "young": ("Pset_MaterialMechanical", "YoungModulus", "IFCMODULUSOFELASTICITYMEASURE"),
@@ -161,8 +163,9 @@ def element(
     amounts: Mapping[str, float],
     naming: Naming,
 ) -> int:
-    """Add a piece with its colour and quantities, V (n, 3), in millimetres, and triangles (m, 3) whose corners count
-    from 1; return its number.
+    """Add a piece with colour and quantities; return its entity number.
+
+    V : (n, 3) vertices in millimetres; corners of the triangles (m, 3) count from 1.
     """
     (name, i), (V, corners) = which, mesh
     faces = face_set(entities, V, corners, place.style)
@@ -184,7 +187,9 @@ def element(
 
 
 def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> int:
-    """Add triangles (m, 3), whose corners count from 1, of a closed body V (n, 3) in a style; return their number."""
+    """Add the triangles of a closed body V (n, 3) with a style; return the entity number. Corners (m, 3) count from
+    1.
+    """
     points = "".join(comma_separated_rows("(%.6f,%.6f,%.6f),", *V.T))
     listed = entities.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
     triangles = "".join(comma_separated_rows("(%d,%d,%d),", *corners.T))
@@ -202,7 +207,7 @@ def real(value: float) -> str:
 
 MM2, MM3 = MM_PER_M**2, MM_PER_M**3
 PLACE = uuid.uuid5(uuid.NAMESPACE_URL, "dsfab")
-"""Namespace of the identifiers."""
+"""Namespace of the identifiers in IFC files."""
 
 
 def require_ifcopenshell() -> None:
@@ -237,7 +242,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def pending_bytes(entities: StepEntities) -> Iterator[bytes]:
-    """Yield the text of the pending entities and clear it."""
+    """Yield the text of the entities that wait to be written, and clear the list."""
     yield "".join(entities.text).encode("ascii")
     entities.text.clear()
 
@@ -250,7 +255,7 @@ def identifier(name: str, what: str) -> str:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back with ifcopenshell: lengths in millimetres, every triangle, closed, the part's volume."""
+    """Read the file back with ifcopenshell: millimetres, every triangle, closed bodies, the part's volume."""
     V, F = _arrays(millimetre_model(part, path))
     if not len(F):
         raise count_error(part, "triangles", len(part.F), 0)
@@ -265,7 +270,7 @@ def millimetre_model(part: Part, path: Path) -> Any:
     try:
         model = ifcopenshell.open(str(path))
         scale = ifcopenshell.util.unit.calculate_unit_scale(model)
-    except Exception as error:  # ifcopenshell documents no errors
+    except Exception as error:  # ifcopenshell does not document its errors
         raise ExportError(f"ifcopenshell cannot read the IFC file of {part.name!r}: {error}") from error
     if abs(scale * MM_PER_M - 1) > 1e-9:
         raise ExportError(f"the IFC file of {part.name!r} has lengths that are not in millimetres; write .step instead")
@@ -322,10 +327,10 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read back with ifcopenshell: each member by its name, its triangles closed, its volume."""
+    """Read the file back with ifcopenshell: each member with its name, its closed triangles and its volume."""
     model = millimetre_model(part, path)
     meshes = {}
-    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda one: one.id()):  # by_type sorts by kind
+    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda one: one.id()):  # by_type() sorts by kind
         if element.is_a() in ("IfcMember", "IfcPlate"):
             meshes[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
     return check_shapes(part, meshes)
@@ -361,7 +366,7 @@ def _element(entities: StepEntities, place: Place, shape: MemberShape, body: int
 
 
 def _amounts(shape: MemberShape, facts: MemberFacts, measures: Mapping[str, float]) -> dict[str, float]:
-    """Quantities of a member: millimetres, m2, m3, kg."""
+    """Return the quantities of a member: millimetres, m2, m3, kg."""
     volume, area = signed_volume(shape.V, shape.F) / MM3, facts.area / MM2
     own_share = facts.own_area / facts.area if facts.area else 1.0
     amounts = {"Length": facts.length, "Width": facts.width}
@@ -382,7 +387,7 @@ def _add_quantities(
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
         usual |= {key: value for key, value in amounts.items() if key.endswith("Area")}
-        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the word in the standard
+        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the standard calls it Width
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
     for name, set_amounts in ((title, usual), ("Dsfab_MemberQuantities", amounts)):
@@ -402,7 +407,7 @@ def _add_facts(entities: StepEntities, member: int, facts: MemberFacts, naming: 
         words["crossings counted with"] = ", ".join(facts.counted_with)
     values = []
     for key, value in words.items():
-        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # no limit of length
+        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # a text may be long
         text = f"{kind}('{step_string(value)}')"
         values.append(entities.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
     name = facts.member.id

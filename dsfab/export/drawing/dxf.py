@@ -32,9 +32,9 @@ from dsfab.surface import StructureLine, polyline_length, simplified_line
 
 APPLICATION = "DSFAB"
 COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
-"""Numbers of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
+"""Colour numbers of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
 WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}
-"""Line weights, hundredths of a millimetre."""
+"""Widths of lines, in hundredths of a millimetre."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -53,7 +53,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def new_document(part: Part) -> Any:
-    """Return an empty ezdxf drawing in millimetres, with line types scaled to a part."""
+    """Return an empty ezdxf drawing in millimetres, with dashes of lines scaled to the size of the part."""
     import ezdxf
 
     document = ezdxf.new("R2010", setup=["linetypes"])
@@ -70,7 +70,7 @@ def new_document(part: Part) -> Any:
 def dxf_bytes(document: Any) -> bytes:
     """Return an ezdxf document as a file, with equal bytes in each process."""
     document.classes.add_required_classes(document.dxfversion)
-    document.classes.classes = dict(sorted(document.classes.classes.items()))  # ezdxf iterates over a set
+    document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has no fixed order
     text = io.StringIO()
     document.write(text)
     return text.getvalue().encode(document.output_encoding, errors="dxfreplace")
@@ -86,7 +86,9 @@ def _add_views(document: Any, part: Part) -> None:
 
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """Add consecutive curves to a drawing and yield their entities: splines, and polylines for straight runs."""
+    """Add the consecutive curves of a line to a drawing: splines, and one polyline for each straight run; yield the
+    entities.
+    """
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
@@ -140,7 +142,7 @@ def reproducible_output() -> Iterator[None]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back with ezdxf and its auditor: no error, millimetres, every line in place."""
+    """Read the file back with ezdxf and its auditor: no error, millimetres, every line in its place."""
     import ezdxf
 
     document = ezdxf.readfile(path)
@@ -172,7 +174,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
     with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
-        height = 0.008 * float(np.ptp(part.box, axis=0).max())  # height of the letters of names
+        height = 0.008 * float(np.ptp(part.box, axis=0).max())  # letters of names have this height
         for shape in part.details.shapes:
             entities = list(_member(document, shape, curve_tolerance(part), height))
             for entity in entities:
@@ -211,7 +213,9 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read back with ezdxf and its auditor: no error, millimetres, a group for each member with its axis and edges."""
+    """Read the file back with ezdxf and its auditor: no error, millimetres, a group of each member with axis and
+    edges.
+    """
     import ezdxf
 
     document = ezdxf.readfile(path)

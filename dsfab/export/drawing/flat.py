@@ -1,7 +1,7 @@
 """Flat drawings for cutters and engravers: polylines and circles on named layers, as DXF (R2010) and SVG. Millimetres.
 
-They use LWPOLYLINE and CIRCLE only, which every cutting program reads; letters are polylines too. Equal drawings give
-equal bytes.
+The drawings use LWPOLYLINE and CIRCLE only, because every cutting program reads these; letters are polylines too. Equal
+drawings give equal bytes.
 """
 
 from collections import Counter
@@ -22,7 +22,7 @@ from dsfab.export.drawing.dxf import dxf_bytes, reproducible_output
 from dsfab.export.writing import one_line
 
 COLOURS = {"STOCK": 8, "CUT": 1, "HOLES": 5, "SLOTS": 6, "ENGRAVE": 3, "FOLD": 4, "AXIS": 9}
-"""Numbers of the AutoCAD palette by layer: grey, red, blue, magenta, green, cyan, light grey."""
+"""Colour numbers of the AutoCAD palette by layer: grey, red, blue, magenta, green, cyan, light grey."""
 STROKES = {
     "STOCK": "#888",
     "CUT": "#c00",
@@ -32,7 +32,7 @@ STROKES = {
     "FOLD": "#088",
     "AXIS": "#bbb",
 }
-"""The same colours for SVG."""
+"""Colours of the layers in SVG, the same as in DXF."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +74,8 @@ class FlatDrawing:
 def flat_dxf(drawing: FlatDrawing) -> bytes:
     """Return a drawing as a DXF file without dates and random identifiers.
 
-    ezdxf writes the frame of the file once for drawings with equal layers. The lines and circles are written here,
-    because ezdxf takes ten times as long for them and a workshop has hundreds of drawings.
+    ezdxf writes the frame of the file once for all drawings with equal layers. This function writes the lines and
+    circles, because ezdxf takes ten times as long and a workshop has hundreds of drawings.
     """
     frame = _frame(tuple(drawing.layers))
     count = len(drawing.lines) + len(drawing.circles)
@@ -141,10 +141,9 @@ def _entity(kind: str, handle: int, space: str, layer: str, subclass: str) -> st
 
 
 def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
-    """Raise ExportError unless a file reads back complete, with the drawing's numbers of lines and circles, in
-    millimetres.
+    """Raise ExportError unless a file is complete, is in millimetres, and has as many lines and circles as the drawing.
 
-    The check reads pairs of group code and value, because ezdxf would take ten times as long.
+    The check reads pairs of group code and value directly, because ezdxf takes ten times as long.
     """
     words = path.read_text("utf-8", errors="replace").removesuffix("\n").split("\n")
     codes, values = [code.strip() for code in words[::2]], [value.strip() for value in words[1::2]]

@@ -1,6 +1,6 @@
-"""SVG: a drawing on an A3 sheet, plan and elevations to a stated scale, with dimensions, scale bar and title block.
+"""SVG: plan and elevations on an A3 sheet to a stated scale, with dimensions, scale bar and title block.
 
-The sheet's user unit is a millimetre of paper; the file says the scale and the unit of the dimensions. Groups are
+A unit of the file is a millimetre of paper; the file states the scale and the unit of the dimensions. Groups are
 layers for Inkscape. Line weights follow ISO 128: outlines 0.5 mm, edges 0.25 mm, centre lines 0.13 mm and dash-dotted.
 """
 
@@ -138,7 +138,7 @@ def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back as XML: the number of lines that the views show, and the paper's size in millimetres."""
+    """Read the file back as XML: number of lines in the views, and size of the paper in millimetres."""
     root = ElementTree.parse(path).getroot()
     lines = [element for element in root.iter() if element.get("data-id")]
     expected = sum(len(placed_view.view.runs) for placed_view in views_on_paper(part, TITLE)[1])

@@ -1,4 +1,4 @@
-"""Plan and elevations of a sheet with hidden lines removed, and their scale and positions on paper."""
+"""Plan and elevations of a sheet without hidden lines, with their scale and their positions on paper."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,13 +16,15 @@ AXES = {
     "Front elevation": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
     "Right elevation": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
 }
-"""Axes of each view, by title: to the right, upwards, and to the eye (from above, from -y, from +x)."""
+"""Three directions of each view, by title: to the right, upwards, and to the eye (above, at -y, or at +x)."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawingView:
-    """A drawing: `runs` are visible stretches of lines, (k, 2) millimetres; `loops` the outline of a region to fill,
-    by the even-odd rule, empty where the sheet covers itself.
+    """A view of a sheet.
+
+    runs  : visible parts of lines, (k, 2) millimetres.
+    loops : outline of the region to fill, by the even-odd rule; empty if the sheet covers itself in this view.
     """
 
     title: str
@@ -38,7 +40,9 @@ class DrawingView:
 
 
 def views(part: Part) -> list[DrawingView]:
-    """Return plan, front and right elevation of a sheet with its lines, without views that show the sheet edge-on."""
+    """Return plan, front view and right view of a sheet with its lines; a view along the plane of the sheet is left
+    out.
+    """
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     drawings = []
@@ -47,7 +51,7 @@ def views(part: Part) -> list[DrawingView]:
         X = part.V @ np.stack([right, up], axis=1)
         used = X[part.F.ravel()]
         low, high = used.min(axis=0), used.max(axis=0)
-        if (high - low).min() > 1e-6 * size:  # else the view would be a line
+        if (high - low).min() > 1e-6 * size:  # a thinner view is only a line
             drawings.append(_view(title, sheet, part.details.lines, np.stack([right, up, eye]), low, high, size))
     return drawings
 
@@ -72,7 +76,7 @@ def _view(
 
 @dataclass(frozen=True, eq=False)
 class _DepthPicture:
-    """Depth picture: (w, h) largest third coordinate in each cell, -inf in empty cells."""
+    """Grid of depths: (w, h) largest third coordinate in each cell, -inf in empty cells."""
 
     low: Floats
     cell: float
@@ -80,7 +84,7 @@ class _DepthPicture:
 
     @classmethod
     def from_mesh(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_DepthPicture":
-        """Sample every triangle of X (n, 3), F (m, 3) on its own grid, no coarser than 0.7 cells."""
+        """Sample every triangle of X (n, 3), F (m, 3) at points at most 0.7 cells apart."""
         shape = np.ceil((high - low) / cell).astype(np.int64) + 3
         depth = np.full(int(shape.prod()), -np.inf)
         corners = X[F]
@@ -99,7 +103,7 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """(k,) whether all nine cells around a point (k, 3) are in front of it by the margin."""
+        """Return (k,) True if all nine cells around a point (k, 3) are in front of the point by the margin."""
         cell_index = np.clip(
             ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1, 1, np.array(self.depth.shape) - 2
         )
@@ -131,7 +135,7 @@ PAPER_MARGIN = 10.0
 VIEW_MARGINS = (24.0, 10.0, 12.0, 24.0)
 """Free paper around each view for its dimensions and its title: left, top, right, bottom; millimetres."""
 STEPS = (1.0, 2.0, 2.5, 5.0)
-"""Usual scales are these times a power of ten."""
+"""Usual scales are these numbers times a power of ten."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +158,7 @@ class PlacedView:
 
 
 def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[PlacedView]]:
-    """Return the largest usual scale (mm per mm of paper) that fits, and the views in rows.
+    """Return the views in rows on paper, and the largest usual scale (mm per mm of paper) at which they fit.
 
     title : width and height of the block that stays free in the lower right corner, millimetres.
     """
@@ -166,7 +170,7 @@ def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
-    """The first usual scale at which the rows fit above the title block, or beside it in the last row."""
+    """Return the first usual scale at which the rows fit: above the title block, or beside it in the last row."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
     while True:
@@ -201,7 +205,7 @@ def _place_rows(rows: list[list[DrawingView]], scale: float, title: tuple[float,
     free = min(
         (PAPER[0] - 2 * PAPER_MARGIN - width) / (len(row) + 1) for row, (width, _) in zip(rows, sizes, strict=True)
     )
-    space = max(free if len(rows) == 1 else min(free, 30.0), 0.0)  # equal in all rows, so that views align
+    space = max(free if len(rows) == 1 else min(free, 30.0), 0.0)  # equal gaps align the views
     placed, y = list[PlacedView](), PAPER_MARGIN
     for row, (_, height) in zip(rows, sizes, strict=True):
         y, x = y + gap, PAPER_MARGIN

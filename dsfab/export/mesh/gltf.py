@@ -1,4 +1,4 @@
-"""GLB, the binary form of glTF 2.0, for viewers: a mesh, or a node for each member; metres, y upwards."""
+"""GLB, the binary form of glTF 2.0, for viewers: one mesh, or one node for each member; in metres, y upwards."""
 
 import json
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from dsfab.export.readback import ReadBack, check_mesh, check_shapes, layer_colo
 from dsfab.export.writing import one_line
 
 FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
-"""Numbers of the standard for kinds of arrays."""
+"""Numbers that the glTF standard gives to kinds of arrays."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -37,7 +37,7 @@ def glb_chunks(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back with trimesh, in millimetres."""
+    """Read the file back with trimesh and compare the mesh in millimetres."""
     V, F = read_with_trimesh(path)
     return check_mesh(part, millimetres(V), F)
 
@@ -53,7 +53,7 @@ def y_upwards(V: Floats) -> Floats:
 
 
 def _scene(part: Part, points: np.ndarray[Any, np.dtype[np.float32]]) -> dict[str, Any]:
-    """The JSON. It has no normals, so that viewers shade flat."""
+    """Return the JSON of the scene. It has no normals, so that viewers shade each triangle flat."""
     count, size, name = 3 * len(part.F), points.nbytes, one_line(part.name)
     low, high = (f(points, axis=0).astype(float).tolist() for f in (np.min, np.max))
     return {
@@ -80,7 +80,7 @@ def _scene(part: Part, points: np.ndarray[Any, np.dtype[np.float32]]) -> dict[st
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield the file: vertices and faces of all members in one buffer, with two views of it for each member."""
+    """Yield the file: vertices and faces of all members in one buffer, and two views of the buffer for each member."""
     arrays = list[np.ndarray[Any, Any]]()
     for shape in part.details.shapes:
         arrays += [y_upwards(shape.V / MM_PER_M).astype("<f4"), shape.F.astype("<u4")]
@@ -88,7 +88,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read back with trimesh, as a scene."""
+    """Read the file back with trimesh as a scene and compare the members."""
     import trimesh
 
     scene, meshes = trimesh.load_scene(path, process=False), {}

@@ -1,4 +1,4 @@
-"""Soundness of a triangle mesh: closed, manifold, facing outward, not self-intersecting; its shells and voids."""
+"""Soundness of a triangle mesh: closed, manifold, facing outward, without self-intersections; its shells and voids."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
     """Return the shell (m,) of each triangle, and the shells of each solid: the outer one first, then its voids.
 
-    Shells with positive volume are outer. A void (its triangles face inwards) belongs to the smallest outer shell
-    around it. Raises ExportError for a void without an outer shell.
+    A shell with positive volume is an outer shell. A void is a shell whose triangles face inwards; it belongs to the
+    smallest outer shell around it. Raises ExportError for a void without an outer shell.
     """
     count, shell = pieces(part.F, edge_table(part.F))
     volumes = [signed_volume(part.V, part.F[shell == i]) for i in range(count)]
@@ -35,8 +35,9 @@ def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
 
 
 def winding(point: Floats, V: Floats, F: Ints) -> float:
-    """Return the winding number of the closed mesh V (n, 3), F (m, 3) around a point (3,): 1 inside, 0 outside [van
-    Oosterom, Strackee 1983].
+    """Return the winding number of the closed mesh V (n, 3), F (m, 3) around a point (3,): 1 inside, 0 outside.
+
+    Formula: van Oosterom, Strackee 1983.
     """
     a, b, c = (V[F[:, i]] - point for i in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
@@ -53,12 +54,12 @@ FAULTS = {
     "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
     "inside_out": "{} closed surfaces face inward: their faces are flipped",
 }
-"""Meaning of each kind of fault for the person who mends it."""
+"""Text about each kind of fault for the person who repairs the mesh."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of a mesh: its kind, count, and the place of the first one, metres."""
+    """A fault of a mesh: its kind, how often it occurs, and the place of the first occurrence, metres."""
 
     kind: str
     count: int
@@ -77,11 +78,11 @@ class Soundness:
     faults    : empty for a sound mesh. Kinds: `open` edges with one triangle, `crowded` edges with more than two,
                 `turned` edges whose two triangles face opposite sides, `repeated` triangles, `inside_out` shells,
                 `crossing` pairs of triangles.
-    pinches   : points at which only corners meet; no fault, because both parts are sound.
-    tested    : whether crossings were tested, which needs an oriented manifold.
+    pinches   : points where two parts touch with corners only; not a fault, because both parts are sound.
+    tested    : True if crossings were tested; the test needs an oriented manifold.
     shells    : closed surfaces; a hollow body has two.    pieces : connected bodies of material.
     crossings : (k, 2) crossing triangles of the last test.
-    volume    : m3, of triangles as they are oriented; valid for closed meshes only.     area : m2.
+    volume    : m3, from the orientation of the triangles; valid for closed meshes only.     area : m2.
     """
 
     faults: tuple[Fault, ...]
@@ -112,7 +113,7 @@ class Soundness:
 def soundness(V: Floats, F: Ints) -> Soundness:
     """Measure a mesh and find its faults.
 
-    V : (n, 3) metres, no two at one place.     F : (m, 3) seen from outside.
+    V : (n, 3) metres, distinct points.     F : (m, 3) counter-clockwise seen from outside.
     """
     edges = edge_table(F)
     middles = V[edges.ends].mean(axis=1)

@@ -45,24 +45,27 @@ def encode_stl(part: Part) -> Iterator[bytes]:
 
 
 def check_stl(part: Part, path: Path) -> ReadBack:
-    """Read back with libigl."""
+    """Read the file back with libigl and compare the mesh."""
     return check_mesh(part, *merged_mesh(*read_with_igl(path)))
 
 
 def encode_obj(part: Part) -> Iterator[bytes]:
-    """Yield one line per vertex and per face; a double needs 17 digits."""
+    """Yield one line per vertex and per face, with 17 digits because a double needs them."""
     yield f"# written by dsfab {__version__}\n# unit: millimetre\no {one_line(part.name)}\n".encode()
     yield from (text.encode("ascii") for text in rows("v %.17g %.17g %.17g\n", *part.V.T))
     yield from (text.encode("ascii") for text in rows("f %d %d %d\n", *(part.F + 1).T))
 
 
 def check_obj(part: Part, path: Path) -> ReadBack:
-    """Read back with trimesh."""
+    """Read the file back with trimesh and compare the mesh."""
     return check_mesh(part, *read_with_trimesh(path))
 
 
 def encode_off(part: Part) -> Iterator[bytes]:
-    """Yield the counts of vertices, faces and edges (0: not counted, as the format allows), then a line each."""
+    """Yield the counts of vertices, faces and edges, then a line for each vertex and face.
+
+    The count of edges is 0, because the format allows writers not to count edges.
+    """
     yield f"OFF\n# {one_line(part.name)}, written by dsfab {__version__}\n# unit: millimetre\n".encode()
     yield f"{len(part.V)} {len(part.F)} 0\n".encode()
     yield from (text.encode("ascii") for text in rows("%.17g %.17g %.17g\n", *part.V.T))
@@ -70,17 +73,17 @@ def encode_off(part: Part) -> Iterator[bytes]:
 
 
 def check_off(part: Part, path: Path) -> ReadBack:
-    """Read back with trimesh."""
+    """Read the file back with trimesh and compare the mesh."""
     return check_mesh(part, *read_with_trimesh(path))
 
 
 def encode_ply(part: Part) -> Iterator[bytes]:
-    """Yield header, vertices, faces; little endian."""
+    """Yield header, vertices and faces in little-endian binary form."""
     return ply_chunks(part.V, part.F, "millimetre")
 
 
 def check_ply(part: Part, path: Path) -> ReadBack:
-    """Read back with libigl, and compare the length, because libigl accepts a file without its last face."""
+    """Read the file back with libigl; compare also its length, because libigl accepts a file without its last face."""
     read = check_mesh(part, *read_with_igl(path))
     short = sum(map(len, encode_ply(part))) - path.stat().st_size
     if short > 0:
@@ -103,20 +106,20 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_3mf(part: Part) -> Iterator[bytes]:
-    """Yield the zip as one piece, because the sizes of its entries come before them."""
+    """Yield the zip archive in one piece, because the header of each entry states the entry's size."""
     package = io.BytesIO()
     with zipfile.ZipFile(package, "w") as archive:
         contents = {"[Content_Types].xml": _TYPES, "_rels/.rels": _RELATIONS, "3D/3dmodel.model": "".join(_model(part))}
         for name, text in contents.items():
             entry = zipfile.ZipInfo(name, _BEGINNING_OF_ZIP)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 0  # else the zip names the operating system
+            entry.create_system = 0  # otherwise the zip names the operating system
             archive.writestr(entry, text.encode("utf-8"))
     yield package.getvalue()
 
 
 def check_3mf(part: Part, path: Path) -> ReadBack:
-    """Read back with lib3mf, without warnings: one manifold, oriented mesh in millimetres."""
+    """Read the file back with lib3mf without warnings: one manifold, oriented mesh in millimetres."""
     import lib3mf
 
     model = lib3mf.get_wrapper().CreateModel()
@@ -158,5 +161,5 @@ def _model(part: Part) -> Iterator[str]:
 
 def _arrays(mesh: object) -> tuple[Floats, Ints]:
     points, corners = b"".join(mesh.GetVertices()), b"".join(mesh.GetTriangleIndices())  # type: ignore[attr-defined]
-    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # as lib3mf lays them out
+    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # types of lib3mf
     return V.reshape(-1, 3).astype(np.float64), F.reshape(-1, 3).astype(np.int64)

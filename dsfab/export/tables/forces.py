@@ -27,7 +27,7 @@ UNITS = "units: metres, newtons, newton metres; n and q per metre of section, m 
 Q_LESS = "q is one order less accurate than m, and too small by up to a fifth on ribs 3 or 4 faces wide"
 SHEET_FORMAT = "%.8g"
 READ = 1e-6
-"""Numbers read back may be off by this share of their column's largest."""
+"""Relative tolerance of numbers read back, as a share of the largest number of the column."""
 
 
 def prepare_fields(part: Part) -> Part:
@@ -41,7 +41,7 @@ def prepare_fields(part: Part) -> Part:
 
 
 def encode_sheet(part: Part) -> Iterator[bytes]:
-    """Yield lines that begin with #, a line of names, then a row per face and case; faces count from 1."""
+    """Yield comment lines that begin with #, a line of names, then a row per face and case; faces count from 1."""
     notes = (UNITS, *CONVENTION, "one row per face and case; " + Q_LESS)
     yield "".join(f"# {line}\r\n" for line in notes).encode()
     faces = _scalars(_faces(part))
@@ -55,7 +55,7 @@ def encode_sheet(part: Part) -> Iterator[bytes]:
 
 
 def check_sheet(part: Part, path: Path) -> ReadBack:
-    """Read the numbers back with numpy."""
+    """Read the numbers of the file back with numpy and compare them."""
     faces, names, cases = _scalars(_faces(part)), _names(part), part.details.section_forces
     head = len(CONVENTION) + 3
     width = 2 + len(faces) + len(names)
@@ -80,7 +80,7 @@ def _names(part: Part) -> list[str]:
 
 
 def _faces(part: Part) -> dict[str, Floats]:
-    """Columns (m,) or (m, 3) of the faces of the sheet, metres."""
+    """Return columns (m,) or (m, 3) with values in the faces of the sheet, metres."""
     sheet, first_case = part.details.sheet, next(iter(part.details.section_forces.values()))
     assert sheet is not None
     return {
@@ -107,7 +107,7 @@ def _columns(forces: SectionForces) -> dict[str, Floats]:
 
 
 def _scalars(columns: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Split vector columns: `local x [1]` becomes `local x.x [1]`, `local x.y [1]`, `local x.z [1]`."""
+    """Split each vector column in three: `local x [1]` becomes `local x.x [1]`, `local x.y [1]`, `local x.z [1]`."""
     scalars: dict[str, Floats] = {}
     for name, values in columns.items():
         if values.ndim == 1:
@@ -136,7 +136,7 @@ MEMBER_NOTES = (
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield lines that begin with #, a line of names, then a row per member, station and case."""
+    """Yield comment lines that begin with #, a line of names, then a row per member, station and case."""
     text = io.StringIO()
     text.writelines(f"# {line}\r\n" for line in MEMBER_NOTES)
     writer = csv.writer(text)
@@ -148,7 +148,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the numbers back with numpy."""
+    """Read the numbers of the file back with numpy and compare them."""
     numbers = np.loadtxt(
         path, delimiter=",", comments=None, skiprows=len(MEMBER_NOTES) + 1, quotechar='"', usecols=range(4, 10), ndmin=2
     )
@@ -191,7 +191,7 @@ def encode_workbook(part: Part) -> Iterator[bytes]:
 
 
 def check_workbook(part: Part, path: Path) -> ReadBack:
-    """Read the numbers back with the standard library's readers of archives and XML."""
+    """Read the numbers back with the standard library's readers of archives and XML, and compare them."""
     cells, members = workbook_cells(path), _forces(part)
     if len(cells) != len(members) + 2:
         raise count_error(part, "sheets", len(members) + 2, len(cells))
@@ -209,8 +209,8 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
 
 
 def sheet_names(members: Iterable[str]) -> list[str]:
-    r"""Return names of members as sheet names: at most 31 characters, none of []:*?/\\', each once regardless of
-    case.
+    r"""Return names of members as distinct sheet names: at most 31 characters, none of []:*?/\\', upper case equal
+    to lower.
     """
     seen, names, width = {"about", "largest"}, [], 31
     for member in members:
@@ -230,7 +230,7 @@ def _forces(part: Part) -> Mapping[str, "MemberForces"]:
 
 
 def _tables(along: "MemberForces") -> dict[str, Floats]:
-    """(k, 6) forces by case and combination, and the least and the greatest of several."""
+    """Return (k, 6) forces by case and combination; with several cases also the smallest and the largest forces."""
     least, greatest = np.moveaxis(along.envelope, -1, 0)
     return {**along.forces, **({"least": least, "greatest": greatest} if len(along.forces) > 1 else {})}
 
@@ -242,7 +242,7 @@ def _rows(along: "MemberForces") -> Iterator[list[Any]]:
 
 
 def _largest(members: Mapping[str, "MemberForces"]) -> Iterator[list[Any]]:
-    """Rows with the value of largest magnitude of each member and each number, and its place."""
+    """Return for each member and each force the row with the largest magnitude, and its place."""
     for member, along in members.items():
         cases, tables = list(along.forces), np.stack(list(along.forces.values()))
         for column, name in enumerate(COLUMNS):
@@ -258,7 +258,7 @@ HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", 
 
 
 def encode_utilisation(part: Part) -> Iterator[bytes]:
-    """Yield lines that begin with #, a line of names, then a row for each bay of a member."""
+    """Yield comment lines that begin with #, a line of names, then a row for each bay of a member."""
     utilisation = _utilisation(part)
     text, bays = io.StringIO(), utilisation.bays
     text.writelines(f"# {line}\r\n" for line in _lines(utilisation))
@@ -278,7 +278,7 @@ def _utilisation(part: Part) -> "Utilisation":
 
 
 def _checked_numbers(utilisation: "Utilisation", bay: int) -> list[float]:
-    """Utilisation of a bay, the six forces at its governing check, and the utilisation by each check."""
+    """Return the utilisation of a bay, the six forces of the check that governs, and the utilisation by each check."""
     _, case, station = utilisation.governing(bay)
     forces = utilisation.bays.forces[case][bay, station]
     return [utilisation.largest[bay], *forces.tolist(), *utilisation.worst[bay].tolist()]
@@ -296,7 +296,7 @@ def _number(value: float) -> str:
 
 
 def check_utilisation(part: Part, path: Path) -> ReadBack:
-    """Read the numbers back."""
+    """Read the numbers of the file back and compare them."""
     utilisation = _utilisation(part)
     lines = path.read_text(encoding="utf-8").splitlines()
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))[1:]

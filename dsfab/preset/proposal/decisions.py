@@ -35,7 +35,7 @@ class Proposal:
     snow: bool
     """Whether it carries snow, see `takes_snow`."""
     marks: Mapping[str, Marks] = field(default_factory=dict)
-    """Marks beside the surface, by layer, see `drawn_marks`."""
+    """Marks in the file beside the surface, by layer; see `drawn_marks`."""
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
@@ -52,8 +52,10 @@ class Proposal:
         )
 
     def text(self, file: Path | None = None) -> str:
-        """Return the preset as TOML; for a mesh in Python it names no file.
-        file : the mesh relative to the preset's folder; default: the user's path."""
+        """Return the preset as TOML; for a mesh in Python the text names no file.
+
+        file : path of the mesh relative to the preset's folder; by default the user's path.
+        """
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}
         return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
@@ -73,8 +75,8 @@ def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, materi
     """Return a preset for the user's own surface, as `dsfab new` writes it.
 
     mesh     : the path of a mesh file, or a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces.
-    unit     : of its numbers: mm, cm, m ...; guessed for files without a unit, else metres.
-    up       : its axis that points to the sky: x, y, z, -x, -y, -z; guessed by default.
+    unit     : unit of the mesh: mm, cm, m ...; by default guessed for files without a unit, else metres.
+    up       : axis of the mesh that points to the sky: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
     Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material.
     """
@@ -89,8 +91,11 @@ def propose(
     max_triangles: int | None = None,
     raw: RawMesh | None = None,
 ) -> Proposal:
-    """Return the proposal with its text and decisions; see `preset_for`. max_triangles : limit of a mesh file, which
-    also limits the cost of reading it. raw : content of the file, if read before."""
+    """Return the proposal with its text and decisions; see `preset_for`.
+
+    max_triangles : limit of a mesh file, which also limits the cost of reading it. raw : content of the file, if the
+                    caller has read it.
+    """
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):
@@ -106,7 +111,7 @@ def propose(
 
 
 def takes_snow(surface: Surface) -> bool:
-    """Return True for a roof: open, seen from above, and nowhere twice over the same place."""
+    """Return True for a roof: an open surface that does not cover any place twice in the view from above."""
     if is_figure(surface):
         return False
     up = surface.normals[:, 2] * surface.areas
@@ -162,7 +167,7 @@ def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:
-    """True if the span is that of the sheet, and not the width of a box around arms or wings."""
+    """Return True if the sheet has the proposed span itself. A box around arms or wings is wider than the sheet."""
     side = shorter_side(surface)
     x, y = np.sort(np.ptp(surface.V, axis=0)[:2])
     plan = float(np.abs(surface.normals[:, 2]) @ surface.areas)

@@ -14,19 +14,23 @@ LINE = 1 / 12
 
 
 def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
-    """Return True if a surface would tip, because the middle of its plan is outside of all feet; feet : points (k, 3)
-    of each foot, metres."""
+    """Return True if a surface would tip over, because the middle of its plan is outside of the area between its feet.
+
+    feet : points (k, 3) of each foot, metres.
+    """
     if not feet:
         return False
     middle = surface.areas @ surface.centroids / surface.area
     x, y = (np.concatenate(feet) - middle)[:, :2].T
     angle = np.sort(np.arctan2(y, x))
-    return bool(np.diff(angle, append=angle[0] + 2 * np.pi).max() > 1.03 * np.pi)  # feet on one side of the middle
+    return bool(np.diff(angle, append=angle[0] + 2 * np.pi).max() > 1.03 * np.pi)  # all feet on one side of the middle
 
 
 def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
-    """Return True if two or more feet, points (k, 3) each, lie in one line, so that the surface would turn about this
-    line, like a saddle on two corners."""
+    """Return True if all feet (two or more) lie in one line, so that the surface would turn about this line.
+
+    A saddle on two corners is an example. feet : points (k, 3) of each foot, metres.
+    """
     if len(feet) < 2:
         return False
     plan = np.concatenate(feet)[:, :2]
@@ -36,11 +40,13 @@ def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
 
 
 def mast_corners(P: Floats, arm: float, height: float) -> Ints:
-    """(k,) corners from which a sheet with the edge P (n, 3), a closed line in metres, hangs from masts; else empty.
+    """Return the corners (k,) at which a sheet with the edge P (n, 3), a closed line in metres, hangs from masts; else
+    empty.
 
-    The edge needs three corners or more. Between any two it comes inwards in plan and hangs below their line, or
-    follows the line from a high corner to a low one. The edge of a roof that stands on its corners rises from them; a
-    saddle's is straight in plan.
+    The edge needs three corners or more. Between two corners it bends inwards in plan. It also hangs below the
+    straight line between them, or follows this line from a high corner to a low one. The edge of a roof that stands on
+    its corners rises from them; a saddle's edge is straight in plan.
+
     arm : metres along the edge for measuring a corner's directions.     height : of the whole sheet, metres.
     """
     c = _corners(P, arm)
@@ -66,7 +72,9 @@ def _masts_hangs(arc: Floats, middle: Floats, height: float) -> bool:
 
 
 def _corners(P: Floats, arm: float) -> Ints:
-    """(k,) sharpest vertices of a closed line P (n, 3) that turn by 45 degrees in plan, within an arm's length (m)."""
+    """Return the sharpest vertices (k,) of a closed line P (n, 3) at turns of 45 degrees or more in plan, one
+    within each arm's length (m).
+    """
     along = np.concatenate([[0], np.cumsum(lengths(np.roll(P, -1, axis=0) - P))])
     total, n = float(along[-1]), len(P)
     before, after = (np.searchsorted(along, (along[:-1] + shift) % total) % n for shift in (-arm, arm))
@@ -88,19 +96,21 @@ DIP = 0.15
 LOW = 0.35
 """Feet begin below this share of the height, above the lowest foot."""
 HIGHEST = 0.6
-"""The same for surfaces that would tip over on those, as a folded roof on the lower ends of its valleys."""
+"""Limit like `LOW` for surfaces that would tip over on low feet, such as a folded roof on the lower ends of its
+valleys.
+"""
 SHORTEST = 1 / 25
 """Least length of a foot, as a share of the span."""
 RIM = "upper rim"
-"""Name of a loop of boundary from which a sheet hangs."""
+"""Name of a loop of the boundary if a sheet hangs from it."""
 STEP = 1 / 200
-"""Share of the span between sampled points of the boundary."""
+"""Distance between sampled points of the boundary, as a share of the span."""
 
 
 @dataclass(frozen=True, eq=False)
 class Foot:
     """A part of a surface that stands on the ground.
-    name : for people.  points : (k, 3) metres, along the free edge or on the surface.
+    name : text for the user.  points : (k, 3) metres, along the free edge or on the surface.
     length : metres of free edge; 0 of a closed surface.  loop : number of the boundary loop, for a whole loop."""
 
     name: str
@@ -109,7 +119,9 @@ class Foot:
     loop: int | None = None
 
     def picker(self, margin: float, digits: int) -> Boundary | Box:
-        """Return a picker that works on finer and coarser meshes too: its loop, or its box, `margin` metres wider."""
+        """Return a picker for finer and coarser meshes too: the foot's loop, or its box, enlarged by `margin`
+        metres.
+        """
         if self.loop is not None:
             return Boundary(self.loop)
         low, high = self.points.min(axis=0) - margin, self.points.max(axis=0) + margin
@@ -118,13 +130,14 @@ class Foot:
 
 
 def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
-    """Return the proposed supports of a surface with z up; `span`: metres that it bridges.
+    """Return the proposed supports of a surface with z up; `span`: metres that the surface bridges.
 
-    flat   : its outer edge.
-    closed : parts within `SOLE` of its height above its lowest point, also with holes in its side.
-    hung   : corners of its outer edge, see `mast_corners`.
-    else   : stretches of boundary around low points of the outer edge, of other edges that reach the ground, and of
-             higher ones on a slope. Openings in the roof, with sheet below them, have no support.
+    flat   : the outer edge is the support.
+    closed : parts within `SOLE` of the height above the lowest point are feet, also if the surface has holes in its
+             side.
+    hung   : corners of the outer edge are feet, see `mast_corners`.
+    else   : stretches of boundary around low points are feet: of the outer edge, of further edges that reach the
+             ground, and of higher edges on a slope. Openings in the roof, with sheet below them, have no support.
     """
     height = float(np.ptp(surface.V[:, 2]))
     if is_nearly_closed(surface) or _has_sheet_below(surface, height):
@@ -149,8 +162,11 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
 def _with_higher_feet(
     surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], ground: float, span: float
 ) -> list[Foot]:
-    """Add the next higher low points of the outer edges, up to `HIGHEST`, until the surface does not tip; if it always
-    tips, return the feet unchanged."""
+    """Add low points of the outer edges, in the order of their height and up to `HIGHEST`, until the surface does not
+    tip.
+
+    If it always tips, return the feet unchanged.
+    """
     h = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
     places = sorted({float(P[v, 2]) for k, P in lines.items() if outer[k] for v in _valleys(P[:, 2], DIP * h)})
@@ -164,7 +180,9 @@ def _with_higher_feet(
 
 
 def _on_a_slope(surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], span: float) -> list[Foot]:
-    """The feet on the plane through the lowest points, if more: a shell on four feet on a slope needs all."""
+    """Return the feet on the plane through the lowest points if this gives more feet: a shell on a slope needs all
+    four.
+    """
     lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in low_feet])
     if len(low_feet) < 3:
         return low_feet
@@ -192,8 +210,10 @@ def _hangs(surface: Surface, loop: int) -> bool:
 
 
 def _has_sheet_below(surface: Surface, height: float) -> bool:
-    """True if all boundary of one piece is above its lowest part, and its lowest boundary below the middle: it neither
-    stands on a hole in its side nor hangs from it."""
+    """Return True if a single piece has its whole boundary above its lowest part, and no loop is an upper rim.
+
+    Such a piece neither stands on a hole in its side nor hangs from it.
+    """
     if surface.pieces[0] > 1:
         return False
     lowest = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
@@ -231,7 +251,7 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
     if lowest > ground:
         return False
     height = float(np.ptp(z))
-    even = 0.005  # a ring may be out of level by this share; of a window the lower half is its lowest part
+    even = 0.005  # a ring within this share of the height is level; a window's lowest part is half of its edge
     on_loop &= z <= lowest + min(LEVEL * height, max(float(np.ptp(z[loop])) / 2, even * height))
     low = on_loop[edges.ends].all(axis=1) & edges.boundary
     faces = np.flatnonzero(low[edges.of].any(axis=1))
@@ -240,7 +260,7 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
 
 
 def soles(surface: Surface, height: float) -> list[Foot]:
-    """Return the lowest parts of a surface, on the ground if it is closed, without specks beside larger parts."""
+    """Return the lowest parts of a surface, on the ground if it is closed. Specks beside larger parts are left out."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * height
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
@@ -260,7 +280,7 @@ def _densified_line(P: Floats, step: float) -> Floats:
 
 
 def _stretches(loop: int, P: Floats, height: float, highest: float, span: float) -> list[Foot]:
-    """The feet along a boundary loop, the closed line P (k, 3), whose lowest points are at most at `highest`."""
+    """Return the feet along a boundary loop, the closed line P (k, 3), with lowest points at most at `highest`."""
     z = P[:, 2]
     if z.min() > highest:
         return []
@@ -276,9 +296,12 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
 
 
 def _valleys(z: Floats, depth: float) -> list[int]:
-    """Lowest places of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
-    Persistence of low points [Edelsbrunner, Letscher and Zomorodian 2002]: from the lowest up, each begins a pool.
-    Where two pools meet, the shallower one ends, and counts if it is at least `depth` deep."""
+    """Return the lowest places of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
+
+    Method: persistence of low points [Edelsbrunner, Letscher and Zomorodian 2002]. In ascending order, each low point
+    begins a pool. If two pools meet, the shallower pool ends, and its low point counts if the pool is at least `depth`
+    deep.
+    """
     k = len(z)
     pool = np.full(k, -1)
     lasting = {int(z.argmin())}
@@ -312,7 +335,7 @@ def _stretch_around(low: Bools, place: int) -> Bools:
 
 
 def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
-    """(k,) the stretch from the first to the last place of a connected `reach` of a closed line that is `low`."""
+    """Return the stretch (k,) from the first to the last `low` place of a connected part `reach` of a closed line."""
     begin = int(np.flatnonzero(reach & ~np.roll(reach, 1))[0]) if not reach.all() else 0
     turned = np.roll(reach & low, -begin)
     places = np.flatnonzero(turned)
@@ -321,8 +344,10 @@ def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
 
 
 def _widen_stretch(P: Floats, stretch: Bools, shortest: float) -> Ints:
-    """Indices of a stretch of a closed line P (k, 3), extended on its lower side until long enough; on both sides at
-    equal heights, so that a mirrored roof stays a mirror image."""
+    """Extend a stretch of a closed line P (k, 3) on its lower side until it is long enough; return its indices.
+
+    At equal heights it grows on both sides, so that feet of a mirrored roof are mirror images.
+    """
     k, z = len(P), P[:, 2]
     tolerance = 1e-4 * float(np.ptp(z))
     begin = int(np.flatnonzero(stretch & ~np.roll(stretch, 1))[0])
@@ -352,7 +377,9 @@ def _kind(surface: Surface, foot: Foot, span: float) -> str:
 
 
 def stems(surface: Surface, stands: Sequence[Foot], span: float) -> tuple[Foot, ...]:
-    """Return the lowest parts of a sheet that hangs from an upper rim, as a funnel: it could stand on them instead."""
+    """Return the lowest parts of a sheet that hangs from an upper rim, such as a funnel; they are an alternative
+    support.
+    """
     if not stands or not all(foot.name.startswith(RIM) for foot in stands):
         return ()
     x, y = surface.V[:, 0], surface.V[:, 1]

@@ -16,13 +16,17 @@ from dsfab.surface import Marks, marks_on_layers
 LAYERS = ("support", "load", "keep", "void")
 DRAWINGS = (".3dm", ".dxf")
 FORCE = 1000.0
-"""Placeholder of `load`: N for each point, N/m along each line and Pa within each closed curve."""
+"""Placeholder value of marks on the layer `load`: N for each point, N/m along each line and Pa within each closed
+curve.
+"""
 TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 
 def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
     """Return the marks on the four layers of the surface's file, by layer; {} for files without layers.
-    Raises SurfaceError for marks in a file whose z does not point to the sky."""
+
+    Raises SurfaceError for a file with marks if its z axis does not point to the sky.
+    """
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
         return {}
@@ -39,7 +43,7 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
     """Yield tables of a preset for the marks, a list of lines each.
-    file : relative to the preset's folder, or "" to write curves into the preset. edge : metres, of the triangles."""
+    file : path from the preset's folder, or "" for curves in the preset. edge : edge of the triangles, metres."""
     radius = round(0.6 * edge, 3)
     for word, layer_marks in marks.items():
         head = TABLES.get(word, "[[pattern.region]]")

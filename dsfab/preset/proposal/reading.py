@@ -32,34 +32,37 @@ from dsfab.surface import (
 )
 
 CLEAR_IN = {".3mf": np.inf, ".3dm": np.inf, ".dxf": np.inf, ".glb": np.inf, ".gltf": np.inf}
-"""Least score by which y must beat z, by suffix: infinite where the format or program defines the vertical axis (glTF's
-is z after reading), 0.5 where most files have z up."""
+"""Score by which the axis y must beat z, by suffix of the file. It is 0.5 where most files have z up.
+
+It is infinite where the format or program defines the vertical axis (z for glTF, whose axes the reader turns).
+"""
 CLEAR_IN |= dict.fromkeys((".stl", ".step", ".stp", ".brep"), 0.5)
 
 SLICE = 0.05
-"""Share of the height that counts as the bottom or the top."""
+"""Share of the height that belongs to the bottom or to the top of a surface."""
 SOLE = 0.03
 """A surface stands on vertices within this share of the height above its lowest point."""
 GROUND = 1e-3
-"""Share of its size within which a surface touches the plane through the origin."""
+"""Share of the surface's size. Nearer vertices touch the plane through the origin."""
 
 
 def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> Up:
-    """Return z; or y or -y if the surface clearly stands better so, as files of Blender and web tools may.
+    """Return the likely vertical axis: y or -y if the surface clearly stands better that way, as files of Blender and
+    web tools may; else z.
 
-    suffix : of its file, with the dot; see `CLEAR_IN`.
+    suffix : suffix of the file, with the dot; see `CLEAR_IN`.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
 
-    An open surface is judged by its area in plan, by the boundary at its bottom minus that at its top, and by its
-    stability; a closed one by its stability alone. Surfaces that end in level rings, as a tower or a bowl, have z up.
-    -y is up only for surfaces that reach below y = 0. A wall has no area in plan: if it stands on the ground with a
-    long edge, its axis is z, or y where its program has y up.
+    Three criteria judge an open surface: its area in plan, the boundary at its bottom minus that at its top, and its
+    stability. Stability alone judges a closed surface. Surfaces that end in level rings, such as a tower or a bowl,
+    have z up. -y is up only for surfaces that reach below y = 0. A wall has no area in plan. If a wall stands on the
+    ground with a long edge, its axis is z, or y for programs with y up.
     """
     if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
         return "z"
     if usual == "y" and _stands_on_ground(surface, "y"):
         return "y"
-    below = surface.V[:, 1].min() < -GROUND * surface.size  # else -y would put all of it under the ground
+    below = surface.V[:, 1].min() < -GROUND * surface.size  # else -y up would put the whole surface under the ground
     axes: tuple[Up, ...] = ("y", "-y") if below else ("y",)
     score = {axis: _standing(surface, axis) for axis in axes}
     best_axis = max(axes, key=lambda axis: score[axis])
@@ -67,8 +70,11 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
 
 
 def _stands_on_ground(surface: Surface, up: Up) -> bool:
-    """True for a wall or screen: it stands with a long edge on the plane through the origin, and its face crosses or
-    touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it."""
+    """Return True for a wall or screen that stands with a long edge on the plane through the origin.
+
+    With the other axis up, its face must cross or touch that plane. A roof with y up is above y = 0 and does not cross
+    it.
+    """
     V = upright_vertices(surface.V, up)
     level, y = V[:, 2], V[:, 1]  # the other candidate for the axis up
     limit = GROUND * surface.size
@@ -87,11 +93,13 @@ def _ends_in_level_rings(surface: Surface) -> bool:
     rings = [surface.V[loop] for loop in surface.loops]
     length = np.array([polygon_perimeter(ring) for ring in rings])
     level = np.array([np.ptp(ring[:, 2]) <= flat for ring in rings])
-    return bool(length[level].sum() > 0.8 * length.sum())  # the rest are doors and windows
+    return bool(length[level].sum() > 0.8 * length.sum())  # the rest of the level edges are at doors and windows
 
 
 def _standing(surface: Surface, up: Up) -> float:
-    """Score of a surface with the axis `up`; about 0 to 2 for an open surface, -0.2 to 0.4 for a closed surface."""
+    """Return the score of a surface with the axis `up`: about 0 to 2 for an open surface, -0.2 to 0.4 for a closed
+    surface.
+    """
     V = upright_vertices(surface.V, up)
     stability = _stability(V, surface)
     if is_nearly_closed(surface):
@@ -112,14 +120,16 @@ def is_nearly_closed(surface: Surface) -> bool:
 
 
 def _stability(V: Floats, surface: Surface) -> float:
-    """Distance of the centre of mass inside of the base, over the side of a square of the surface's area.
-    V : (n, 3) its vertices with z up. Between -0.2, it falls over, and 0.4."""
+    """Return the distance of the centre of mass inside the base, over the side of a square of the surface's area.
+
+    V : (n, 3) its vertices with z up. The result is between -0.2 (the surface falls over) and 0.4.
+    """
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     try:
         plane = ConvexHull(base_points).equations  # a point is inside where all of them are negative
     except (QhullError, ValueError):
-        return -0.2  # a point or a line: it stands on no area
+        return -0.2  # the base is a point or a line
     inside = -(plane[:, :2] @ middle + plane[:, 2]).max()
     return float(np.clip(inside / np.sqrt(surface.area), -0.2, 0.4))
 
@@ -128,19 +138,22 @@ UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
 SMALLEST, LARGEST = 0.02, 1000.0
-"""Longest side (m) of a surface at least and at most; beyond, its unit is doubtful."""
+"""Limits of the longest side (m) of a surface, beyond which its unit is doubtful."""
 USUAL = 2.0, 100.0
-"""Usual longest side (m); beyond, sizes in other units are listed if the file has no unit."""
+"""Usual longest side (m). If a file has no unit and another size, dsfab lists its sizes in further units."""
 POSSIBLE = 0.2, 500.0
-"""The same for the sizes that `dsfab inspect` lists."""
+"""Longest side (m) of the sizes in further units that `dsfab inspect` lists."""
 GUESSED = ("mm", "cm", "m", "in", "ft")
 """Units to guess for files without one."""
 
 
 @dataclass(frozen=True)
 class Decision:
-    """A decision. topic : a word or two. choice : the choice and its reason. change : key of the preset, or option,
-    that changes it."""
+    """A decision of dsfab for the user's preset.
+
+    topic : a word or two. choice : the choice and its reason. change : the key of the preset, or the option, that
+            changes it.
+    """
 
     topic: str
     choice: str
@@ -149,7 +162,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """A mesh as a surface, metres, z up, with its keys of [surface]. repaired : differences from its file."""
+    """The user's mesh as a surface, metres, z up, with its keys of [surface]. repaired : differences from its file."""
 
     surface: Surface
     name: str
@@ -161,9 +174,11 @@ class UserMesh:
 def mesh_in_file(
     path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None, raw: RawMesh | None = None
 ) -> UserMesh:
-    """Return the mesh in a file; unit and vertical axis are guessed by default.
-    max_triangles : limit of the file. raw : its content, if read before.
-    Raises SurfaceError for a file that cannot be read, or that is no sheet even after mending."""
+    """Return the mesh in a file; by default dsfab guesses unit and vertical axis.
+
+    max_triangles : limit of the file. raw : its content, if the caller has read it.
+    Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair.
+    """
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
     unit_is_given, unit = unit is not None, unit or unit_guess(raw)
@@ -245,16 +260,20 @@ def _with_z_up(
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
-    """Origin of a surface: whole metres near its lowest corner along axes on which it is far off, else 0."""
+    """Return an origin in whole metres near the lowest corner of a surface far from 0; 0 along axes on which it is
+    near.
+    """
     low = surface.V.min(axis=0)
-    # single precision (STL) is coarser there than a hundred-thousandth, and CAD programs lose digits
+    # far from 0, single precision (STL) rounds by over a hundred-thousandth, and CAD programs lose digits
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
     return tuple(np.where(is_far, np.floor(low), 0.0).tolist())
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
-    """Return a doubt about the unit for a box of unusual sides (m); '' for usual ones. Mostly the unit is wrong, or the
-    file was scaled twice."""
+    """Return a doubt about the unit if the sides of the box (m) are unusual; '' for usual sides.
+
+    Mostly the unit is wrong, or a program scaled the file twice.
+    """
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
     doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"
@@ -262,7 +281,9 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
 
 
 def _alternative_units(surface: Surface, unit: str) -> str:
-    """Sizes in other units, if the unit is a guess with an unusual size and another unit gives a usual one."""
+    """Return sizes in further units, if the unit is a guess with an unusual size and a different unit gives a usual
+    size.
+    """
     sides = np.ptp(surface.V, axis=0).tolist()
     alternatives = [] if USUAL[0] <= max(sides) <= USUAL[1] else sizes_in_other_units(sides, unit, USUAL)
     return f" (the file does not say; {'; '.join(alternatives)})" if alternatives else ""

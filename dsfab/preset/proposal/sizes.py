@@ -1,4 +1,4 @@
-"""Sensible sizes for a surface: spacing of members, edges of its mesh, thickness, widths."""
+"""Sensible sizes for a surface: spacing of members, edges of the mesh, thickness, widths."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,28 +12,33 @@ from dsfab.surface import Surface
 MEMBERS = 16
 """Members across the shorter side of the plan."""
 COARSEST, FINEST = 2.5, 3.5
-"""Least and largest number of edges of the mesh per spacing: fewer draw no clean stripes, more only take longer."""
+"""Least and largest number of edges of the mesh per spacing. Fewer edges give ragged stripes; more edges only take
+longer.
+"""
 TRIANGLES = 6500
-"""Usual triangles of the mesh within these limits; the solid then has 30 000 faces, which CAD programs still open."""
+"""Usual number of triangles of the mesh within these limits. The solid then has 30 000 faces, which CAD programs
+can open.
+"""
 SLENDER = {"steel": 200, "timber": 100}
 """Span over thickness by material."""
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
-"""Spans of more than this many times the shorter side of the plan govern the thickness. A square on its corners spans
-its diagonal, 1.41 sides."""
+"""Ratio of the span to the shorter side of the plan above which the span governs the thickness. A square on its
+corners spans its diagonal, 1.41 sides.
+"""
 THICKEST = 1 / 5
 """Largest thickness for a long span, as a share of the spacing, because members are hardly wider than that."""
 MODEL = 3.0
-"""Surfaces smaller than this (m) are printed models."""
+"""Metres; dsfab treats smaller surfaces as printed models."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Lengths in metres. edge is 0 if the mesh stays as it is.
+    """Lengths in metres; `edge` is 0 if the mesh stays as it is.
 
     own     : mean edge of the user's mesh.
-    span    : shorter side of the plan, see `shorter_side`, or the span of a roof if that is far less.
-    bridged : span between its supports, if that is far longer.
+    span    : shorter side of the plan, see `shorter_side`, or the span of a roof if this is far smaller.
+    bridged : span between the supports, if this is far longer.
     """
 
     span: float
@@ -55,15 +60,17 @@ class Sizes:
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
-        """Return the sizes for a surface on feet (k, 3): thicker for a span far beyond the shorter side of its plan;
-        for a roof with a far smaller span, as around a courtyard, those of its span.
+        """Return the sizes for a surface on feet (k, 3): thicker if its span is far longer than the shorter side of
+        its plan.
 
-        The span is twice the distance in plan from the farthest vertex to the feet. The thickness is 1.1 times that
-        for the geometric mean of span and side, because such a sheet bends most at its clamped ends. Buckling load
-        factors of uncut steel sheets: a footbridge of 3 m x 30 m, 1.6 at the 15 mm of its side, 8.5 at 40 mm, 11.6 at
-        80 mm; a roof of 12 m x 24 m, 13 at 60 mm, 56 at 130 mm. The spacing grows with the thickness: an arched timber
-        deck of 3.7 m x 60 m had 144 % utilisation at 100 mm (a fifth of the spacing of its side), 106 % at 145 mm and
-        96 % at 160 mm.
+        A roof with a far smaller span, as around a courtyard, has the sizes for that span. The span is twice the
+        distance in plan from the farthest vertex to the feet. The thickness is 1.1 times the usual one for the
+        geometric mean of span and side, because such a sheet bends most at its clamped ends. The spacing grows with
+        the thickness.
+
+        Buckling load factors of uncut steel sheets: a footbridge of 3 m x 30 m, 1.6 at the 15 mm of its side, 8.5 at
+        40 mm, 11.6 at 80 mm; a roof of 12 m x 24 m, 13 at 60 mm, 56 at 130 mm. An arched timber deck of 3.7 m x 60 m
+        had a utilisation of 144 % at 100 mm (a fifth of the spacing of its side), 106 % at 145 mm, 96 % at 160 mm.
         """
         if is_figure(surface) or not feet:
             return self
@@ -90,8 +97,9 @@ class Sizes:
 
     @property
     def fillet(self) -> float:
-        """Radius of the corners of openings: their tips are then wider than the thickness, because arcs are drawn by
-        chords."""
+        """Radius of the corners of openings. Chords replace the arcs, so corners are wider than the thickness of
+        the sheet.
+        """
         return two_digits(max(0.06 * self.spacing, 0.55 * self.thickness))
 
 
@@ -101,7 +109,7 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
     figure = is_figure(surface)
     span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))
-    cells = 550  # more openings are no pattern, and take long
+    cells = 550  # more openings do not look like a pattern, and take long
     spacing = two_digits(max(square / 18 if figure else span / MEMBERS, square / np.sqrt(cells)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
     thick = spacing / 8 if figure else span / slenderness(material)
@@ -109,7 +117,9 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
 
 
 def shorter_side(surface: Surface) -> float:
-    """Return the shorter side of a surface's plan, metres; for a wall, whose plan is a line, that of its face."""
+    """Return the shorter side of a surface's plan, metres. A wall, whose plan is a line, has the shorter side of
+    its face.
+    """
     across, face = float(np.ptp(surface.V, axis=0)[:2].min()), float(np.sort(np.ptp(surface.V, axis=0))[1])
     return face if across < face / 4 else across
 
@@ -120,7 +130,7 @@ def slenderness(material: str) -> int:
 
 
 def is_figure(surface: Surface) -> bool:
-    """Return True if the surface is closed, or nearly so, as a head on its neck."""
+    """Return True if the surface is closed, or nearly closed, such as a head on its neck."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
 
 

@@ -16,8 +16,10 @@ from dsfab.surface import Boundary, Marks, Surface, one_sided_pieces
 
 
 def snow_on_top(surface: Surface) -> str | None:
-    """Return the picker of faces with snow on an open surface that is no roof, as the top of a ball; normals may point
-    either way. None for models, and for surfaces without a top (wall, tower) or an outside."""
+    """Return the picker of faces with snow on an open surface that is not a roof, such as the top of a ball.
+
+    Normals may point either way. None for models, and for surfaces without a top (wall, tower) or an outside.
+    """
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
     if surface.size < MODEL or edge**2 > 16 * surface.area or is_nearly_closed(surface) or _one_sided(surface):
         return None
@@ -31,7 +33,7 @@ def snow_on_top(surface: Surface) -> str | None:
 
 
 def wind_lines(surface: Surface) -> list[str]:
-    """Return lines of a preset for wind on the broadest side of a surface that is no roof; empty for a model."""
+    """Return lines of a preset for wind on the broadest side of a surface that is not a roof; empty for a model."""
     if surface.size < MODEL or _one_sided(surface):
         return []
     seen: Floats = surface.areas @ np.abs(surface.normals)
@@ -46,7 +48,7 @@ def _one_sided(surface: Surface) -> bool:
 
 
 SNOW = 750.0
-"""Placeholder of the snow on the plan (Pa), to replace by the local code's value."""
+"""Placeholder of the snow on the plan (Pa); the user must replace it by the local code's value."""
 SHARE = 0.45
 """Share of the surface that stays material."""
 
@@ -60,10 +62,13 @@ def proposal_text(
     snow: bool,
     marks: Mapping[str, Marks],
 ) -> str:
-    """Return the preset as TOML with comments. keys : of [surface], which define the mesh. notes : topic -> choice.
-    marks : marks of the file, which take the place of proposed feet."""
+    """Return the preset as TOML with comments.
+
+    keys : keys of [surface], which define the mesh. notes : topic -> choice. marks : marks of the file, which replace
+           proposed feet.
+    """
     surface, stand = user_mesh.surface, () if "support" in marks else stands
-    file = "" if "origin" in keys else str(keys.get("file"))  # drawings keep the origin of their own file
+    file = "" if "origin" in keys else str(keys.get("file"))  # a new origin does not move the drawings in the file
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
@@ -114,7 +119,7 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
 def _supports(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterator[list[str]]:
     for foot in stands:
         yield _support(surface, size, foot)
-    for stem in stems(surface, stands, size.span):  # a surface on a stem need not hang from its rim
+    for stem in stems(surface, stands, size.span):  # a surface that stands on a stem may do without supports at its rim
         yield [
             f"# {line}" for line in ("To stand on a stem, take these lines instead:", *_support(surface, size, stem))
         ]

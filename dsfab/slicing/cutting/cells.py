@@ -25,12 +25,12 @@ class Cells:
 
     @classmethod
     def triangles(cls, F: Ints) -> "Cells":
-        """Return the faces F (m, 3) as polygons."""
+        """Return the triangles F (m, 3) as polygons."""
         return cls(np.arange(0, 3 * len(F) + 1, 3), F.ravel())
 
     @cached_property
     def sizes(self) -> Ints:
-        """(c,) number of corners."""
+        """(c,) number of corners of each polygon."""
         return np.diff(self.start)
 
     @cached_property
@@ -53,7 +53,7 @@ class Cells:
         return result
 
     def per_polygon(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
-        """(c,) values (h,) on the slots, reduced over each polygon by `ufunc`."""
+        """Reduce values (h,) on the slots to one value (c,) for each polygon, by `ufunc`."""
         if len(values) == 3 * len(self.sizes):  # triangles only
             a, b, c = values.reshape(-1, 3).T
             return np.asarray(ufunc(ufunc(a, b), c))
@@ -74,7 +74,7 @@ class Cells:
         return np.asarray(np.repeat(self.start[which] - (ends - sizes), sizes) + np.arange(int(sizes.sum())))
 
     def subset(self, which: Ints) -> "Cells":
-        """Return the polygons (k,) as a list of their own."""
+        """Return the polygons (k,) as a separate list."""
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[self.slots(which)])
 
     def _slice(self, begin: int, end: int) -> "Cells":
@@ -97,14 +97,16 @@ class Cells:
 
 
 LARGEST = 9
-"""`triangulate` halves larger polygons by chords first, because its dynamic programme takes cubic time."""
+"""Most corners for `triangulate` at once, because its dynamic programme takes cubic time; it first halves larger
+polygons.
+"""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
     """Fill convex polygons with triangles (m, 3), all oriented alike; return also the polygon (m,) of each, ascending.
 
     X : (n, 3) positions. Polygons may have straight corners (180 degrees) but must have an area. Then every triangle
-    has an area, and each side of a polygon is a side of one triangle, so that neighbours fit.
+    has an area too. Each side of a polygon is a side of one triangle, so that neighbouring polygons fit.
     """
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
@@ -190,7 +192,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
     upto = np.concatenate([np.zeros((len(fan), 1)), np.cumsum(fan, axis=1)], axis=1)
     i, j = np.triu_indices(size, 2)
-    i, j = i[j - i < size - 1], j[j - i < size - 1]  # the pair 0, size - 1 is a side
+    i, j = i[j - i < size - 1], j[j - i < size - 1]  # the chord of this pair would be a side
     corner = np.linalg.norm(np.cross(spoke[:, i], spoke[:, j]), axis=2)
     ear = upto[:, j] - upto[:, i] - corner  # twice the area of i, i + 1, ..., j
     choice = np.minimum(ear, upto[:, -1:] - ear).argmax(axis=1)
@@ -204,13 +206,13 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Least snap fraction, even at snap = 0: lines nearer to a vertex go through it."""
+"""Least snap fraction: even at snap = 0, a line nearer to a vertex than this goes through the vertex."""
 TIP = 1e-3
-"""Both edges of a stripe of varying width meet if they are closer than this share of a side (or the smaller snap)."""
+"""The edges of a stripe of varying width meet if they are closer than this share of a side (or the smaller snap)."""
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
-    """(n,) the level nearest to each value x (n,); levels (k,) ascend."""
+    """Return for each value x (n,) the nearest of the ascending levels (k,)."""
     upper_index = np.searchsorted(levels, x)
     below, above = levels[np.maximum(upper_index - 1, 0)], levels[np.minimum(upper_index, len(levels) - 1)]
     closest: Floats = np.where(np.abs(x - below) < np.abs(above - x), below, above)
@@ -239,16 +241,16 @@ def snap_values(
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
     """Return a copy of x (n, 2), two fields on the same levels, with the relatively nearer value moved onto its level.
 
-    reach : (n, 2) the largest range of each over the edges at a vertex.
+    reach : (n, 2) the largest range of each field over the edges at a vertex.
 
-    The other value moves by as much, so that a stripe keeps its width, but not across a level. Fields at a constant
-    distance move as a single field with the levels of both would.
+    The second value moves by as much, so that a stripe keeps its width, but never across a level. Two fields at a
+    constant distance move like a single field that has the levels of both.
     """
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # a tie moves the value up
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # at a tie the value moves up
     upper_nearer = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([upper_nearer, ~upper_nearer], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)
@@ -280,4 +282,4 @@ def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floa
 
 def _rounding(x: Floats) -> float:
     """Rounding error of a constant field that an earlier cut has interpolated."""
-    return float(8 * np.spacing(np.abs(x).max()))  # 8 units in the last place
+    return float(8 * np.spacing(np.abs(x).max()))  # the error is below 8 units in the last place

@@ -129,9 +129,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """(h,) sides on edges across which the field changes its sign: those of the first polygon, and of the
-        second.
-        """
+        """(h,) sides of the first and of the second polygon on edges across which the field changes its sign."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -156,12 +154,14 @@ class PolygonField:
 def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snap: float, tip: float, size: float
 ) -> tuple[PolygonMesh, Bools]:
-    """Cut the void polygons along the edges of the stripes of a corner field; return also the new material (c',).
+    """Cut the void polygons along the edges of the stripes of a corner field; return also a mask (c',) of the new
+    material.
 
     snap, tip : see `cut` and `TIP`.    size : of the surface, metres.
 
-    If neighbours see the field with opposite signs, the upper edge of a stripe in one is the lower edge in the other.
-    Such an edge of the mesh is divided by both fields before anything is cut, so that both find the same vertices.
+    If neighbours see the field with opposite signs, the upper edge of a stripe in one face is the lower edge in the
+    next.
+    Both fields divide such a mesh edge before the cut, so that both faces get the same vertices.
     """
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
@@ -181,14 +181,14 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """(c',) void polygons of blank faces with stripes along more than half of their outline: nodes of stripes."""
+    """(c,) mask of nodes: void polygons of blank faces with stripes along more than half of their outline."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
     owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
     touched = np.zeros(len(mesh.X), dtype=bool)
     touched[corner[inner[owner]]] = True
-    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # no other side is on an edge of these
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # only these sides can lie on marked edges
     p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
     order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
@@ -198,8 +198,10 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """(c,) polygons in openings with enough of a wanted share (m,), and on members between them that are cut again."""
-    least = 0.5  # share of an opening in which the field is wanted
+    """(c,) mask of polygons in openings that want the field on enough area (m,), and of members between such
+    openings.
+    """
+    least = 0.5  # an opening needs stripes in this share of its area
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
@@ -257,7 +259,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices on edges across which the field changes sign, at levels of the first polygon's field on
+        """Add vertices where the field changes sign across an edge, at the levels that the first polygon sees on
         `side`.
         """
         leading, second = self.seen.turned_edges()
@@ -275,7 +277,7 @@ class StripeCut:
         """Cut the active polygons along the levels of one side of the field; return also the number of levels below
         (c',).
 
-        above : the strip of a polygon that lies on a level. Like `clean_split`, it leaves no polygon without area.
+        above : the strip of a polygon that lies on a level. Like `clean_split`, this leaves no polygon without area.
         """
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):

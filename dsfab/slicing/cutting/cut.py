@@ -39,10 +39,10 @@ def cut(
     """Cut a surface along the levels of several fields; return all cells, material and void.
 
     fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
-             varies over a face: two fields z + d and z - d, levels at the middles of the stripes. A `CornerField` is
-             the same for values that differ between the faces at a vertex. A `DividedField` is linear over parts of
-             faces; all of them have one division, and come before any `CornerField`.
-    levels : ascending values for each field. Strip j of a field has j levels below it; odd strips are material, and so
+             varies over a face: two fields z + d and z - d, with levels at the middles of the stripes. A `CornerField`
+             holds values that differ between the faces at a vertex. A `DividedField` is linear over parts of faces;
+             all divided fields have one division, and come before any `CornerField`.
+    levels : ascending values for each field. Strip j of a field has j levels below it. Odd strips are material, and so
              is the union over the fields. Two equal levels (see `LEVEL_GAP`) enclose nothing and are left out.
              Of two fields, material is where the first has more levels below it than the second: |z - level| < d.
     snap   : fraction of a vertex's largest edge range (0 to 0.4). The cut first moves values that are closer to a level
@@ -58,7 +58,7 @@ def cut(
 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
-    """Fill the polygons of `cut_polygons` with triangles; raises PatternError as `cut` does."""
+    """Fill the polygons of `cut_polygons` with triangles; raise PatternError in the same cases as `cut`."""
     cut_surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs)
 
@@ -91,7 +91,7 @@ def cut_polygons(
 
 
 def adjacent_faces(surface: Surface, faces: Bools) -> Bools:
-    """Return a mask (m,) of the faces that share a vertex with marked faces (m,), without these."""
+    """Return a mask (m,) of the unmarked faces that share a vertex with marked faces (m,)."""
     return faces_at(surface.F, corners_of(surface.F, faces, surface.n)) & ~faces
 
 
@@ -186,9 +186,9 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """The levels without repetitions. An odd number of equal levels leaves one, an even number none.
+    """The levels without repetitions: an odd number of equal levels leaves one level, an even number none.
 
-    For two fields each group leaves one.
+    For a pair of fields, any number of equal levels leaves one level.
     """
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():

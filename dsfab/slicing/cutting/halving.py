@@ -1,8 +1,8 @@
 """Halving of two families of lines in the openings between them.
 
-Lines that run together crowd. There every second line is left out, or three of four: line k stays if it is a multiple
-of 2^level. Lines must end on other lines. So a level belongs to an opening between lines that are drawn in any case:
-first the coarse lines of both families, then also the finer ones of the first family.
+Where lines crowd, the halving leaves out every second line, or three of four: line k stays if it is a multiple
+of 2^level. Lines must end on other lines. So each opening between lines that are always drawn has one level:
+first openings between the coarse lines of both families, then also between the finer lines of the first family.
 """
 
 from dataclasses import dataclass, replace
@@ -17,9 +17,9 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""Least gain of evenness, as a power of two of P95 over P5 of the spacings, for leaving out more lines.
+"""Least gain of evenness for leaving out more lines, as a power of two of P95 over P5 of the spacings.
 
-Crowded lines are stressed; structures are up to a tenth softer without them.
+Stress makes lines crowd; structures are up to a tenth softer without these lines.
 """
 
 
@@ -29,7 +29,7 @@ class LineHalving:
 
     mesh   : its polygons.    level : (c, 2) number of halvings of each family in each polygon.
     phases : the fields, moved onto vertices that a line nearly meets.
-    first  : the family whose lines came first; lines of the other one may end on them.
+    first  : the family whose lines came first; lines of the second family may end on them.
     """
 
     mesh: PolygonMesh
@@ -101,7 +101,7 @@ def _snapped_field(mesh: PolygonMesh, field: CornerField, size: float) -> Corner
 
 
 def _multiples(field: CornerField, F: Ints, period: int, offset: int) -> Floats:
-    """offset + j period, j whole, over all values of a field."""
+    """The levels offset + j period, for whole numbers j, over all values of a field."""
     reach = np.ceil(max(np.abs(field.corners(F)).max(), np.abs(field.x).max()) / period) + 1
     return np.asarray(offset + period * np.arange(-reach, reach + 1))
 
@@ -122,7 +122,7 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
     """(p,) for the pairs of neighbours: True if a line between them is a multiple of the smaller of their periods (c,).
 
     Neighbours see the field with their own sign and shift. The strip between two lines is identified by its middle,
-    half of a whole number, which is converted without rounding. Blank faces are all walls.
+    half of a whole number, because conversion is exact for it. Blank faces are walls on all sides.
     """
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
@@ -139,8 +139,8 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
     """(c,) the whole number under the mean target of each opening, 0 to the limit; see `split_value`.
 
-    A part of an opening may want more than the limit. That counts if spacings become more even by `GAIN`. For example,
-    an opening with targets 2 and 0.4 is halved once under a limit of 1; otherwise it would never be.
+    The target of a part of an opening may exceed the limit. That counts if spacings become more even by `GAIN`. For
+    example, an opening with targets 2 and 0.4 is halved once under a limit of 1; with capped targets it never would be.
     """
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls

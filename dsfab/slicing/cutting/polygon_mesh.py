@@ -53,7 +53,7 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Make polygons (c,) material of field k if they are void; in a blank face (m,) they become a joint, where
+        """Make polygons (c,) material of field k if they are void; in blank faces (m,) they become joints, where
         stripes end.
         """
         new_material = material & self.void
@@ -78,7 +78,7 @@ class PolygonMesh:
 
     @cached_property
     def support(self) -> Ints:
-        """(n',) for each vertex one of the uncut vertices around it."""
+        """(n',) one uncut vertex near each vertex: a corner of the edge or face that the vertex lies in."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split) -> "PolygonMesh":
@@ -90,8 +90,8 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """(p,) slots of both sides of each inner edge, and the slot of the second polygon at the start of the first
-        side.
+        """(p,) the slots of both sides of each inner edge, and the slot of the second polygon at the start of the
+        first side.
         """
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
@@ -121,7 +121,7 @@ class PolygonMesh:
         return np.ascontiguousarray(self.F.T)
 
     def corner(self, face: Ints, vertex: Ints) -> Ints:
-        """(k,) position in `face` (k,) of the uncut vertices (k,), which must be its corners."""
+        """Return the positions (k,), 0 to 2, of uncut vertices (k,) in faces (k,) that must have them as corners."""
         _, second, third = self._corners
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
@@ -146,7 +146,7 @@ def weights_after_split(weights: csr_array, split: Split) -> csr_array:
 class Tidy:
     """Stripes that `tidied_polygons` may remove, so that later fields must divide them too.
 
-    striped : for each field True if it draws stripes; other material stays.
+    striped : for each field True if it draws stripes; material of other fields stays.
     astray  : for each field (m,) faces in which its stripes run across their direction, or None.
     anchor  : (n,) vertices at which stripes may end: supports and loads.
     closed  : for each field (n,) values or None: openings with a positive mean become material.
@@ -178,7 +178,7 @@ class Tidy:
 class Contacts:
     """Stretches of outline along which parts touch.
 
-    parts  : (k, 2) both parts of each; the second is -1 for an edge of the surface or an anchor.
+    parts  : (k, 2) both parts of each stretch; the second is -1 for an edge of the surface or an anchor.
     length : (k,) metres.
     links  : (l, 2) consecutive stretches of one part; k is added to the number of a stretch seen from its second part.
     around : (p,) metres, the outline of each part.
@@ -233,10 +233,11 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """(p,) parts that touch others, or an edge of the surface, at one place, along less than half their outline.
+        """(p,) parts that touch other parts or an edge of the surface at one place only, along less than half their
+        outline.
 
-        Consecutive stretches count as one place. For example, a stripe that ends in the corner between two others has
-        one.
+        Consecutive stretches count as one place. For example, a stripe that ends in the corner between two stripes has
+        one place.
         gone : (p,) parts that are removed already.
         """
         part, _, length, row = self._remaining(gone)
@@ -255,7 +256,9 @@ class Contacts:
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """(p,) parts that the last removal disconnected from all supports: parts that stay, edges and anchors."""
+        """(p,) remaining parts that a removal cut off from all supports: edges, anchors and the parts that always
+        stay.
+        """
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:
@@ -278,7 +281,7 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Pairs (l,), (l,) of sides of the same group (k,) that share one of their ends (k, 2), vertices below `count`."""
+    """Pairs (l,), (l,) of sides of the same group (k,) with a common vertex; ends (k, 2) are vertices below `count`."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

@@ -95,8 +95,8 @@ class Sheet:
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
         """Interpolate values x (m, 3, k) at the corners of the uncut faces F (m, 3) to this sheet's vertices (n', k).
 
-        Each vertex takes them from the parent of the first cell around it. On a Moebius strip other faces may see
-        vectors from their other side. Equals `carry` if the corners at each vertex agree.
+        Each vertex takes the values from the parent of the first cell around it. On a Moebius strip other faces may see
+        vectors from their other side. The result equals `carry` if the corners at each vertex agree.
         """
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
@@ -164,7 +164,7 @@ class Sheet:
 
 
 def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
-    """Return (k, 3) columns and values of the rows of barycentric weights (k, n), padded with zeros."""
+    """Return columns and values (k, 3) each, padded with zeros, of the rows of barycentric weights (k, n)."""
     count = np.diff(weights.indptr)
     place = np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], count)
     row = np.repeat(np.arange(len(count)), count)
@@ -182,7 +182,7 @@ def face_subset(surface: Surface, mask: Bools) -> tuple[Surface, Ints]:
 
 
 def parent_edges(part: Surface, surface: Surface, faces: Ints) -> Ints:
-    """(e,) the edges of the surface that belong to those of a part; `faces` (f,) are the indices of its faces."""
+    """(e,) the edges of the surface that are the edges of a part; `faces` (f,) are the indices of the part's faces."""
     edges = np.empty(len(part.edges.ends), dtype=np.int64)
     edges[part.edges.of] = surface.edges.of[faces]
     return edges
@@ -194,8 +194,8 @@ def inner_walls(void: Surface, surface: Surface, faces: Ints) -> Bools:
 
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
-    """(count,) hydraulic diameters 4 area / perimeter of the pieces of a part; infinite for a piece not enclosed by
-    walls.
+    """(count,) hydraulic diameters 4 area / perimeter of the pieces of a part; infinite where walls do not enclose
+    a piece.
     """
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)

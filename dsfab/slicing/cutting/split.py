@@ -88,7 +88,7 @@ class SideValues:
         which = np.flatnonzero(foreign)
         touched = np.zeros(int(a.max()) + 1, dtype=bool)
         touched[a[which]] = touched[b[which]] = True
-        candidates = np.flatnonzero(touched[a] & touched[b])  # no other side is on an edge of these
+        candidates = np.flatnonzero(touched[a] & touched[b])  # only these sides can lie on foreign edges
         p, q = a[candidates], b[candidates]
         order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
         first_slot = np.minimum.reduceat(np.where(foreign[candidates], len(a), candidates)[order], begins)[edge]
@@ -104,7 +104,7 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """(h,) positions among the levels of the values at the start and at the end of every side; see `_level_places`.
+        """(h,) each: where the values at the start and the end of every side lie among the levels, see `_level_places`.
 
         only : slots (k,) to evaluate; the rest is 0.
         """
@@ -171,14 +171,14 @@ def split_cells(
 
     Two polygons may see a field differently, by sign or shift; they still find the same crossings of their common edge.
 
-    levels : (l,) strictly ascending. Inactive polygons get the new vertices of sides that they share with active ones,
-             and stay whole. A side that lies on a level goes with the side before it.
-    above  : (l,) True: a polygon with all corners on a level gets the strip above it; default: the even one, void.
+    levels : (l,) strictly ascending. Inactive polygons get the new vertices of sides that they share with active
+             polygons, and stay whole. A side that lies on a level belongs to the strip of the side before it.
+    above  : (l,) True: a polygon with all corners on a level gets the strip above it; default: the even strip, void.
     live   : (h,) all sides of edges that get new vertices even without an active polygon.
     """
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
-    if live is not None and not active.any():  # other polygons are not changed
+    if live is not None and not active.any():  # without an active polygon, only polygons at live sides change
         only = cells.slots(np.flatnonzero(cells.per_polygon(np.logical_or, live)))
     ends = x.places(cells, levels, only)
     lowest, highest = (cells.per_polygon(np.minimum, ends[0]) + 1) // 2, cells.per_polygon(np.maximum, ends[0]) // 2
@@ -187,7 +187,7 @@ def split_cells(
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
     strip = np.where(
         highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest
-    )  # strip numbers of polygons that no level cuts
+    )  # these are strip numbers of polygons that no level cuts
     strip[~active] = -1
     which = np.flatnonzero(highest > lowest)
     slots = cells.slots(which)
@@ -233,7 +233,7 @@ def _sides(
     gets_vertices = active[cells.owner[crossed]]
     if live is not None:
         gets_vertices = gets_vertices | live[slots[crossed]]
-    if len(x.foreign) and len(first_sides):  # take the first side whose polygon has values
+    if len(x.foreign) and len(first_sides):  # take values from a polygon that has them
         foreign = np.zeros(len(x.start), dtype=bool)
         foreign[x.foreign] = True
         rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
@@ -264,7 +264,7 @@ def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
-    step = np.arange(offset[-1]) - offset[side]  # 0 at the old corner, then 1, 2, ... along the side
+    step = np.arange(offset[-1]) - offset[side]  # the old corner is 0, new ones follow
     climbed = np.where(sides.up[side], step, sides.count[side] - step)
     corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
     corner[offset[:-1]] = cells.corner
@@ -277,7 +277,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # a polygon that has none yet takes its last one
+    before = source < cells.start[:-1][cells.owner]  # before its first strip a polygon takes its last strip
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
@@ -285,8 +285,8 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
 def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
     """Polygons of one strip each: the sides of one strip of one polygon, closed by chords.
 
-        b            Sides a-b and c-d are of strip 1. Each gives its first corner, and its last one too
-      / |  strip 2   if the next side is of another strip (b and d): a b c d is the new polygon, with
+        b            Sides a-b and c-d are of strip 1. Each gives its first corner. It also gives its last corner
+      / |  strip 2   if the next side is of another strip (b and d). So a b c d is the new polygon, with
     a   |            the chords b-c and d-a.
     |   c
     d /   strip 0
@@ -307,7 +307,7 @@ def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells,
 def _with_pieces(
     cells: Cells, strip: Ints, which: Ints, pieces_of_split: tuple[Cells, Ints, Ints], new_vertices: _NewVertices
 ) -> Split:
-    """Polygons in order, the rows `which` (k,) replaced by their pieces; strip : (c,) of the unchanged polygons."""
+    """Replace the polygons `which` (k,) by their pieces, in order; strip : (c,) of the unchanged polygons."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))
@@ -325,7 +325,7 @@ def _with_pieces(
 
 
 CELL_AREA = 1e3 * ZERO_AREA
-"""Least area of a cell as a share of the squared size, with a margin over the least area that `Surface` accepts."""
+"""Least area of a cell, as a share of the squared size: the least area that `Surface` accepts, with a margin."""
 ROUNDS = 12
 """Most rounds of moving the vertices of cells without area."""
 
@@ -333,7 +333,7 @@ ROUNDS = 12
 class Snapping(NamedTuple):
     """Rules for moving values onto levels before a cut.
 
-    fraction : of an edge's range.
+    fraction : largest move, as a share of an edge's range.
     size     : of the surface, metres.
     hold     : vertices whose value never moves.
     """
@@ -370,7 +370,9 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """(k,) vertices, of X (n, 3), of the divided cells without area."""
+    """Return the vertices (k,) that are corners of divided cells without area; X (n, 3) are the positions of all
+    vertices.
+    """
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided

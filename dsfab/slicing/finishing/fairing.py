@@ -15,18 +15,18 @@ from dsfab.slicing.finishing.walls import Walls
 from dsfab.surface import Surface
 
 CORNER = float(np.radians(25))
-"""A wall that turns by more has a corner."""
+"""The wall has a corner where it turns by more than this angle, radians."""
 REACH = 2.0
 """Fairing removes waves of a wall shorter than 2 pi times this number of segments."""
 BEND = 0.4
-"""Segments: shorter walls bend less."""
+"""Fairing reduces bends of a wall over fewer segments than this number."""
 
 
 class Freedom(NamedTuple):
     """Possible moves of wall vertices. vertex : (k,).    along : (k, 2, 3) unit directions, 0 for a missing one.
 
-    share : (k, 2, 3) change of the weights of the columns `column` (k, 3) for a metre along each.
-    most  : (k,) metres, a tenth of the mesh edge of the vertex, twice the largest snap onto vertices.
+    share : (k, 2, 3) change of the weights of the columns `column` (k, 3) for a metre along each direction.
+    most  : (k,) largest moves, metres: a tenth of the mesh edge of the vertex, twice the largest snap onto vertices.
     """
 
     vertex: Ints
@@ -65,9 +65,9 @@ def _freedom(sheet: Sheet, walls: Walls) -> Freedom:
 
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
-    """Return the possible moves of vertices (k,) with rows of weights (k, n) on the uncut ones.
+    """Return the possible moves of vertices (k,) with rows of weights (k, n) on the uncut vertices.
 
-    Vertices on edges slide along them, vertices within faces move anywhere in them, others are left out.
+    A vertex on an edge slides along it, and a vertex within a face moves anywhere in it. Uncut vertices are left out.
     """
     column, weight = weight_entries(weights)
     has_weight = weight > 0
@@ -114,7 +114,7 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]  # vertices that are nearer count as this far apart
+        q, least = points[used], 0.02 * segment[used]  # nearer vertices count at this distance
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -125,7 +125,7 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
         rows.append(row)
         right_side.append(np.zeros(len(end)))
     A = csr_array(vstack(rows, format="csr"))
-    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # weight of moves along a wall against moves across
+    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # this weighs moves along a wall
     x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right_side))
     return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
 
@@ -149,7 +149,9 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Rows over the steps of the vertices for sums of value (k, j, 3) . position of vertices q (k, j); and `value`."""
+    """Linear equations for the vertex steps: rows of the sums of value (k, j, 3) . position of vertices q (k, j),
+    and `value`.
+    """
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -158,7 +160,7 @@ def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array
 
 
 def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
-    """The sheet with vertices moved by steps (k, 2), by less if cells would become slim or turn over."""
+    """The sheet with vertices moved by steps (k, 2); steps shrink where cells would become slim or turn over."""
     surface = sheet.surface
     share = np.ones(surface.n)
     move = np.zeros((surface.n, 3))
@@ -167,7 +169,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
     slimmest, halvings = 0.5, 7  # degrees
-    for attempt in itertools.count():  # an undone move may make the next cell slim
+    for attempt in itertools.count():  # undoing one move may make a neighbouring cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
@@ -189,15 +191,14 @@ def least_angles(P: Floats, normals: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """Walls (k,) of a sheet, no two of them at one cell, with the places V (k, 3) and the weights (k, n) of new
-    vertices.
-    """
+    """Walls (k,) of a sheet, at most one at each cell, and the places V (k, 3) and weights (k, n) of new vertices."""
 
     wall: Ints
     V: Floats
     weights: csr_array
 
     def subset(self, chosen: Bools) -> "Division":
+        """Return the chosen (k,) vertices."""
         rows = np.flatnonzero(chosen)
         return Division(self.wall[rows], self.V[rows], self.weights[rows])
 
@@ -237,7 +238,7 @@ def _bows(sheet: Sheet, walls: Walls) -> Floats:
 
 
 def _division(sheet: Sheet, walls: Walls) -> Division:
-    """The walls to divide next: of two at one cell the one with the larger bow."""
+    """The walls to divide next; of two walls at one cell, the wall with the larger bow."""
     bow = _bows(sheet, walls)
     void_cell, material_cell = walls.inside // 3, walls.outside // 3
     wall = np.flatnonzero((bow != 0) & (sheet.parent[void_cell] == sheet.parent[material_cell]))
@@ -256,7 +257,7 @@ def _division(sheet: Sheet, walls: Walls) -> Division:
     division = Division(wall, (a + b) / 2 + np.einsum("kj,kji->ki", step, along), weights)
     least_weight = np.full(len(wall), np.inf)
     np.minimum.at(least_weight, np.repeat(np.arange(len(wall)), np.diff(weights.indptr)), weights.data)
-    return _independent_divisions(sheet, walls, division.subset(face & (least_weight > 1e-3)))  # inside the uncut face
+    return _independent_divisions(sheet, walls, division.subset(face & (least_weight > 1e-3)))
 
 
 def _independent_divisions(sheet: Sheet, walls: Walls, division: Division) -> Division:

@@ -21,7 +21,8 @@ from dsfab.slicing.finishing.walls import SHARPEST, Stretches, next_in_chains
 class DiscStops:
     """Stops of discs that roll in the flat.
 
-    middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from there to the walls that they touch.
+    middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from the middle to the two walls that the disc
+             touches.
     a, b   : (p,) these walls, by their places in `FlatOpenings.wall`, and the share of each that lies before the foot.
     """
 
@@ -34,16 +35,18 @@ class DiscStops:
     share_b: Floats
 
     def subset(self, chosen: Bools) -> "DiscStops":
+        """Return the chosen (k,) discs."""
         return DiscStops(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield arcs where discs of a radius, metres, stop in the openings: corners (p,) beyond the discs, and the arcs
-    (p,).
+    """Yield arcs where discs of a radius, metres, stop in the openings: corners (p,) beyond the discs, and arcs (p,).
 
-    Arcs are in the frames of the corners, and none overlaps another. Discs that stop at one wall, or touch no walls in
-    space, are left out. It yields twice, for the vertices nearest to the discs and for the farthest ones: on a curved
-    surface only one of them may see the arc. The second time `taken` stretches are left out.
+    Arcs are in the frames of the corners, and no arc overlaps another arc. Discs that stop at one wall, or touch no
+    walls
+    in space, are left out. The function yields twice: for the vertices nearest to the discs, and for the farthest
+    vertices, because on a curved surface only one of them may see the arc. The second result leaves out `taken`
+    stretches.
     """
     flat = FlatOpenings.from_sheet(corners.sheet, corners.walls)
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
@@ -77,7 +80,7 @@ def _arcs_in_planes(
 
     line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     centre, exists = circle_centres(*line_a, *line_b, size)
-    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # beyond the feet in the flat
+    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # arcs in the flat need this room beyond their feet
     lines = tips.wall_line(all_tips, way_a + margin, back=True), tips.wall_line(all_tips, way_b + margin, back=False)
     arcs = tangent_arcs(*lines, size, centre)
     valid = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
@@ -111,10 +114,9 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """The stops beyond which no other disc has room; and for each two walls (p,) that start beyond, a near and a far
-    one.
+    """The stops beyond which no other disc has room, and pairs of walls (p,) beyond each stop, one near and one far.
 
-    Behind a neck an opening may widen again: that is no tip.
+    An opening may widen again behind a neck; such a stop is not a tip.
     """
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
@@ -158,7 +160,7 @@ class Fillets:
     """Chords of the arcs at corners (k,), and rays beside some arcs, as planes in space.
 
     normal, distance : (k, c, 3), (k, c) outward normals of the chords, and metres from the origin.
-    ray, ray_distance : (k, 2, 3), (k, 2) the same of the rays. An unused plane has a normal of 0.
+    ray, ray_distance : (k, 2, 3), (k, 2) normals and distances of the rays. An unused plane has a normal of 0.
     wall : (k,) the walls that begin at the corners.    radius : (k,) metres.
     pair : (p, 2) an arc, and a void cell that lies partly beyond its chords, connected to the corner.
 
@@ -203,7 +205,7 @@ class Fillets:
 
 
 def fitting_fillets(corners: Corners, radius: float) -> Fillets:
-    """Return arcs for all corners: first where a disc of that radius stops, then smaller ones that fit between the
+    """Return arcs for all corners: first where a disc of that radius stops, then smaller arcs that fit between the
     walls.
 
     Corners without a fitting arc are left out.
@@ -289,7 +291,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
         )
         return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
-    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # other cells are near the corner
+    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # nearer cells always pass
     arc, X = arc[far_rows], surface.V[surface.F[cell[far_rows]]]
     bad = np.zeros(len(corner_rows), dtype=bool)
     for c in range(fillets.normal.shape[1]):
@@ -305,20 +307,22 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
 
 
 GOLDEN = (5**0.5 - 1) / 2
-"""Fractional parts of its multiples are spread evenly."""
+"""Golden ratio: the fractional parts of its multiples are spread evenly."""
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
     """Round the corners of the openings of a sheet; return also the radius (k,) of each fillet, metres.
 
     sheet  : all cells, material and void, without pinches.
-    radius : metres; smaller at corners without room for it. The arc is one in the plane that touches the surface at the
-             corner, to a 20th of its radius; corners that turn by under 20 degrees stay. At a blunt tip, where a disc
-             of that radius stops before several corners, one arc rounds them all.
+    radius : metres; smaller at corners without room for it. The arc lies in the plane that touches the surface at the
+             corner, exact to a 20th of its radius. Corners that turn by under 20 degrees stay. At a blunt tip, where a
+             disc of that radius stops before several corners, one arc rounds them all.
 
-    It only adds material, with the family of the member before the corner. Corners stay sharp if their arcs, on cells
-    that are coarse beside the radius, would touch other material in a point. Raises PatternError for a radius that is
-    no length.
+    The function only adds material, with the family of the member before the corner. A corner stays sharp if its arc,
+    on
+    cells that are coarse beside the radius, would touch other material in a point. Raises PatternError for a radius
+    that
+    is not a length.
     """
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
@@ -365,9 +369,9 @@ def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
 def _colours(arc: Ints, corner: Ints) -> Ints:
     """(k,) arcs in groups; cells of two arcs of a group have no vertex in common.
 
-    arc : (p,) of a cell, and corner : (p, 3) its vertices. Each round takes the arcs that are first at all their
-          vertices
-    in a scattered order, so that few rounds are needed.
+    arc : (p,) arc of each cell, and corner : (p, 3) the cell's vertices. Each round takes the arcs that come first, in
+          a
+    scattered order, at all their vertices, so that few rounds are needed.
     """
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1

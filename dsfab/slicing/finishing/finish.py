@@ -32,20 +32,20 @@ from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""Gaps between rounded members narrower than this share of a neck are bridged too, in up to this number of rounds."""
+"""Rounding and bridging repeat at most ROUNDING_ROUNDS times; gaps under BRIDGED_SHARE of a neck get a bridge."""
 
 
 def tidied_sheet(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> Sheet:
-    """Return the cells of `tidied_polygons`, filled with triangles."""
+    """Return the cells of `tidied_polygons` (fields and levels as in `cut`), filled with triangles (m, 3)."""
     return sheet_of(tidied_polygons(surface, fields, levels, snap, tidy))
 
 
 def material_area(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> float:
-    """Return the material area of `tidied_polygons`, square metres."""
+    """Return the material area of `tidied_polygons`, square metres; fields (n,) or (n, 2) and levels as in `cut`."""
     return tidied_polygons(surface, fields, levels, snap, tidy).material_area
 
 
@@ -69,7 +69,7 @@ def _nodes(mesh: PolygonMesh) -> Bools:
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Mask (c,) of polygons beside faces where their own field has no phase; void polygons have any value."""
+    """Mask (c,) of polygons beside faces where the polygon's field has no phase; void polygons have any value."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent])
@@ -82,9 +82,9 @@ class FinishingOptions(NamedTuple):
     sized   : whether the preset sets the smallest opening.
     opening : smaller openings are filled; 0 for none.
     merge   : slits to fill. Without any, necks, rounded openings and members stay as they are.
-    neck    : openings with a narrower neck are bridged; 0 for none.
+    neck    : openings with a narrower neck get a bridge; 0 for none.
     fillet  : radius of round corners, or 0.
-    member  : members narrower than this between round corners are widened; 0 for none.
+    member  : members narrower than this between round corners become wider; 0 for none.
     """
 
     snap: float
@@ -108,7 +108,7 @@ class FinishedSheet:
     """All cells after some passes.
 
     counts : numbers of details that passes changed, by the names of the passes.
-    radii  : (k,) of the round corners, metres.
+    radii  : (k,) radii of the round corners, metres.
     """
 
     cells: Sheet
@@ -130,7 +130,7 @@ Pass = Callable[[Sheet], tuple[Sheet, int]]
 
 
 def passes(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
-    """Yield the passes before corners are rounded, in order, with the names that their counts have in a note."""
+    """Yield the passes that precede the rounding of corners, in order, each with the name of its count in the notes."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
     slits_first = merges and not options.sized  # most small openings are slits
     yield "pinches", partial(_without_pinches, options=options)
@@ -145,7 +145,7 @@ def passes(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
     if options.neck and merges:
         yield "bridged", partial(bridged_necks, width=options.neck)
     if merges:
-        # fairing opens or closes thin slits
+        # because fairing opens or closes thin slits
         yield "merged", lambda cells: filled_slits(divided_walls(faired_walls(cells)), merge)
         yield "spikes", without_spikes
 
@@ -187,7 +187,7 @@ def _rounded_sheet(sheet: FinishedSheet, options: FinishingOptions, first: Finis
         if attempt == ROUNDING_ROUNDS:
             break
         better, bridges, places = _bridged_or_widened(sheet.cells, rounded.cells, options)
-        if not (bridges or places) or places > previous_count:  # done, or the rounds do not converge
+        if not (bridges or places) or places > previous_count:  # finished, or the rounds do not converge
             break
         sheet, previous_count = sheet.with_cells(better, bridged=bridges, widened=places), places or previous_count
     return rounded
@@ -242,7 +242,7 @@ class TrialCut:
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:
-        """Return whether a pattern with these inputs and options would be cut and finished in the same way."""
+        """Return whether the program would cut and finish a pattern with these inputs and options in the same way."""
         return self.is_cut_of(inputs) and options._replace(member=0.0) == self.options._replace(member=0.0)
 
     @property
@@ -262,7 +262,7 @@ class TrialCut:
 
     @property
     def widened_area(self) -> float:
-        """Material that least widths add, square metres."""
+        """Area that wider members add, square metres."""
         return FinishedSheet(self.least[1].cells).material_area - self.latest.material_area if self.least else 0.0
 
     def with_bridges(self) -> "TrialCut":
@@ -280,7 +280,7 @@ def least_widths_of(
 ) -> LeastWidths:
     """Return finished cells with least widths, metres, of openings and members, see `with_least_widths`.
 
-    trial : the result of the trial cut is used if it is of these cells and widths.
+    trial : a trial cut of the same cells and widths already holds the result.
     """
     if trial and trial.latest.cells is cells and trial.least and trial.least[0] == (gap, member):
         return trial.least[1]

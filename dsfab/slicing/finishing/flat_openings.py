@@ -19,14 +19,15 @@ if TYPE_CHECKING:
 
 
 SMOOTH = 1e-3
-"""Shorter steps of an offset shape, as a share of the offset, are rounding."""
+"""Shorter steps of an offset shape, as a share of the offset, are rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatOpenings:
     """The enclosed openings, each projected to its mean plane.
 
-    wall  : (w',) their walls.    chain : (w',) of each, renumbered.    after : (w',) the next in its chain.
+    wall  : (w',) their walls.    chain : (w',) the chain of each wall, renumbered.    after : (w',) the next wall in
+            it.
     start : (w', 2) start points, metres.    frame : (w', 2, 3) unit vectors of the plane.
     """
 
@@ -72,8 +73,8 @@ class FlatOpenings:
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """(p,) the nearest wall to points (p, 2), by its place in `wall`, and the share of it before the nearest
-        point.
+        """Return for points (p, 2) the nearest walls (p,), by place in `wall`, and the share of each before the
+        nearest point.
         """
         nearest_places = self._nearest(points)
         start, finish = self.start[nearest_places.simplex], self.start[self.after[nearest_places.simplex]]
@@ -112,7 +113,8 @@ LONG, BULKY = 4.0, 0.7
 
 @dataclass(frozen=True, eq=False)
 class NarrowPart:
-    """A part of an opening: its outline (k, 2), metres, and the runs of it on walls, (r, 2) each, between arcs.
+    """A part of an opening: its outline (k, 2), metres, and the runs of the outline on walls, (r, 2) each, between
+    arcs.
 
     An opening without any room has no runs.
     """
@@ -129,8 +131,8 @@ class NarrowPart:
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     """Yield parts without room for a disc of a radius, metres: necks, whole openings, and blind alleys.
 
-    A blind alley has two runs near its mouth. Tips, which soon end, are left out, and so are parts that go around
-    something, because all their sides have room, or none.
+    A blind alley has two runs near its mouth. The function leaves out short tips, and parts that go around something,
+    because either all sides of such a part have room or none.
     """
     if not len(flat.wall):
         return
@@ -153,7 +155,7 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
 
 
 def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length: float) -> Ints:
-    """Outlines, with starts (k,) in points (p, 2), on walls alone, in several runs, or long; others are tips."""
+    """Outlines that are long, wholly on walls, or on walls in several runs, with starts (k,) in points (p, 2)."""
     before = np.arange(len(points)) - 1
     before[start] = np.append(start[1:], len(points)) - 1
     runs = np.add.reduceat((on_wall & ~on_wall[before]).astype(np.int64), start)
@@ -166,7 +168,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
     """Stretches of the outline between its arcs, whose ends are at least `wide` apart; at least one point each."""
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
-    end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # the point behind an arc
+    end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # an arc ends here
     if not len(begin):
         return ()
     end = end[np.searchsorted(end, begin) % len(end)]
@@ -189,7 +191,7 @@ def _is_alley(run: Floats, radius: float) -> bool:
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
     """The stretches (s, 2) of the wall (r, 2) around a blind alley near its mouth, one on each side."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # from the mouth, along the walls
+    low, high = 1.2 * radius, 3.2 * radius  # distances from the mouth, along the walls
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

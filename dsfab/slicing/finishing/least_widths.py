@@ -15,7 +15,7 @@ from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface
 
 LOCAL = 0.8
-"""A member is narrow if it has less than this share of the median width of all."""
+"""A member is narrow if its width is below this share of the median width of all members."""
 NOWHERE = np.empty((0, 2, 3))
 
 
@@ -33,7 +33,9 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members between openings that are narrow, under `least` metres and `LOCAL`."""
+    """Return points (k, 2, 3) on both sides of members between openings that are under `least` metres and narrow by
+    `LOCAL`.
+    """
     if not cells.has_openings:
         return NOWHERE
     material, from_material = face_subset(cells.surface, cells.material)
@@ -100,8 +102,9 @@ class Neck:
 def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     """Bridge openings wherever they are narrower than `width` metres; return also the number of bridges.
 
-    Openings that are nowhere so wide, and small ones that a bridge cuts off, become material. Openings at the edge of
-    the surface stay, and so do tips, which `rounded_corners` rounds.
+    An opening that is narrower everywhere becomes material, and so does a small opening that a bridge cuts off.
+    Openings
+    at the edge of the surface stay, and so do tips, because `rounded_corners` rounds these.
     """
     count = 0
     for _ in range(4):  # a bridge may leave necks on both of its sides
@@ -120,8 +123,8 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     """Bridge openings, `width` metres broad, that are under `least` metres in the `rounded` sheet; return also the
     number.
 
-    Necks are found in openings laid flat. This misses folds of the surface and walls without room for an arc, so it
-    measures as `features` does.
+    `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
+    Therefore this function measures as `features` does.
     """
     for slim in (1.0 * width, 0.5 * width):  # over a ridge a broad bridge may miss the other wall
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
@@ -163,7 +166,7 @@ def _necks_and_lost_openings(cells: Sheet, walls: Walls, width: float) -> tuple[
         number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
         ends = walls.points(cells.surface.V, wall, share)
-        if np.linalg.norm(ends[1] - ends[0]) < width:  # else it only looks narrow in projection
+        if np.linalg.norm(ends[1] - ends[0]) < width:  # wider openings look narrow only in projection
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
@@ -178,7 +181,7 @@ def _fill_openings(cells: Sheet, lost: list[int]) -> Sheet:
 
 
 def _bridge(cells: Sheet, walls: Walls, neck: Neck, width: float) -> Strip | None:
-    """The strip between both walls of a neck; None if it would not end there."""
+    """The strip between both walls of a neck; None if the strip would not end at the second wall."""
     gap = float(np.linalg.norm(neck.ends[1] - neck.ends[0]))
     half = np.array([gap / 2 + REACH * width, width / 2])
     strip = Strip.between_walls(cells, walls, neck.walls[0], neck.ends, half)
@@ -195,7 +198,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     walls, half = Walls.from_sheet(cells), np.array([1.04 * least / 2, least / 2])
     wall, ends = walls.nearest(cells.surface.V, narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(walls, wall) > 6.0 * least  # else the member ends there
+    goes_on = _way_around(walls, wall) > 6.0 * least  # a shorter way goes around the end of a member
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         side_strips = (Strip.between_walls(cells, walls, side, place, half) for side in sides)
@@ -221,8 +224,8 @@ SNAP = 0.05
 
 
 class LeastWidths(NamedTuple):
-    """Cells, and numbers of filled openings, bridges, strips beside members, slits filled after that, bridges in
-    necks.
+    """Cells, and numbers of filled openings, bridges, strips beside members, slits filled afterwards, and bridges
+    in necks.
     """
 
     cells: Sheet
@@ -238,7 +241,7 @@ def with_least_widths(
 ) -> LeastWidths:
     """Remove openings under `gap` and members under `member`, metres, as far as added material can.
 
-    Members at least as wide as most, see `LOCAL`, stay as they are, and so do those between two edges of the surface. 0
+    Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface. 0
     switches a limit off.
 
     merge : slits to fill after widening, because shorter openings may be narrower than the members beside them.
@@ -284,7 +287,7 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # no bridge from mouths or from narrowest places
+        if not len(places) or idle == 2:  # bridges fail at mouths and at the narrowest places
             break
     return cells, total
 
@@ -300,12 +303,14 @@ def _with_wider_members(cells: Sheet, member: float) -> tuple[Sheet, int]:
 
 
 def _with_side_strips(cells: Sheet, places: Floats, member: float) -> tuple[Sheet, int]:
-    """Strips on both sides of members at points (k, 2, 3) on their walls, without surface edges, and their number."""
+    """The cells with strips on both sides of members at points (k, 2, 3) on their walls, except surface edges; and
+    the number.
+    """
     if not len(places):
         return cells, 0
-    walls, half = Walls.from_sheet(cells), np.array([1.1 * member / 2, 1.5 * member])  # walls are not quite parallel
+    walls, half = Walls.from_sheet(cells), np.array([1.1 * member / 2, 1.5 * member])  # as walls are not parallel
     wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # other ends are on the surface edge
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # ends on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         side_strips = (Strip.between_walls(cells, walls, side, place, half) for side in sides[on_wall].tolist())

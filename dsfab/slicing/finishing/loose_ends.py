@@ -22,7 +22,7 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh
-    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0 is all material
+    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0 stands for all material
     area = np.where(mesh.void, mesh.cells.areas(mesh.X)[0], 0.0)
     total = np.bincount(opening, area)
     family, also = mesh.family, mesh.also
@@ -35,7 +35,7 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
         family, also = (
             np.where(closed_polygons, k, family),
             np.where(closed_polygons, k, also),
-        )  # a joint, like a crossing
+        )  # such an end is a joint, like a crossing
     return replace(mesh, family=family, also=also)
 
 
@@ -44,7 +44,9 @@ CROSSING, KEPT, NODE = -1, -2, -3
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> PolygonMesh:
-    """Remove parts of stripes that go astray, and then, part after part, those that lead nowhere."""
+    """Remove parts of stripes that run across their direction; then remove, one after another, parts that lead
+    nowhere.
+    """
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
@@ -85,8 +87,8 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
     """(c,) polygons of removed parts (p,) and of parts that then lead nowhere; (c,) polygons that this cuts off.
 
-    stays : (p,) parts that always stay. A crossing that has lost one member is the end of the other. So a part with a
-    single neighbour that is no end by itself, because it is as short as wide, joins that neighbour.
+    stays : (p,) parts that always stay. Where a crossing has lost one member, the second member ends. So a part with a
+    single neighbour joins that neighbour if it is as short as wide, because it is not an end by itself.
     """
     before = gone
     while True:
@@ -128,7 +130,7 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Seque
         np.add.at(count, unique_ends[0], 1)
         family[blank[k] & (family == VOID)] = k
     faces = np.bincount(gap[open_], minlength=len(count))
-    # a gap in more than six faces is no singular point, but a region without stripes
+    # a gap of more than six faces is a region without stripes, not a singular point
     node = open_ & (count[gap] >= 2) & (faces[gap] <= 6)
     family, also = np.where(node, family, mesh.family), np.where(node, family, mesh.also)
     return _without_corners(replace(mesh, family=family, also=also), node | _old_nodes(mesh, corner_fields))
@@ -144,7 +146,7 @@ def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bool
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
     """Blank polygons (q,) of a mask (c,) at which middles of field k end, and the vertex (q,) of each end.
 
-    An end on a side has a unique number below 0 instead. On the plane of a mirror middles run through vertices: both
+    An end on a side has a unique number below 0 instead. On the plane of a mirror middles run through vertices. Both
     sides see such an end, and it counts once.
     """
     slot_a, slot_b, _ = mesh.neighbours
@@ -155,7 +157,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     level = nearest_levels(z.ravel(), levels).reshape(z.shape)
-    on_level = np.abs(z - level) < 1e-6  # periods: such a middle ends at the vertex
+    on_level = np.abs(z - level) < 1e-6  # in periods; such a middle ends at the vertex
     low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
@@ -188,7 +190,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
         void += [k > 0 for k in range(len(parts))]
     sizes = np.concatenate([[0], cells.sizes[rest], [len(polygon) for polygon in polygons]])
     every = Cells(np.cumsum(sizes).astype(np.int64), np.concatenate([cells.subset(rest).corner, *polygons]))
-    order = np.argsort(source, kind="stable")  # by parent faces again
+    order = np.argsort(source, kind="stable")  # this restores the order of parent faces
     source_polygon, removed = np.array(source, dtype=np.int64)[order], np.array(void)[order]
     family, also = (np.where(removed, VOID, x[source_polygon]) for x in (mesh.family, mesh.also))
     return replace(

@@ -40,7 +40,7 @@ def quality(surface: Surface) -> Quality:
 
 
 GAIN = 1.01
-"""Least factor by which a step must raise the smallest angle, more than rounding."""
+"""Least factor by which a step must raise the smallest angle; rounding gives less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the neighbours along lines; of two, the second is the sum less the first."""
+        """(n',) sum of the neighbours along lines; if a vertex has two, the second is the sum less the first."""
         total = np.zeros(len(self.V), dtype=np.int64)
         a, b = self.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -160,7 +160,7 @@ class CellMesh:
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """(k,) mask of steps whose faces no better step needs; step row[i] of rank[row[i]] needs face[i] of m."""
+    """(k,) mask of steps that share no face with a better step; step row[i] of rank[row[i]] needs face[i] of m."""
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -169,20 +169,21 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto their neighbours w (k,), and the stray of stripe edges after them, metres."""
+    """Moves of vertices v (k,) onto their neighbours w (k,), and how far stripe edges are then off, metres."""
 
     v: Ints
     w: Ints
     strayed: Floats
 
     def subset(self, which: Bools | Ints) -> "CollapseMoves":
+        """Return the chosen (k,) moves."""
         return CollapseMoves(self.v[which], self.w[which], self.strayed[which])
 
 
 def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
     """Collapse edges once to raise the smallest angle around a vertex; return also the number of collapses.
 
-    tolerance : largest distance of an edge of a stripe, of a family or of the surface from its first place, metres.
+    tolerance : largest distance, metres, of an edge of a stripe, a family or the surface from its original place.
     """
     moves = _along_lines(cut, _candidates(cut), tolerance)
     moves, gain = _improving_moves(cut, moves)
@@ -208,7 +209,9 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Moves of vertices of the cut away from cells with angles under 25 degrees, within all uncut faces around them."""
+    """Moves of vertices of the cut away from cells with angles under 25 degrees; they stay in all uncut faces
+    around them.
+    """
     poor = (cut.smallest_angle < 25) & (cut.family != VOID)
     edge = distinct(cut.edges.of[poor])
     v, w = np.concatenate([cut.edges.ends[edge], cut.edges.ends[edge][:, ::-1]]).T
@@ -225,9 +228,10 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
     """The moves that keep the topology of all lines, and their places to the tolerance.
 
-    A vertex without lines may go anywhere; others along a line, or off it to a vertex without lines. Two joints of
-    three lines may meet if the material around them stays one fan: not along a border of families, at whose ends void
-    is. Vertices stay on the boundary of the surface.
+    A vertex without lines may go anywhere. A vertex on a line may move along the line, or to a vertex without lines.
+    Two
+    joints of three lines may meet if the material around them stays one fan, so not along a border of families, because
+    void is at its ends. Vertices stay on the boundary of the surface.
     """
     v, w, _ = moves
     count = np.bincount(cut.edges.ends[cut.lines].ravel(), minlength=len(cut.V))
@@ -237,9 +241,9 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     step = np.linalg.norm(cut.V[v] - cut.V[w], axis=1)
     slides = along & (count[v] == 2)
     total = cut.line_ends
-    u = np.where(slides, total[v] - w, v)  # the other neighbour on the line
+    u = np.where(slides, total[v] - w, v)  # u is the second neighbour on the line
     distance = np.where(slides, distances_from_segments(cut.V[v], cut.V[u], cut.V[w]), step)
-    distance[distance <= 1e-12 * np.abs(cut.V).max()] = 0  # rounding
+    distance[distance <= 1e-12 * np.abs(cut.V).max()] = 0  # these are rounding errors
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
     joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
     connected = np.where(along, (count[v] == 2) | (count[w] == 2) | joints, count[w] == 0)
@@ -351,7 +355,7 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     """
     cut = _cells(sheet, uncut)
     flips = collapses = 0
-    for _ in range(40):  # most sheets need under ten
+    for _ in range(40):  # most sheets need under ten rounds
         cut, fewer = collapse_edges(cut, tolerance)
         cut, turned = flip_edges(cut)
         flips, collapses = flips + turned, collapses + fewer

@@ -19,7 +19,8 @@ TINY = 1e-300
 class Arcs:
     """Arcs in k planes, from wall a to wall b, counter-clockwise around `centre` (k, 2).
 
-    foot_a, foot_b : (k, 2) points of contact.    way_a, way_b : (k,) metres from the corner to there, along the wall.
+    foot_a, foot_b : (k, 2) points of contact.    way_a, way_b : (k,) metres from the corner to the feet, along the
+    walls.
     touching       : (k,) mask of the arcs that exist.
     """
 
@@ -44,13 +45,14 @@ class Arcs:
         return np.asarray((np.arctan2(y, x) - self.begin) % (2 * np.pi))
 
     def subset(self, chosen: Bools | Ints) -> "Arcs":
+        """Return the chosen (k,) arcs."""
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
         """Unit normals (k, 2, 2) of the lines from the middle through both feet, away from the arc, and their distance
         (k, 2).
 
-        The region that an arc fills lies on the inner side of both.
+        The region that an arc fills lies on the inner side of both lines.
         """
         a, b = (unit(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
@@ -73,17 +75,17 @@ class Arcs:
 
 
 def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | None = None) -> Arcs:
-    """Arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which lead away from their corners.
+    """Arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), both of which lead away from the corners.
 
     first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners.
 
-    The void is on the right of a and on the left of b. Newton's method on both distances: the circle of the tangents
-    at the nearest points is the next guess.
+    The void is on the right of a and on the left of b. Newton's method acts on both distances: the circle that touches
+    the tangents at the nearest points is the next guess.
     """
     centre, valid = (
         _first_centres(a, b, radius) if first_centre is None else (first_centre, np.ones(len(first_centre), dtype=bool))
     )
-    for _ in range(12):  # two or three steps are enough for nearly straight walls
+    for _ in range(12):  # nearly straight walls need two or three steps
         foot_a, foot_b = _nearest(a, centre)[0], _nearest(b, centre)[0]
         centre, regular = circle_centres(foot_a, unit(centre - foot_a), foot_b, unit(centre - foot_b), radius)
         valid &= regular
@@ -105,11 +107,11 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n; and a mask of
-    their existence.
+    """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n, and a mask of
+    them.
     """
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
-    regular = np.abs(det) > 0.02  # else the walls are nearly parallel
+    regular = np.abs(det) > 0.02  # smaller values mean nearly parallel walls
     det = np.where(regular, det, 1.0)
     offset_a, offset_b = np.einsum("ki,ki->k", m, p) + radius, np.einsum("ki,ki->k", n, q) + radius
     x, y = offset_a * n[:, 1] - offset_b * m[:, 1], offset_b * m[:, 0] - offset_a * n[:, 0]
@@ -165,6 +167,7 @@ class Corners:
         return cls(sheet, walls, rows, turn[rows], walls.place[rows])
 
     def subset(self, chosen: Bools | Ints) -> "Corners":
+        """Return the chosen (k,) corners."""
         return replace(self, first=self.first[chosen], turn=self.turn[chosen], place=self.place[chosen])
 
     def stretches(self, arcs: Arcs) -> Stretches:
@@ -185,7 +188,7 @@ class Corners:
 
     @cached_property
     def next_corner(self) -> Ints:
-        """(k,) the next corner along the chain, -1 before the end of an open one; of a single corner itself."""
+        """(k,) the next corner along the chain, -1 before the end of an open chain; a single corner follows itself."""
         chain = self.walls.chain[self.first]
         follow = next_in_chains(chain)
         follow[(follow <= np.arange(len(chain))) & ~self.walls.closed[chain]] = -1
@@ -213,7 +216,7 @@ class Corners:
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) metres of straight walls from a corner to the foot of an arc of radius 1 m, for turns up to 170
+        """(k,) metres of straight wall from each corner to the foot of an arc of radius 1 m, for turns up to 170
         degrees.
         """
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
@@ -227,7 +230,7 @@ class Corners:
             beyond: Floats = np.where(neighbour >= 0, t[neighbour], 0.0)
             return np.asarray(t / np.maximum(t + beyond, TINY))
 
-        room = 0.98  # so that arcs at both ends of a wall never meet
+        room = 0.98  # the margin keeps arcs at both ends of a wall apart
         return room * ahead * share(self.previous_corner), room * behind * share(self.next_corner)
 
     @cached_property
@@ -253,7 +256,7 @@ class Corners:
         """Return arcs of radii (p,) metres at corners (p,), in their `frames`, and the factors by which they must
         shrink.
 
-        A factor is 1 for an arc that fits between its neighbours, `SMALLER` without a touching arc.
+        A factor is 1 for an arc that fits between its neighbours, and `SMALLER` for an arc that touches no walls.
         """
         ahead, behind = (
             np.minimum(length[rows], 2 * radius * self.tangents[rows] + radius) for length in self.wall_lengths
@@ -268,10 +271,10 @@ class Corners:
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
     def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
-        """(p, q, 2) the walls before or behind corners (p,), away from these up to a reach (p,), metres, in their
-        `frames`.
+        """(p, q, 2) the walls before or behind corners (p,), away from the corners up to a reach (p,), metres, in
+        their `frames`.
 
-        Shorter lines repeat their last point. It examines 8 to 256 walls.
+        Shorter lines repeat their last point. The search examines 8 to 256 walls.
         """
         walls, V, count = self.walls, self.sheet.surface.V, 8
         begin, vertex = self.first[rows], walls.start if back else walls.end
@@ -288,8 +291,8 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,) at corners (p,), or 2 % of a radius
-        beside.
+        """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,), up to 2 % of a radius beyond, at
+        corners (p,).
         """
         walls = self.walls
         wall = np.full(self.sheet.surface.n, -1)

@@ -25,7 +25,7 @@ from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface, pieces
 
 Merging = Literal["none", "slits", "crowded"]
-"""Members that become one across a slit."""
+"""Kinds of slits that finishing fills, so that the members beside them become one."""
 
 NARROWER = 0.9
 """An opening is a slit if it is narrower than this share of the members beside it.
@@ -33,17 +33,19 @@ NARROWER = 0.9
 Crowded members are designed as wide as the openings between them; on flat triangles that is exact to some percent.
 """
 CRUMB, SEVERAL = 0.35, 8
-"""Size of a crumb, as a share of the median opening; least number of openings for a median."""
+"""CRUMB is the size of a crumb, as a share of the median opening; SEVERAL openings are enough for a median."""
 ALIKE = 0.03
-"""Openings of which these shares differ by less may be equal but for the mesh."""
+"""Sizes of openings that differ by less than this share may differ only because of the mesh."""
 
 
 @dataclass(frozen=True, eq=False)
 class Openings:
     """The enclosed void of a sheet, and openings that the edge of the surface cuts.
 
-    cells : all cells of the sheet.    part : the void ones alone, or a part of them.    face : (f,) their indices.
-    label : (f,) the opening of each, of `count`.    walls : (e,) the edges of `part` between void and material.
+    cells : all cells of the sheet.    part : all void cells, or a part of them.    face : (f,) the indices of these
+            cells.
+    label : (f,) the opening of each void cell, of `count`.    walls : (e,) the edges of `part` between void and
+            material.
     """
 
     cells: Sheet
@@ -77,7 +79,7 @@ class Openings:
 
     @cached_property
     def centroids(self) -> Floats:
-        """(o, 3) their centroids, metres."""
+        """(o, 3) centroids of the openings, metres."""
         area = self.part.areas
         total = np.bincount(self.label, area, self.count)
         return np.stack([np.bincount(self.label, area * x, self.count) / total for x in self.part.centroids.T], axis=1)
@@ -88,7 +90,7 @@ class Openings:
         return hydraulic_diameters(self.part, self.walls, self.label, self.count)
 
     def _families(self) -> Ints:
-        """(o,) the largest family of the material that shares an edge with each."""
+        """(o,) the largest family of the material that shares an edge with each opening."""
         piece = np.full(self.cells.surface.m, -1)
         piece[self.face] = self.label
         family = np.full(self.count, VOID)
@@ -103,8 +105,10 @@ class Openings:
         """(o,) width of each opening over the narrower of the two members beside it: the median along its walls.
 
         It is at least half of 4 area / perimeter, the width of a long slit. An opening with few opposite walls, such as
-        a triangle, counts with the side of the square of equal area instead. Between 5 and 25 % of opposite walls it is
-        the weighted harmonic mean of both. Infinite without members, and for openings with few opposite walls at the
+        a triangle, counts with the side of the square of equal area instead. Between 5 and 25 % of opposite walls, the
+        result
+        is the weighted harmonic mean of both values. Infinite without members, and for openings with few opposite
+        walls at the
         edge of the surface.
         """
         across, wall, member = self._wall_crossings, np.flatnonzero(self.walls), self._member_widths
@@ -121,12 +125,12 @@ class Openings:
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0  # avoids a division by 0; the value is not used
+        around[~enclosed] = 1.0  # 1.0 avoids a division by 0 and is not used
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property
     def slits(self) -> Bools:
-        """(o,) mask of the slits; nearly equal openings are slits all or none."""
+        """(o,) mask of the slits; of nearly equal openings, all or none are slits."""
         return self.narrowness < split_value(self.narrowness, NARROWER, ALIKE)
 
     @cached_property
@@ -142,8 +146,8 @@ class Openings:
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Number of slits along members of a family, material cells (m',), and the share of their wall length at
-        slits.
+        """Number of slits along members of a family, material cells (m',), and the share of their wall length
+        beside slits.
         """
         own_edges = np.zeros(len(self.cells.surface.edges.ends), dtype=bool)
         own_edges[self.cells.surface.edges.of[family]] = True
@@ -221,12 +225,12 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     openings = Openings.from_sheet(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
-    candidates = openings.subset(may_be_small)  # measuring these alone takes a tenth of the time
+    candidates = openings.subset(may_be_small)  # fewer openings take a tenth of the time
     across = crossings(candidates.part, candidates.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
     smaller = np.clip(
         width, candidates.hydraulic_diameters / 2, candidates.hydraulic_diameters
-    )  # half is the width of a long slit
+    )  # half of it is the width of a long slit
     small = smaller < split_value(smaller, size, ALIKE * size if alike else 0.0)
     return candidates.fill(small), int(small.sum())
 
@@ -256,7 +260,7 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
     merge : "crowded" for the slits of `Openings.crowded_slits` only.
 
-    Openings beside a broader member may become slits; so it repeats until no slit is left.
+    Openings beside a broader member may become slits. So the function repeats until no slit is left.
     """
     filled = 0
     while (openings := Openings.from_sheet(cells)) is not None:
@@ -274,7 +278,7 @@ SNAP = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """A rectangular strip across void cells (c,), the first of which it begins in, and the family that it takes.
+    """A rectangular strip across void cells (c,): it begins in the first cell, and takes the family `family`.
 
     middle : (3,).    axes : (2, 3) unit vectors along and across.    half : (2,) half of its length and width, metres.
     """
@@ -319,9 +323,9 @@ class Strip:
 
 
 def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
-    """Make as many strips as possible at once, and small openings that these cut off, material; return also their
-    number.
+    """Make strips, and small openings that they cut off, material; return also the number of strips.
 
+    One call makes as many strips as possible.
     width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`.
     """
     if not (strips := [strips[k] for k in disjoint_groups(cells, [strip.cells for strip in strips])]):
@@ -330,7 +334,7 @@ def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = S
 
 
 def disjoint_groups(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
-    """Choose groups (c,) of cells that have no vertex in common with an earlier one; return their numbers."""
+    """Choose groups (c,) of cells that have no vertex in common with an earlier group; return their numbers."""
     taken, chosen = np.zeros(cells.surface.n, dtype=bool), []
     for k, group in enumerate(groups):
         vertices = cells.surface.F[group]

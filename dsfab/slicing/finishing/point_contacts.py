@@ -27,7 +27,9 @@ Rule = Literal["join", "split"]
 DISC_ROUNDS = 3
 """Most rounds of discs, because a disc can make a new pinch where its rim meets another stripe."""
 CORNER_ROUNDS = 2
-"""Rounds of corner cuts after that, which make no new pinch; the second is for pinches next to those of the first."""
+"""Most rounds of corner cuts after the discs, which make no new pinch; the second is for neighbours of earlier
+pinches.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     take the family of the first material cell at their pinch. Pinches on the surface's boundary count too.
 
     Raises PatternError without material, before or after; for an impossible `radius` or `rule`; and for remaining
-    pinches (a surface that touches itself in a vertex cannot be joined there).
+    pinches ("join" cannot mend a place where the surface touches itself in a vertex).
     """
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
@@ -76,7 +78,7 @@ def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corner
     """The sheet with a disc or a corner cut at each of the pinches (k,), and their number."""
     count = 0
     for turn, group in enumerate(_groups_without_edges(pinches, _links(sheet, pinches))):
-        if turn:  # a disc of an earlier group may have removed pinches of this one
+        if turn:  # a disc of an earlier group may have removed some pinches
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
             distance = _corner_distance(sheet, group, radius) if corners else _distance_to_pinches(sheet, group)
@@ -114,7 +116,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """The pinches in groups without common edges: on such an edge the linear distance would be zero."""
+    """The pinches in groups without common edges, because on a common edge the linear distance would be zero."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])

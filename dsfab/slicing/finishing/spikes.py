@@ -25,8 +25,7 @@ LONG, THIN, FAR = 1.5, 0.5, 4.0
 
 
 class Spike(NamedTuple):
-    """A tooth: the vertices of its outline (k,), from one re-entrant corner to the other, and the cells beyond its
-    chord (c,).
+    """A tooth: the vertices of its outline (k,) between two re-entrant corners, and the cells beyond its chord (c,).
 
     origin : (3,) the first corner.    outward : (3,) unit, square to the chord, out of the member.    snap : metres.
     """
@@ -86,7 +85,7 @@ def _member_width(cells: Sheet, walls: Walls) -> float:
 
 
 def _corners_beside(walls: Walls, turn: Floats, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Re-entrant corners before a tip (step -1) or behind it (1): number of walls away, and metres."""
+    """Re-entrant corners before a tip (step -1) or behind it (1): number of walls from the tip, and metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
@@ -106,7 +105,7 @@ def _tooth(cells: Sheet, walls: Walls, stretch: Ints, width: float) -> Spike | N
     """The tooth along walls (k,) for members of a mean width, metres; None if its shape or its chord does not fit."""
     V, outline = cells.surface.V, np.append(walls.start[stretch], walls.end[stretch[-1]])
     X, step, member_cells = V[outline], walls.length[stretch], walls.outside[stretch] // 3
-    chord, up = X[-1] - X[0], step @ cells.surface.normals[member_cells]  # mean normal over an edge of the surface
+    chord, up = X[-1] - X[0], step @ cells.surface.normals[member_cells]  # this is the mean normal over a surface edge
     length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
     if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
         return None

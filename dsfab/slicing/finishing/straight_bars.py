@@ -52,7 +52,7 @@ class FairBar:
         across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), TINY))
         across /= max(float(np.linalg.norm(across)), TINY)
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
-        if (widths < 0.4 * lengths).any():  # it touches a member obliquely
+        if (widths < 0.4 * lengths).any():  # the bar touches a member obliquely
             return None
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
@@ -63,7 +63,7 @@ class FairBar:
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # counter-clockwise: ahead along the right side
+        side = np.where(ahead > 0, -1, 1)  # walls run counter-clockwise, so ahead on the right
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         (a, b, *half), *_ = np.linalg.lstsq(
@@ -136,7 +136,7 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
             np.setdiff1d(start[place == k], end[place == k]),
             np.setdiff1d(end[place == k], start[place == k]),
         )
-        if len(begins) != 1 or len(finishes) != 1:  # a closed contact, or two that meet in a point
+        if len(begins) != 1 or len(finishes) != 1:  # the contact is closed, or two contacts meet
             return np.empty((0, 2, 3))
         contacts.append(mesh.X[[begins[0], finishes[0]]])
     return np.array(contacts)
@@ -145,10 +145,11 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
 ASKEW = 0.25
 """Bars stay if their outline is nearer to the straight one than this share of their width."""
 UNEVEN = 0.12
-"""Bent bars stay if their outline is nearer than this share to the one with an even bow."""
+"""Bent bars stay if their outline is nearer than this share of their width to the outline with an even bow."""
 FAR = 1.5
-"""Bars stay if their outline is farther than this share from the new one: they bend otherwise, or another member
-touches.
+"""Bars stay if their outline is farther than this share of their width from the new outline.
+
+Such bars bend in another way, or another member touches them.
 """
 SNAP = 0.02
 """Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers."""
@@ -159,10 +160,10 @@ LARGER = 2.5
 def with_straight_bars(
     mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy, size: float
 ) -> tuple[PolygonMesh, int]:
-    """Replace bars through nodes (c,) between two contacts by straight ones, and bars near singular points (c,) by
-    even bows.
+    """Replace bars through nodes (c,) between two contacts by straight bars, and bars near singular points (c,) by
+    bent bars.
 
-    size : of the surface, metres.    Returns the mesh and the number of replaced bars.
+    size : of the surface, metres.    Returns the mesh and the number of replaced bars. The new bends are even.
 
     Parts stay connected: both contacts remain, and nothing else touches a bar.
     """
@@ -184,7 +185,7 @@ def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tid
     """Bars to replace: nodes (c,) with the stretches that touch them, and stretches near singular points (c,); no
     overlap.
 
-    Crossings that touch a node count as node if that makes a bar, because stripes may overlap before they end.
+    Crossings that touch a node belong to the node if that makes a bar, because stripes may overlap before they end.
     """
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):

@@ -27,16 +27,17 @@ from dsfab.surface import link_components
 LARGE = 1.6
 """Stubs stay if the opening without them would be larger: one opening in twenty is as large."""
 EYELET, LARGER = 0.5, 2.5
-"""Limit for stubs around an eyelet, an opening under the first share of its neighbour: the second, not `LARGE`, because
-such a hook divides nothing."""
+"""Limits for stubs around an eyelet, an opening smaller than EYELET times its neighbour: LARGER holds instead of
+`LARGE`.
+
+Such a hook divides nothing.
+"""
 GOOD = 1.1
-"""Stubs stay if all openings beside them are larger: a stub of a Y divides those well."""
+"""Stubs stay if all openings beside them are larger, because the stub of a Y divides such openings well."""
 SMALL = 0.6
 """Stubs stay if the opening without them would be smaller."""
 TURN = float(np.radians(110))
-"""Largest turn of the remaining outline where a stub was removed: a second corner would be a member that ends in
-nothing.
-"""
+"""Largest turn of the remaining outline, radians, where a stub was removed: a sharper corner would be a loose end."""
 
 
 def without_stubs(mesh: PolygonMesh, nodes: Bools, tidy: Tidy) -> tuple[PolygonMesh, int]:
@@ -70,7 +71,7 @@ class _Bars:
 
     label   : (c,) the bar of each polygon, or -1.
     area    : (b,) square metres.    wall : (b,) metres of outline towards other material or the edge of the surface.
-    pair    : (k, 2) bars and the openings beside them, each once.    shared : (k,) metres of outline between the two.
+    pair    : (k, 2) bars and the openings beside them, each pair once.    shared : (k,) metres of their common outline.
     opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
     cut     : (b,) True if the material around a bar stays connected without any bar, and ends nowhere.
     """
@@ -143,7 +144,7 @@ class _Bars:
 
     @cached_property
     def extremes(self) -> tuple[Floats, Floats]:
-        """(b,) sizes of the smallest and of the largest opening beside each bar; infinite and 0 without."""
+        """(b,) sizes of the smallest and of the largest opening beside each bar; infinite and 0 without openings."""
         smallest, largest = np.full(len(self.area), np.inf), np.zeros(len(self.area))
         bar, opening = self.pair.T
         np.minimum.at(smallest, bar, self.sizes[opening])
@@ -159,7 +160,7 @@ class _Bars:
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) bars between openings that are one good opening without them; of bars at one opening all or none."""
+        """(b,) bars between openings that are one good opening without them; all or no bars at an opening."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
         largest = np.where(_below_limits(ratio, EYELET), LARGER, LARGE)
@@ -172,11 +173,13 @@ class _Bars:
         group, count = self._groups(fits)
         limits = np.full(count, LARGE)
         np.maximum.at(limits, group[fits], largest[fits])
-        accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)  # for group -1
+        accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)  # group -1 gets False
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """(b,) the group of each chosen bar (b,), -1 elsewhere: bars at one opening; and the number of groups."""
+        """(b,) the group of each chosen bar (b,), -1 elsewhere, and the number of groups; bars at one opening form
+        a group.
+        """
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]
@@ -220,7 +223,7 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _below_limits(x: Floats, limit_of_each: float | Floats) -> Bools:
-    """(k,) mask of x (k,) under its limits; nearly equal values pass all or none."""
+    """(k,) mask of x (k,) under its limits; of nearly equal values, all or none pass."""
     limits = np.broadcast_to(limit_of_each, x.shape)
     result = np.zeros(len(x), dtype=bool)
     for threshold in np.unique(limits):

@@ -20,9 +20,10 @@ SHARPEST = float(np.radians(20))
 class Walls:
     """Walls (w,), chain after chain, each in the order in which the void lies on its left.
 
-    inside, outside : (w,) the half-edge of the void cell, and that of the material cell.
+    inside, outside : (w,) the half-edge of the void cell, and the half-edge of the material cell.
     start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
-    chain  : (w,) its number.    begin : (c + 1,) first wall of each chain.    total : (c,) lengths of chains, metres.
+    chain  : (w,) number of the wall's chain.    begin : (c + 1,) first wall of each chain.    total : (c,) metres of
+             chain.
     closed : (c,) True for a closed chain; open chains end on the boundary of the surface.
     """
 
@@ -55,8 +56,8 @@ class Walls:
         return cls(h, (side_a + side_b)[order] - h, a, b, length, place, chain, begin, total, closed)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """(k,) the walls `steps` (k,) after `wall` (k,) along its chain, and a mask of those that exist: open
-        chains end.
+        """(k,) the walls `steps` (k,) after `wall` (k,) along its chain, and a mask of those before the end of an
+        open chain.
         """
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
@@ -102,7 +103,9 @@ class Walls:
 
 
 def next_in_chains(chain: Ints) -> Ints:
-    """(k,) the next of each in its chain, the first behind the last; chains (k,) are runs of one number."""
+    """Return the next position (k,) of each in its chain; the last leads to the first. chains (k,) are runs of one
+    number.
+    """
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
     after[np.append(chain_start[1:], len(chain))[: len(chain_start)] - 1] = chain_start
@@ -142,7 +145,7 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 class Stretches:
     """Parts (p,) of chains; a part that runs over the beginning of a closed chain has two entries.
 
-    low, high : (q,) metres, all chains laid end to end.    part : (q,) the part of each entry.
+    low, high : (q,) metres, with all chains laid end to end.    part : (q,) the part of each entry.
     """
 
     low: Floats
@@ -167,7 +170,7 @@ class Stretches:
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
-        x = self.before[chain] + np.maximum(place, 0.0)  # rounding may give less than 0
+        x = self.before[chain] + np.maximum(place, 0.0)  # rounding may give negative values
         index = np.searchsorted(self.low[order], x, side="right") - 1
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
@@ -181,7 +184,7 @@ class Stretches:
         return np.asarray(np.bincount(self.part, into, count) > 0)
 
     def disjoint(self, count: int) -> Bools:
-        """(count,) mask of parts that do not overlap; of two the longer stays."""
+        """(count,) mask of parts that do not overlap; of two overlapping parts the longer stays."""
         length = np.bincount(self.part, self.high - self.low, count)
         stay, taken = np.ones(count, dtype=bool), list[tuple[float, float]]()
         for k in np.argsort(-length[self.part], kind="stable").tolist():

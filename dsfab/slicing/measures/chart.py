@@ -67,10 +67,10 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
 
 
 def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """The first of all rows with equal key (k,) and equal whole numbers (k, r), and the group of each."""
+    """The first of all rows with equal key (k,) and equal whole numbers (k, r), and the group of each row."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # few: only these are sorted by their rows
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # only these few rows need sorting
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -207,7 +207,7 @@ class StripeMiddles:
     """The middles of the members of family k, in pieces.
 
     face : (s,) of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) its end nodes.
-    copy : (s,) pieces along an edge that repeat an earlier one.    edge : (j,) nodes on the boundary of the surface.
+    copy : (s,) pieces along an edge that repeat an earlier piece.    edge : (j,) nodes on the boundary of the surface.
     """
 
     drawn: StripeChart
@@ -226,7 +226,7 @@ class StripeMiddles:
 
     @cached_property
     def length(self) -> Floats:
-        """(s,) metres; half of it for each of the two pieces along an edge."""
+        """(s,) metres of each piece; the two pieces along an edge count half each."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
         group = equal_key_groups(key)[2]
@@ -238,7 +238,7 @@ class StripeMiddles:
         return np.bincount(self.node[~self.copy].ravel(), minlength=len(self.edge))
 
     def at_nodes(self, marked: Bools) -> Bools:
-        """(j,) nodes with a marked end (s, 2)."""
+        """(j,) mask of the nodes that have a marked end (s, 2)."""
         result = np.zeros(len(self.edge), dtype=bool)
         result[self.node[marked]] = True
         return result
@@ -252,7 +252,7 @@ class StripeMiddles:
 
     @cached_property
     def place(self) -> Floats:
-        """(j, 3) places of the nodes, metres."""
+        """(j, 3) positions of the nodes, metres."""
         places = np.empty((len(self.edge), 3))
         places[self.node] = self.points
         return places
@@ -261,7 +261,7 @@ class StripeMiddles:
 class _Pieces(NamedTuple):
     """Faces (s,), numbers of lines (s,), and the slots (s, 2) of faces at which pieces end.
 
-    Slots 0 to 2 are corners, 3 to 5 the edges from corner slot - 3.
+    Slots 0 to 2 are corners; slots 3 to 5 are the edges that begin at corner slot - 3.
     """
 
     face: Ints

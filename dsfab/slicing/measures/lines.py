@@ -19,7 +19,7 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 
 
 class Labels(NamedTuple):
-    """Boundary edges of a material sheet: half-edge, first and last vertex, and family (k,) each.
+    """Boundary edges of a material sheet: half-edge, first and last vertex, and family, (k,) each.
 
     The family is `VOID` (-1) on the boundary of the uncut surface.
     """
@@ -69,14 +69,14 @@ def _on_boundary(sheet: Sheet, uncut: Surface, a: Ints, b: Ints) -> Bools:
 
 
 LEAST = 1e-7
-"""Shorter parts of a segment, and shorter gaps in it, are rounding."""
+"""Shorter parts of a segment, and shorter gaps in it, are rounding errors."""
 
 
 class Spans(NamedTuple):
     """Remaining parts of segments.
 
     segment : (p,) segment of each part.    begin, end : (p,) positions on it, 0 to 1.
-    of_pair : (q,) the part that a pair of segment and cell belongs to, and cell : (q,) that cell.
+    of_pair : (q,) the part that each pair of segment and cell belongs to.    cell : (q,) the cell of the pair.
     """
 
     segment: Ints
@@ -96,7 +96,7 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
     """
     ends = view_ends @ _parent_coordinates(
         chart.weights, chart.surface.F[face], chart.parent[face], F
-    )  # barycentric coordinates on the uncut faces
+    )  # these are barycentric coordinates on the uncut faces
     order = sorted_order(sheet.parent)
     parents = sheet.parent[order]
     begin, end = (np.searchsorted(parents, chart.parent[face], side=side) for side in ("left", "right"))
@@ -149,7 +149,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A line along the middle of a member: the number of most of it, and points (k, 3) in metres."""
+    """A line along the middle of a member: the line number that most of it has, and points (k, 3) in metres."""
 
     number: int
     points: Floats
@@ -157,7 +157,7 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middles, each between two nodes; both faces at an edge may see a segment along it.
+    """Segments of middles, each between two nodes; both faces at an edge may see a segment along the edge.
 
     link   : (l, 2) nodes.                point  : (nodes, 3) metres.
     of     : (v,) the segment of a view.  face   : (v,) of the chart.    number : (v,) of the line, in the finest lines.
@@ -198,7 +198,7 @@ class Chords:
         ahead = np.roll(d, -1, axis=1)
         crossed_slot = np.nonzero(np.concatenate([d == 0, d * ahead < 0], axis=1))[1].reshape(
             -1, 2
-        )  # corners, then sides
+        )  # corners come first, then sides
         t = np.where(d * ahead < 0, d / np.where(d == ahead, 1.0, d - ahead), 0.0)
         corner, share = crossed_slot % 3, np.take_along_axis(t, crossed_slot % 3, axis=1)
         coordinates = (1 - share)[..., None] * np.eye(3)[corner] + share[..., None] * np.eye(3)[(corner + 1) % 3]
@@ -211,7 +211,7 @@ class Chords:
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
     """(v, 2) nodes at corners (where `at_corner`) or on the sides after them, and (nodes, 3) their points, metres."""
-    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # cuts of the chart are no edges of the sheet
+    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # the sheet has no edges at cuts of the chart
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
@@ -233,8 +233,9 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : values of `sheet.family`. Lines that run through such cells only are left out, because no member was
-                 drawn along them: they pass below another member.
+    passing    : values of `sheet.family`. The result leaves out lines that run through such cells only, because they
+                 pass
+                 below another member and the cut made no member along them.
     """
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
@@ -255,9 +256,9 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """(p, 2) the nodes of the parts of the segments, at most two parts at each, and the points of all nodes.
+    """(p, 2) the nodes of the parts of the segments, at most two parts at each node, and the points of all nodes.
 
-    A cut segment gets a node of its own. If more than two segments meet, all of them end there.
+    A cut segment gets a separate node. If more than two segments meet, all of them end there.
     """
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
@@ -292,7 +293,7 @@ class CornerLines(NamedTuple):
 
 
 Phase = Floats | CornerLines | None
-"""z (n,) on the uncut surface, integers at the middles of stripes; the same at corners; or None without stripes."""
+"""Phase z (n,) on the uncut surface, integers at the middles of stripes; or z at corners; or None without stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
@@ -300,7 +301,7 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
 
     names  : of the fields of the cut; a cell's `family` is an index into them.
     phases : for each field. An edge belongs to stripe k of its cell: z is next to k. For phases at corners the face
-             gives k, and a line has the number of most of it.
+             gives k, and a line takes the number that most of it has.
     Together the lines are the boundary of the sheet, each edge of it once, with the material on the left.
     """
     labels = outline_labels(sheet, uncut)
@@ -348,7 +349,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a corner that both faces share
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # both faces share this corner
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
@@ -361,7 +362,7 @@ def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> 
 
     phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d; d = 0 means no member,
     and no middle line even in other material. Both fields are linear in each cell of the sheet, so the lines are exact
-    and end with the sheet.
+    and end at the edges of the sheet.
     """
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
@@ -396,8 +397,8 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """The boundary as loops of vertices, the surface on their left if it has two sides, and the half-edge after
-    each vertex.
+    """The boundary as loops of vertices, with a two-sided surface on their left, and the half-edge after each
+    vertex.
     """
     table = surface.edges
     half_edge = table.order[table.start[:-1][table.boundary]]

@@ -1,6 +1,6 @@
-"""Overlay of a finished sheet with the stripes of all families, so that no stripe hides another.
+"""Overlay of a finished sheet with the stripes of all families, so that no stripe hides another stripe.
 
-Later fields do not cut a cell that one field made material. So the second member is missing under a crossing.
+Later fields do not cut a cell that an earlier field made material. So the second member is missing under a crossing.
 Here the cells of the sheet are divided along the edges of the other fields too:
 
      |     |              |     |
@@ -28,7 +28,7 @@ from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.surface import CornerField, Surface, link_components
 
 ZERO = 2.0**-30
-"""Smaller offsets from the middle of a band, in its unit, are on the middle."""
+"""Offsets from the middle of a band, in the unit of the field, count as zero if they are smaller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class DrawnBand:
     field  : at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
     centre : the middle line is where the mean of both columns is a level + centre.
-    hides  : if True, the stripe appears only in its own material, or in that of an earlier field that hides too.
+    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`.
     """
 
     family: str
@@ -53,8 +53,8 @@ class DrawnBand:
 class Overlay:
     """A material sheet divided along hidden edges too, and the stripes of each cell.
 
-    sheet  : m cells, all of them material; `family` is the field that made each.
-    source : (m,) the cell of the sheet before.
+    sheet  : m cells, all of them material; `family` is the field that made each cell.
+    source : (m,) the undivided cell that each cell comes from.
     part   : (m, f) for each field the connected stripe of a cell, of `count`; -1 for none.
     of     : (count,) the field of each stripe.    level : (count,) its level in most of its cells.
     own    : (m,) True for cells in the band of the field that made them material.
@@ -172,7 +172,7 @@ class _BandOnCells:
         """(p,) mask of half-edge pairs (p, 2) whose cells have the same nearest level."""
         h, g = pairs.T
         flat = self.F.ravel()
-        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # the same vertex in the other cell
+        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # take the same vertex in the second cell
         sign = self.sign.ravel()[h] * self.sign.ravel()[g]
         shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < ZERO)
@@ -180,7 +180,7 @@ class _BandOnCells:
     def offsets(self, in_stripe: Bools) -> Floats:
         """(m, 3) z - number in marked cells (m,), NaN elsewhere.
 
-        Zeros move at all corners of a vertex to the side with less of the stripe: then lines along a sheet's edge
+        Zeros move, at all corners of a vertex, to the side with less of the stripe. Then lines along a sheet's edge
         cross cells.
         """
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
@@ -203,7 +203,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # a margin, because `slicing.snap` moves values
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # `slicing.snap` moves values
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)

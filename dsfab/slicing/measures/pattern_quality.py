@@ -28,7 +28,7 @@ class Bays:
     """The pieces of `StripeMiddles`, divided at the middles of the other family.
 
     piece  : (b,) of each part.    at : (b, 3) barycentric coordinates of its middle.    length : (b,) metres.
-    bay    : (b,) the bay that it is a part of, of `count`.
+    bay    : (b,) the bay of each part, of `count`.
     angle  : (c,) degrees between members at crossings, outside material besides the stripes.
     """
 
@@ -84,7 +84,7 @@ def bays(middles: StripeMiddles) -> Bays:
     inner = np.where(has_stripes, np.maximum(np.ceil(high).astype(np.int64) - first_whole, 0), 0)
     piece = np.repeat(np.arange(len(face)), inner + 1)
     start = np.cumsum(inner + 1) - inner - 1
-    number = np.arange(len(piece)) - start[piece]  # number of the part in its piece, by ascending z
+    number = np.arange(len(piece)) - start[piece]  # parts of a piece count by ascending z
     z0 = np.where(number == 0, low[piece], first_whole[piece] + number - 1)
     z1 = np.where(number == inner[piece], high[piece], first_whole[piece] + number)
     span = (high - low)[piece]
@@ -111,7 +111,7 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Number of bays, and the bay of each part; parts connect at nodes that are no `barrier` (j,)."""
+    """Number of bays, and the bay of each part; parts connect at nodes without a `barrier` (j,)."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -146,11 +146,11 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
     """Find the dead ends of a family.
 
     along      : (m, 3) unit direction of the stress on the faces; either sign.
-    deviation  : (m,) degrees between members and that direction.    confidence : (m,) clarity of the direction, 0 to 1.
+    deviation  : (m,) degrees between members and this direction.    confidence : (m,) clarity of the direction, 0 to 1.
     """
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # else principal stresses differ by under a tenth of their RMS
+    clear = confidence[middles.face] > 0.25  # below, principal stresses differ by under 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
@@ -171,7 +171,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # around a sharp edge of the surface
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # surface edges may be sharp
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -181,8 +181,8 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 class Arms(NamedTuple):
     """Strips of material in which a sheet leaves a ball.
 
-    direction : (a, 3) unit vectors towards them; two zero vectors for a ball that material surrounds.
-    normal    : (a, 3) mean unit normals there.    width : (a,) metres across.
+    direction : (a, 3) unit vectors towards the strips; two zero vectors for a ball that material surrounds.
+    normal    : (a, 3) mean unit normals of the strips.    width : (a,) metres across.
     """
 
     direction: Floats
@@ -241,7 +241,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """The faces that may meet the ball, with edges up to half its radius; the whole sheet if none does."""
+    """The faces that may meet the ball, with edges up to half its radius; the whole sheet if no face does."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -271,12 +271,12 @@ class FamilyQuality:
     """Quality of one family of members.
 
     spacing    : metres from middle to middle: P5, median and P95 over the area outside other material.
-    opening    : metres of clear opening between neighbours: the same over the open area.
+    opening    : metres of clear opening between neighbours: P5, median and P95 over the open area.
     deviation  : degrees off the stress, mean over area x stress along the members x confidence of its direction.
-    off        : share of that weight off by more than 30 degrees.
+    off        : share of these weights where members are off by more than 30 degrees.
     dead_ends  : see `dead_ends`.
-    slits      : openings narrower than the members beside them: counted by bays, see `Bays`; on a cut sheet one by one,
-                 see `dsfab.slicing.finishing.openings`.
+    slits      : number of openings narrower than the members beside them; before the cut the number of such bays
+                 (see `Bays`), on a cut sheet see `dsfab.slicing.finishing.openings`.
     slit_share : share of the length of members beside such an opening.
     drawn      : False without members; then the other numbers are 0.
     """
@@ -310,7 +310,7 @@ class PatternQuality:
     crossing_angle : degrees, the smallest between two members that cross; 90 without crossings.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
                      largest over all symmetries; None without any.
-    turned         : intended degrees off the stress; deviations are measured from there.
+    turned         : degrees by which the user turned the stripes off the stress; deviations count from there.
     """
 
     major: FamilyQuality
@@ -346,7 +346,7 @@ class PatternQuality:
 
     @property
     def summary(self) -> str:
-        """One line in plain words."""
+        """One line that describes the quality in words."""
         crossing = f", crossing at {self.crossing_angle:.0f} or more" if self.major.drawn and self.minor.drawn else ""
         turned = f" turned by {self.turned:g}" if self.turned else ""
         crooked = f"members {self.deviation:.1f} degrees off the stress{turned}{crossing}"
@@ -378,7 +378,9 @@ def pattern_quality(
 def _family(
     chart: StripeChart, k: int, stress: Floats, direction: Floats, confidence: Floats, turning: Floats
 ) -> tuple[FamilyQuality, Bays]:
-    """Quality of family k: its members should run along direction k, and its phase grow along the other one."""
+    """Quality of family k: its members should run along direction k, and its phase should grow along the second
+    direction.
+    """
     shown = bool((chart.d[:, k] > 0).any())
     area, has_spacing, slope = chart.surface.areas, chart.steep(k) & shown, chart.slope[k]
     spacing = 1 / slope

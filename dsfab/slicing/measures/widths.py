@@ -12,9 +12,9 @@ from dsfab.surface import Surface, next_half_edge, pieces
 
 
 class FarEnds(NamedTuple):
-    """Ends of measured lines (k,) on the boundary.
+    """Far ends, on the boundary, of lines (k,) that measure widths.
 
-    edge   : the half-edge on the boundary, -1 for lines without an end.    place : metres along it.
+    edge   : the half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
     slope  : cosine between line and half-edge.    length : metres of the line.
     """
 
@@ -24,6 +24,7 @@ class FarEnds(NamedTuple):
     length: Floats
 
     def subset(self, chosen: Ints) -> "FarEnds":
+        """Return the chosen (k,) ends."""
         return FarEnds(self.edge[chosen], self.place[chosen], self.slope[chosen], self.length[chosen])
 
 
@@ -44,12 +45,12 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Trace lines that start on half-edges (k,), at places (k,) in metres, square to them, to the boundary.
+    """Trace lines from places (k,), metres, on half-edges (k,) to the boundary; lines start square to the half-edges.
 
     reach : metres; longer lines need no end.
     """
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
-    against = start_vertex != start_vertex[twin]  # the twin runs the other way
+    against = start_vertex != start_vertex[twin]  # the twin runs in the opposite direction
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
@@ -74,7 +75,7 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
     """The lines at the exit from their triangles, relative to the half-edges of exit, y outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
-    over_next, over_last = by * x - bx * y, cy * x - cx * y  # outward speeds over both
+    over_next, over_last = by * x - bx * y, cy * x - cx * y  # outward speeds over both sides
     with np.errstate(divide="ignore", invalid="ignore"):
         to_next = np.where(over_next > 0, np.maximum(by * (length - s), 0) / over_next, np.inf)
         to_last = np.where(over_last > 0, np.maximum(-cy * s, 0) / over_last, np.inf)
@@ -105,17 +106,17 @@ AT = (1e-3, MIDDLE, 1 - 1e-3)
 """Starts of lines on a wall edge. The shortest line between two polylines starts at a corner of one of them; the middle
 represents the edge in distributions."""
 OPPOSED = float(np.sin(np.radians(20)))
-"""Walls are opposite if they are parallel to 20 degrees. At a corner the distance goes to zero and is no width."""
+"""Walls are opposite if they are parallel to 20 degrees; at a corner the distance goes to zero and is not a width."""
 TAPER = float(np.radians(1.5))
 """Walls that converge by at least this angle may end in a tip."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Lines across a sheet to an opposite wall, except in tips, because a taper ends in nothing.
+    """Lines across a sheet to an opposite wall, except in tips, because a member that tapers ends in nothing.
 
-    width  : (k,) metres, the distance of a line's start from the edge that it meets.
-    place  : (k, 3) the start, metres.    face : (k,) the triangle there.
+    width  : (k,) metres, the distance of a line's start from the edge where the line ends.
+    place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
     weight : (k,) metres of wall that the line represents: the edge for lines from the middle, else 0.
     walls  : (k, 2) the edges of the surface at both ends of the line.
     """
@@ -191,7 +192,7 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
     """(k,) mask of lines between walls that close to a tip: they converge, and meet at about that distance.
 
-    slope : (k,) cosine between a line and the half-edge that it meets; negative if the walls converge along that.
+    slope : (k,) cosine between a line and the half-edge that it meets; negative if the walls converge along it.
 
     A wedge of angle a and width w ends after w / (2 tan(a / 2)); the way along both walls is twice that. The real way
     must be 0.4 to 1.7 times as long.
@@ -208,14 +209,15 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
     ends = start.edge, next_half_edge(start.edge), finish.edge, next_half_edge(finish.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
-    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # zero width
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # these lines have zero width
     return np.asarray(neighbours | ((angle >= TAPER) & (wall_length >= 0.4 * wedge) & (wall_length <= 1.7 * wedge)))
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """(3 m,) of half-edges on the boundary: loop, metres along it to their middle, and True if they run along it.
+    """For half-edges (3 m,) on the boundary: loop, metres along the loop to their middle, and True if they run along
+    it.
 
-    Also the length of each loop. Loops need no orientation of the faces.
+    Returns also the length of each loop. Loops need no orientation of the faces.
     """
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
@@ -234,9 +236,9 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
     """The loop of each edge (e,) by its ends (e, 2), the edges loop by loop in their order, and the number of loops."""
-    slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; by vertex, an even number at each
+    slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; sorted by vertex
     onward = np.empty_like(slot)
-    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # a walk leaves the next edge by its other end
+    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # a walk leaves an edge by its far end
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
     for start, state in enumerate(leaving):
@@ -260,8 +262,8 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest of something: metres, its place (3,), a word for it, and the mesh width of the uncut surface
-    there.
+    """The smallest member, gap or edge: metres, its place (3,), a word for it, and the mesh width of the uncut
+    surface there.
     """
 
     size: float
@@ -296,7 +298,8 @@ class Features:
         return weighted_quantiles(self.widths, self.weight, shares)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
-        """(b + 1,) limits of the bins, metres, from 0, and (b,) the share of the walls in each; none without widths.
+        """(b + 1,) limits of the bins, metres, from 0, and (b,) the share of the walls in each bin; none without
+        widths.
 
         limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths over P99 or 3 medians,
                 because plates at a crown or a foot would leave one bin to all members.
@@ -315,9 +318,9 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """(b + 1,) limits of `count` equal bins from 0 to about `end`, one of them at `limit` if that is below the end.
+    """(b + 1,) limits of `count` equal bins from 0 to about `end`; a bin ends at `limit` if that is below `end`.
 
-    If that would take more than `largest_count` bins, the first is narrower and ends at the limit.
+    If this would take more than `largest_count` bins, the first bin is narrower and ends at the limit.
     """
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
@@ -332,9 +335,12 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
     cells : all cells, material and void.    built : (m',) cells of the structure.    names : of the fields, see `cut`.
 
-    Widths and gaps are those of the lines in `crossings`, on the sheet itself: exact between straight walls, and right
-    to 1 - cos a between walls that bend by an angle a from edge to edge. Members are also measured if they are short or
-    end in a tip, gaps in tips if `tips` is set; corners between walls at more than 20 degrees are not. Pieces and
+    Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
+    walls,
+    and right to 1 - cos a between walls that bend by an angle a from edge to edge. Short members and members that end
+    in a
+    tip count too; gaps in tips count if `tips` is set; corners between walls at more than 20 degrees never count.
+    Pieces and
     openings too small or too round for lines count with 4 area / perimeter, the diameter of the circle in a triangle or
     a square.
     """

@@ -39,11 +39,11 @@ from dsfab.surface.fields import voronoi_mass
 
 @dataclass(frozen=True, eq=False)
 class ComparisonTask:
-    """Input that all competitors of a design share: its preset with resolved modes and phases, its stages before the
-    pattern, and the area to use, m2.
+    """Input that all competitors of a design share: its preset with fixed modes and phases, its stages before the
+    pattern, and the area of material, m2.
 
-    frequency : of the major and of the minor stripes of the design. For evenly spaced stripes: the frequency at which
-                stripes on the first mode have the same mean distance.
+    frequency : frequencies of the major and of the minor stripes. For evenly spaced stripes: the frequency at which
+                stripes on the first mode have the mean distance of the design's stripes.
     even      : evenly spaced stripes of the design; None for stripes on modes.
     """
 
@@ -74,7 +74,7 @@ class ComparisonTask:
 
     @cached_property
     def on_modes(self) -> Preset:
-        """The preset with stripes on modes, in the mean as far apart as the design's."""
+        """The preset with stripes on modes; their mean distance is that of the design's stripes."""
         if self.even is None:
             return self.preset
         pattern, surface = self.preset.pattern, self.surface
@@ -100,7 +100,7 @@ class ComparisonTask:
 
     @property
     def share(self) -> float:
-        """The area over that of the surface."""
+        """Area of material over the area of the surface."""
         return self.area / self.surface.area
 
     @property
@@ -137,10 +137,10 @@ class ComparisonTask:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A sheet to be judged.
+    """A sheet for a judge.
 
-    cells  : all cells, material and void.        names : of the fields that mark material, see `cut`.
-    sheet  : the built sheet, without loose pieces.       pieces : of it.      thickness : metres.
+    cells  : all cells, material and void.        names : fields that mark material, see `cut`.
+    sheet  : the built sheet, without loose pieces.       pieces : number of its pieces.      thickness : metres.
     """
 
     cells: Sheet
@@ -158,12 +158,12 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """Material with loose pieces."""
+        """Material, with its loose pieces."""
         return self.cells.subset()
 
     @property
     def loose(self) -> float:
-        """Share of the material that reaches no support and is left out."""
+        """Share of the material that reaches no support; the built sheet leaves it out."""
         return max(0.0, 1 - self.sheet.surface.area / self.material.surface.area)
 
 
@@ -203,7 +203,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # dropped pieces and joined point contacts use up the rest of the tolerance
+        # dropped pieces and joined point contacts need the rest of the tolerance
         structure = sliced_structure(task, drawing(task, target_share, 0.3 * SAME_MASS * task.share))
         excess = structure.sheet.surface.area / task.area - 1
         if abs(excess) <= SAME_MASS:
@@ -216,7 +216,7 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure:
-    """Return layers cut as the preset cuts, without loose pieces; no step changes the mass of the layers."""
+    """Return the structure cut from layers as the preset cuts, without loose pieces and without changes of its mass."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
@@ -258,7 +258,7 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # Pairs combine this many first modes, because a single pair would be a lucky draw where modes repeat.
+MODES = 3  # Number of first modes in the pairs. A single pair would be a matter of luck where modes repeat.
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # Pairs of a major and a minor mode.
 PHASES = (0.0, 0.25, 0.5, 0.75)  # Phases, in periods, of stripes without modes to choose from.
 
@@ -272,14 +272,14 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of plain width and equal frequencies, on modes with r = 1, with the task's material."""
+    """Return stripes of equal width and equal frequencies on modes with r = 1, with the material of the task."""
     blind = with_overrides(
         task.on_modes, {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     )
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor
     alike = families[0].stripes == families[1].stripes and families[0].spacing == families[1].spacing
-    # without stress both families share their modes: with equal stripes (1, 2) is the same as (2, 1)
+    # without stress both families share their modes: with equal stripes the pairs (1, 2) and (2, 1) are alike
     pairs = [(a, b) for a, b in PAIRS if not alike or a <= b]
     return IsotropicStripes(blind, _distinct_pairs(blind, pairs), diffusion)
 
@@ -309,7 +309,7 @@ def rotated_stripes(task: ComparisonTask) -> list[Variant]:
 
 
 def von_mises(task: ComparisonTask) -> list[Variant]:
-    """Return stripes of one family on the von Mises stress, of plain width, as the paper discusses."""
+    """Return one family of stripes of equal width on the von Mises stress, as the paper discusses."""
     value = mode_like_field(task.surface, task.statics.answers.stress.largest)
     return [
         Variant(f"phase {phase:g}", partial(_plain_stripes, task, {"von Mises": (value, task.frequency[0])}, phase))
@@ -318,7 +318,7 @@ def von_mises(task: ComparisonTask) -> list[Variant]:
 
 
 def grid(task: ComparisonTask) -> list[Variant]:
-    """Return straight stripes of plain width along the surface's two principal axes, in the design's number."""
+    """Return straight stripes along the surface's two principal axes: as many as the design has, of equal width."""
     centred = task.surface.V - task.surface.V.mean(axis=0)
     fields = {
         name: (scaled_field(task.surface, centred @ axis), frequency)
@@ -328,7 +328,7 @@ def grid(task: ComparisonTask) -> list[Variant]:
 
 
 def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
-    """Return tensors turned about the faces' normals by `angle`, radians; stresses stay."""
+    """Return tensors turned about the faces' normals by `angle` (radians); the stresses do not change."""
     x, y, z = surface.normals.T
     zero = np.zeros(surface.m)
     across = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
@@ -350,13 +350,16 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return (2, 3) unit axes along which the surface is longest; ties go to the axes of loads and supports."""
+    """Return (2, 3) unit axes along which the surface is longest.
+
+    If axes are equally long, the axes of loads and supports decide.
+    """
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
     ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
-    # a small weight, which decides only where the surface has no clear axes, like a sphere or a square
+    # the small weight decides only on surfaces without a longest axis, like a sphere or a square
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 

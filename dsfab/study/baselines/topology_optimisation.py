@@ -18,8 +18,11 @@ from dsfab.surface import LoadCase, Surface
 
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
-    """Return (m, m) weights A_f (radius - distance) of faces f within `radius` metres, straight between centroids, rows
-    summing to 1. The area removes the effect of local refinement [Sigmund 2007]."""
+    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart; each row sums to 1.
+
+    A weight is A_f (radius - distance) before it is divided by the sum of its row. The area A_f removes the effect of
+    local refinement [Sigmund 2007].
+    """
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)
@@ -30,10 +33,10 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
 
 
 def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> Floats:
-    """Return (m,) sum_f H_ef x_f s_f / max(x_e, 0.001): Sigmund's filter [Sigmund 1997; Andreassen et al. 2011, eq.
-    11].
+    """Return filtered sensitivities (m,): sum_f H_ef x_f s_f / max(x_e, 0.001) [Sigmund 1997; Andreassen et al. 2011,
+    eq. 11].
 
-    density, sensitivity : (m,) x and s, the latter per area of the face.
+    density, sensitivity : (m,) x and s; s is per area of the face.
     """
     return np.asarray(H @ (density * sensitivity) / np.maximum(density, 1e-3))
 
@@ -42,13 +45,13 @@ def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> 
 class Simp:
     """Options of SIMP.
 
-    radius       : of the filter, metres, about the width of members; 0: see `filter_radius`.
+    radius       : radius of the filter, metres, about the width of members; 0: see `filter_radius`.
     iterations   : limit for each penalisation; a penalisation ends earlier if no density changes by more than `change`.
     penalisation : final p of the stiffness void + x^p (1 - void) of a face of density x [Bendsoe, Sigmund 1999].
-    steps        : in which p rises from 1, where the problem has one solution whatever the start. So the result depends
-                   little on mesh and start [Petersson and Sigmund 1998]. 0: p is constant.
-    void         : stiffness of an empty face over that of a full face.     move : largest change of a density in a
-                   step.
+    steps        : number of steps in which p rises from 1; 0: p is constant. At p = 1 the problem has one solution, so
+                   the result depends little on mesh and start [Petersson and Sigmund 1998].
+    void         : stiffness of an empty face over that of a full face.
+    move         : largest change of a density in a step.
 
     Raises StaticsError for values out of range.
     """
@@ -93,7 +96,8 @@ class Densities:
     """Result of SIMP.
 
     density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
-    history : (iterations,) compliance before each step, joules, of sheets with densities that cannot be built.
+    history : (iterations,) compliance (J) before each step. Its sheets have densities between 0 and 1, which cannot be
+              built.
     """
 
     density: Floats
@@ -107,13 +111,16 @@ class Densities:
 
     @property
     def compliance(self) -> float:
-        """Compliance (J) of the last densities but one."""
+        """Compliance (J) before the last step."""
         return float(self.history[-1])
 
     def grey(self, surface: Surface) -> float:
-        """Return the share of the area with a density from 0.1 to 0.9: neither void nor material. It is large where
-        both principal stresses are equal and opposite, as on a sphere pressed at its pole. Even grey is stable there
-        from any start, because a rib loses across itself what it gains along itself."""
+        """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material.
+
+        The share is large where both principal stresses are equal and opposite, as on a sphere pressed at its pole.
+        There a
+        rib loses across itself the stiffness that it gains along itself, so no start leads to ribs.
+        """
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -131,9 +138,9 @@ def densities(
     membrane and bending stiffness alike. Sensitivities are filtered, and densities follow optimality criteria as in
     top88 [Andreassen et al. 2011]; the matrix is analysed once.
 
-    solid   : (m,) faces that stay material.     weights : of the loads' compliances in the sum; default: 1 each.
+    solid   : (m,) faces that stay material.     weights : one for each load's compliance in the sum; default: 1.
 
-    Raises StaticsError if the sheet is not supported, or if `area` is less than the solid faces have.
+    Raises StaticsError if the sheet is not supported, or if `area` is less than that of the solid faces.
     """
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
@@ -169,16 +176,18 @@ def _start_density(surface: Surface, area: float, solid: Bools) -> float:
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Return the sheet cut where SIMP densities exceed the value that gives the task's area; see `free_task`."""
+    """Return the sheet of faces whose SIMP density exceeds a limit, which gives the area of the task; see
+    `free_task`.
+    """
     free = free_task(task)
     return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
-    """Return the task with fewer kept regions: painted ones, and discs of the filter radius around loads and supports.
+    """Return the task with two kinds of kept regions: painted regions, and discs around loads and supports.
 
-    With the preset's rim, the optimiser would spend its material like the preset: on an L-bracket at 30 % of the
-    material it was 3.2 or 5.0 times as soft as the whole plate.
+    The discs have the radius of the filter. With the preset's rim, the optimiser would spend its material like the
+    preset: on an L-bracket with 30 % of the material it was 3.2 or 5.0 times as soft as the whole plate.
     """
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
@@ -198,7 +207,7 @@ def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
 
 
 def _cut_structure(task: ComparisonTask, result: Densities) -> Structure:
-    """Return `level_set_structure`; if that falls apart, the error tells the remaining grey share."""
+    """Return `level_set_structure`; if its sheet falls apart, the error reports the remaining grey share."""
     try:
         return level_set_structure(task, result.density)
     except PatternError as error:
@@ -208,7 +217,7 @@ def _cut_structure(task: ComparisonTask, result: Densities) -> Structure:
 
 
 def _level_set_layers(field: Floats, task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
-    """Return kept layers, and the level of a field (n,) that makes `share` of the surface material."""
+    """Return kept layers, and the level of a field (n,) above which `share` of the surface lies."""
     high, low = float(field.max()), float(field.min())
     margin = 1e-3 * (high - low)
     every = np.full(task.surface.n, np.inf)

@@ -1,5 +1,8 @@
-"""Check of an exported file against its design, with independent readers. `check_file` reads, judges and measures a
-file (`check_contents`: the contents). With a design it also compares the surface and the compliance."""
+"""Check of an exported file by independent readers.
+
+`check_file` reads, judges and measures a file; `check_contents` checks a file that is already read. With a design
+both also compare the surface and the compliance.
+"""
 
 import tempfile
 from collections.abc import Callable
@@ -54,7 +57,9 @@ AGREES, DIFFERS = 0.05, 0.15  # Relative differences of compliance within which 
 @dataclass(frozen=True)
 class Finding:
     """A question and its answer: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
-    reason : a sentence; empty if the numbers explain it."""
+
+    reason : a sentence; empty if the numbers explain the answer.
+    """
 
     name: str
     verdict: Status
@@ -101,7 +106,7 @@ def check_file(
     """Read a file and check its contents.
 
     design  : the expected design; None checks the file alone.
-    unit    : of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
+    unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
     solid   : whether to compare compliance by a solid model, which needs the extra `solid` and takes longest.
     max_triangles : limit for the file (see `read_shipped`).
 
@@ -121,8 +126,9 @@ def check_contents(
     solid: bool = True,
     progress: Progress | None = None,
 ) -> FileCheck:
-    """Check contents like `check_file`. With a design, they must have the deflection `deflection_for(preset)`.
+    """Check the contents of a file like `check_file`.
 
+    With a design, the file must have been read with the deflection that `deflection_for(preset)` returns.
     unit_given : whether the user named the unit of the file's numbers.
     """
     tell = progress or (lambda stage, doing: None)
@@ -155,7 +161,10 @@ def _file_soundness(contents: FileContents, tell: Progress) -> Soundness:
 def _cut_and_measured(
     contents: FileContents, sound: Soundness, design: Design | None, tell: Progress
 ) -> tuple[list[Finding], Clearances | None, Distance | None]:
-    """Return OCCT's cut of a sound STEP file, walls and gaps, and the distance from a design; both run at once."""
+    """Return OCCT's cut of a sound STEP file, walls and gaps, and the distance from a design.
+
+    The cut and the measurement run at the same time.
+    """
     walls_and_gaps, distances = list[Clearances](), list[Distance]()
 
     def measure() -> None:
@@ -185,9 +194,9 @@ def _unit_finding(
 
 
 def _cut_finding(contents: FileContents) -> Finding:
-    """Check whether OCCT cuts a STEP file in half; a failure does not make the solid unsound."""
+    """Check whether OCCT cuts a STEP file in half; a file that cannot be cut may still be a sound solid."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "shape.bin"  # not the STEP file, which OCCT would take a third of the time to read again
+        path = Path(folder) / "shape.bin"  # reading the STEP file again would take a third of the time
         path.write_bytes(contents.shape)
         fault, _ = cut_fault(path, contents.path.read_bytes().count(b"ADVANCED_FACE("))
     why = f"{fault}: to cut it in CAD, write step = 'members' or 'faceted'"
@@ -195,8 +204,10 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication]: by the build's measures if the file equals the design, else on the file. Rays
-    between the file's triangles hit other places than the sheet's measure does, for instance in wedges."""
+    """Check the limits of [fabrication]: by the build's measures if the file equals the design, else by the file.
+
+    Rays between the file's triangles do not measure at the places where the build measures, for instance in wedges.
+    """
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

@@ -21,7 +21,7 @@ from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
 SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # Suffixes of files that can be checked.
 STEP_BEGINS = b"ISO-10303-21"  # First words of every STEP file.
-BY_CONVENTION = "mm"  # Unit of STL files, which name none; dsfab writes millimetres, and workshops read them so.
+BY_CONVENTION = "mm"  # Unit of STL files, which do not name a unit; dsfab and workshops use millimetres.
 
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
@@ -36,11 +36,11 @@ class FileContents:
     """Contents of a file.
 
     V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
-    unit    : of the file's numbers.                        declared : whether the file names it.
-    metres  : in one of these units.                        collapsed : triangles without three different corners.
-    reader  : name of the reader.        path : of the file.
+    unit    : unit of the file's numbers.                   declared : whether the file names its unit.
+    metres  : length of that unit in metres.                collapsed : triangles without three different corners.
+    reader  : name of the reader.        path : path of the file.
     deflection : tolerance (m) of the triangles of curved STEP faces; else 0.
-    shape   : of STEP, the shape in OCCT's binary form; else empty.      face : (m,) its face of each triangle.
+    shape   : shape of a STEP file in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle.
     """
 
     path: Path
@@ -71,12 +71,13 @@ def read_shipped(
 ) -> FileContents:
     """Read the solid in an STL, 3MF or STEP file with trimesh, lib3mf or OCCT.
 
-    unit : of the numbers of an STL file, default millimetres; 3MF and STEP files name theirs.
-    max_triangles : limit for an STL or a 3MF file; it limits the cost of reading.
+    unit : unit of the numbers of an STL file, default millimetres; 3MF and STEP files name their unit.
+    max_triangles : limit for an STL or a 3MF file; the limit keeps reading fast.
     deflection : tolerance (m) of the triangles of curved STEP faces; 0 is the reader's default.
 
-    Raises SurfaceError or ExportError, one sentence, for a missing, empty, unreadable or foreign file, for coordinates
-    that are not finite, and for a unit with a file that names its own.
+    Raises SurfaceError or ExportError, with one sentence, for a missing, empty, unreadable or unsuitable file. Raises
+    them
+    also for coordinates that are not finite, and for a unit if the file names its unit.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -138,10 +139,10 @@ def _proper_triangles(F: Ints) -> tuple[Ints, int]:
     return F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)  # Lower triangles, over the mesh's size, have no normal.
+FLAT = 64 * float(np.finfo(np.float32).eps)  # Triangles of a smaller height over the mesh's size have no normal.
 
 
-PARALLEL = float(np.cos(np.radians(3)))  # Less parallel neighbours meet in a tip or a notch.
+PARALLEL = float(np.cos(np.radians(3)))  # Neighbouring faces at a larger angle form a tip or a notch.
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,9 +168,11 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards.
 
     Four rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts
-    if its face is parallel to 20 degrees, with the distance of its plane, which is exact between flat faces. Neighbours
-    that are not parallel to 3 degrees are the sides of a tip or a notch, and do not count. Flat facets that meet in a
-    point do not count, nor do triangles too low for a normal in single precision. Widths of members are walls too.
+    if its face is parallel to 20 degrees. The distance is that of the hit face's plane, which is exact between flat
+    faces. Neighbours that are not parallel to 3 degrees are the sides of a tip or a notch, and do not count. Flat
+    facets
+    that meet in a point do not count, nor do triangles too low for a normal in single precision. Widths of members are
+    walls too.
     """
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
@@ -194,7 +197,7 @@ def clearances(V: Floats, F: Ints) -> Clearances:
 
 
 def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
-    """Return (m, 3) unit normals, and (m,) faces that are high enough for one."""
+    """Return (m, 3) unit normals, and (m,) faces that are high enough to have a normal."""
     P = V[F]
     cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
     twice = np.linalg.norm(cross, axis=1)
@@ -217,18 +220,18 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""Intended unit of a file by its apparent scale, if it was read in millimetres."""
+"""Probable unit of a file by its apparent scale, if the file was read in millimetres."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Metres between a file's solid and a design; each with its place (3,).
+    """Distances (m) between a file's solid and a design; each has its place (3,).
 
-    skin      : deviation of the skins from half a thickness off the sheet: largest, and mean (`skin_mean`). It includes
-                thickness that the design itself removed in tight bends, but not feet and other extras.
+    skin      : distance of the skins from their place half a thickness away from the sheet: largest, and mean
+                (`skin_mean`). Thickness that the design removed in tight bends counts; feet and other extras do not.
     to_design : largest distance from the file's surface to the design's solid: excess or shift.
     from_design : largest distance from the design's solid to the file's surface: missing parts or shift.
-    beyond    : the largest excess of both over the allowance, below 0 if all is within.
+    beyond    : largest excess of both distances over the allowance, below 0 if all are within the allowance.
     allowed   : allowance at the place of `beyond`.
     scale     : diagonal of the file's box over that of the design.
     """
@@ -261,23 +264,29 @@ class Distance:
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
-    """Allowed distance of a file's solid from a design's, as in a build.
-    flat   : metres, everywhere.     limits : of the smooth solid; None for a file without curved faces."""
+    """Allowed distance between a file's solid and a design's solid, as in a build.
+
+    flat   : metres, everywhere.     limits : limits of the smooth solid; None for a file without curved faces.
+    """
 
     flat: float
     limits: SmoothLimits | None = None
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowance of a file. Triangles of STL and 3MF are exact. Planar faces of STEP may be simplified.
-        Curved faces may be off by the mesh's own chord error, and their triangles by their deflection."""
+        """Return the allowance of a file.
+
+        Triangles of STL and 3MF are exact. Planar faces of STEP may be simplified. Curved faces may be off by the
+        chord error
+        of the mesh, and their triangles by their deflection.
+        """
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
         if not contents.deflection:
             return cls(step_tolerance or SIMPLIFIED_OFF_SURFACE * flat)
         try:
-            curved = curved_design(design)  # its surface may have been cut open
+            curved = curved_design(design)  # the surface of this design may have been cut open
             limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * step_tolerance)
         except ExportError:  # the design has planar faces only
             limits = None
@@ -292,7 +301,7 @@ class Allowance:
 
 
 def off_surface(preset: Preset) -> float:
-    """Return the tolerance (m) of a file's curves, beside the mesh's own chord error."""
+    """Return the tolerance (m) of a file's curves; the chord error of the mesh is not part of it."""
     return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
 
 
@@ -326,7 +335,7 @@ def _farthest(
 
 
 def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:
-    """Return the largest deviation of the skins, its place, and their mean by area; 0 without skins."""
+    """Return the largest deviation of the skins, its place, and the mean deviation by area; 0 without skins."""
     sheet: Surface = design.sheet.surface
     cross = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
     twice = np.linalg.norm(cross, axis=1)

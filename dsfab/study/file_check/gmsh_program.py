@@ -1,9 +1,9 @@
-"""Tetrahedra inside a closed triangle mesh, made by gmsh: a separate program, because a mesher may stall or crash.
+"""Program that fills a closed triangle mesh with tetrahedra by gmsh, in its own process because gmsh may crash.
 
     python -P gmsh_program.py IN.npz OUT.npz
 
-IN holds V (n, 3) and F (m, 3), or `step`, a path; and `edge`, the longest edge. OUT gets X (p, 3) and T (k, 4). It
-imports nothing from dsfab. gmsh is GPL-2 or later; dsfab exchanges only these files with it.
+IN holds V (n, 3) and F (m, 3), or `step`, a path; and `edge`, the longest edge. OUT gets X (p, 3) and T (k, 4). The
+program imports nothing from dsfab. gmsh is GPL-2 or later; dsfab exchanges only these files with it.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""The compliance of the solid in a file, by ten-node tetrahedra, beside that of the sheet of the design."""
+"""Compliance of the solid in a file, by ten-node tetrahedra, for comparison with the sheet of the design."""
 
 import importlib.util
 import subprocess
@@ -27,7 +27,7 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.edge_changes import refined_surface
 from dsfab.thickening.offset_vectors import SHIFT
 
-NEEDED = ("gmsh", "skfem")  # Packages of the extra `solid`: a mesher (GPL) and assembly of solid elements (BSD-3).
+NEEDED = ("gmsh", "skfem")  # Packages of the extra `solid`: gmsh makes meshes (GPL), skfem solid elements (BSD-3).
 STEP = (".step", ".stp")  # Suffixes of files that gmsh reads itself.
 
 
@@ -44,7 +44,7 @@ class Tetrahedra:
 
 
 def missing_packages() -> str:
-    """Return why no solid model can be made, and the remedy; '' if it can."""
+    """Return the reason why no solid model is possible, and the remedy; '' if nothing is missing."""
     absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     return f'{" and ".join(absent)} not installed; pip install "dsfab[solid]"' if absent else ""
 
@@ -101,7 +101,7 @@ LARGEST = 1_200_000  # Limit on the number of unknowns.
 
 @dataclass(frozen=True, eq=False)
 class SolidModel:
-    """Stiffness K (N, N), N/m, of a solid with nodes `points` (N 3, 3); node : (N,) that of each unknown."""
+    """Stiffness K (N, N), N/m, of a solid with nodes `points` (N 3, 3); node : (N,) node of each unknown."""
 
     mesh: Tetrahedra
     K: csr_array
@@ -132,8 +132,8 @@ class SolidModel:
         return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
 
     def interpolation(self, points: Floats, reach: float) -> csr_array:
-        """Return (3 k, N) from the unknowns to the displacements of points (k, 3): x, y, z of the first, then of the
-        second.
+        """Return the matrix (3 k, N) from the unknowns to the displacements x, y, z of points (k, 3), point after
+        point.
 
         reach : allowed distance of a point from the solid, metres.   Raises StaticsError for a point that lies farther
                 out.
@@ -194,14 +194,18 @@ def _shapes(local: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class Holding:
     """Springs that support a model, along combinations of its unknowns.
-    rows : (r, N) one combination each.     stiffness : (r,) N/m; a rigid support is a very stiff spring."""
+
+    rows : (r, N) a combination for each spring.     stiffness : (r,) N/m; a rigid support is a very stiff spring.
+    """
 
     rows: csr_array
     stiffness: Floats
 
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
-    """Return (c,) f . u, joules, of each force (N,). Raises StaticsError if the solid is not supported."""
+    """Return the compliance f . u (c,), joules, under each force f (N,). Raises StaticsError without enough
+    supports.
+    """
     K = csr_array(model.K + holding.rows.T @ (diags_array(holding.stiffness) @ holding.rows))
     scale = 1 / np.sqrt(K.diagonal())
     inner = csr_array(diags_array(scale) @ K @ diags_array(scale))
@@ -218,9 +222,10 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 EDGE = 1.0
 """Longest edge on the solid's surface, in thicknesses, but at least `COARSE` of the solid's size. On members two
-thicknesses wide, edges of two thicknesses gave 2.5 to 5 % less compliance."""
+thicknesses wide, edges of two thicknesses gave compliances that were 2.5 to 5 % too small.
+"""
 
-COARSE = 1 / 100  # See `EDGE`; thin sheets would take millions of tetrahedra, which bend well at 1 : 5.
+COARSE = 1 / 100  # See `EDGE`; shorter edges on thin sheets would take millions of tetrahedra.
 
 RIGID = 1e3  # Stiffness of a rigid support's spring, over Young's modulus times the thickness.
 
@@ -232,8 +237,8 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 class SolidCompliance:
     """Compliances (J) of the cut sheet as a shell and of the file as a solid, under the loads that the pattern follows.
 
-    tetrahedra, unknowns : of the solid model.    edge : longest edge on its surface, metres.
-    elements : of the shell.
+    tetrahedra, unknowns : their numbers in the solid model.    edge : longest edge on its surface, metres.
+    elements : names of the shell's elements.
     """
 
     shell: float
@@ -268,7 +273,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
     solid = compliances(model, _holding(points, interpolation, loads, RIGID * statics.young * t), forces)
     answers = solve_for(statics.sheet().model_for(sheet), loads, "compliance_once")
     used = next(iter(answers.values())).elements
-    pair = replace(used, bending=used.bending or elements_of("compliance_once").bending)  # none if solved in the plane
+    pair = replace(used, bending=used.bending or elements_of("compliance_once").bending)
     weights = np.array([design.preset.followed_weights[name] for name in loads])
     shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed_weights.items())
     return SolidCompliance(
@@ -278,7 +283,10 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
-    """Points of a sheet in a solid of `thickness` metres, whose middle lies `shift` half thicknesses off the sheet."""
+    """Points of a sheet in a solid of `thickness` metres.
+
+    shift : distance from the sheet to the middle of the solid, in half thicknesses.
+    """
 
     model: SolidModel
     sheet: Surface

@@ -1,4 +1,4 @@
-"""The load that a design bears before it buckles or snaps, with large displacements, by CalculiX."""
+"""Load at which a design buckles or snaps, with large displacements, by CalculiX."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,7 @@ from dsfab.design import Design, Progress, loads_on, silent
 from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
-CANDIDATE, JUMP = 10.0, 5.0  # A snap's movement over the first step's of equal load, and the step's before.
+CANDIDATE, JUMP = 10.0, 5.0  # Least movement of a snap over that of the first and of the previous step, for equal load.
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,12 +19,12 @@ class NonlinearCheck:
     """Result of CalculiX for a design under one case.
 
     linear    : factor on the loads at which the perfect solid buckles by linear theory.
-    limit     : factor at which the imperfect solid gives way, or the largest that was reached.    given_way : which of
-                them.
-    imperfection : metres, the largest; in the shape of that buckling.
+    limit     : factor at which the imperfect solid fails, or the largest factor of the path.
+    given_way : True if the solid fails at `limit`.
+    imperfection : largest imperfection, metres; its shape is that of the buckling mode.
     moved     : metres, the largest displacement under the loads, or at the limit if that is less.
-    load, u   : the path: factors (k,), and the largest displacement (k,), metres.    triangles : of the sheet.
-    edge      : metres, of the triangles of the surface that was cut again for this check; 0 for the design's own sheet.
+    load, u   : the path: factors (k,), and the largest displacement (k,), metres.    triangles : number in the sheet.
+    edge      : edge length (m) of the surface that was cut again for this check; 0 for the design's own sheet.
     minutes   : time limit of each run of CalculiX if it ended the path early; else 0.
     """
 
@@ -67,10 +67,12 @@ def nonlinear_check(
 ) -> NonlinearCheck:
     """Return the share of its load that the cut sheet of a design bears, as a solid, with large displacements.
 
-    case         : or combination; default: the first combination, or else the first case.
+    case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
-    edge         : metres, of the surface that is cut for the check, or 0: see `without_fillets`. Raises StaticsError
-                 for springs, a time of 0, loads that are not carried, and a missing or failing CalculiX.
+    edge         : edge length (m) of the surface that is cut for the check, or 0: see `without_fillets`.
+
+    Raises StaticsError for springs, a time of 0, loads that the sheet does not carry, and a missing or failing
+    CalculiX.
     """
     if not minutes > 0:
         raise StaticsError(f"{minutes:g} minutes are no time for CalculiX; give it --minutes 60, or more")
@@ -93,10 +95,10 @@ def nonlinear_check(
 
 
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
-    """Return the design with sharp corners of openings, whose fillets are half of a dome's triangles.
+    """Return the design with sharp corners of openings, because fillets are half of a dome's triangles.
 
-    edge : metres, of the triangles of the cut surface if the design's are shorter; 0 leaves the design unchanged. A
-           mesh that the design takes unchanged from its file stays. Fillets change linear buckling by .4 % only. Raises
+    edge : edge length (m) of the cut surface if the design's edges are shorter; 0 leaves the design unchanged. A mesh
+           that the design takes unchanged from its file stays. Fillets change linear buckling by 0.4 % only. Raises
            StaticsError for an edge that is negative or longer than the surface.
     """
     if edge is not None and not 0 <= edge < design.surface.size:
@@ -154,8 +156,10 @@ def _has_no_equilibrium(path: LoadPath) -> bool:
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return the factors around the step that moves the structure most for its load.
-    None: no step moves it much farther than the first, or the factors differ by less than 2 %."""
+    """Return the load factors around the step that moves the structure most for its load.
+
+    Returns None if no step moves it much farther than the first, or if the factors differ by less than 2 %.
+    """
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -163,11 +167,11 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
-    """Return the last step of a path that the structure bears, and whether it gives way after it.
+    """Return the last step of a path that the structure bears, and whether the structure fails after that step.
 
-    It gives way if the next step moves it 100 times as far for its load as the first step. It snaps if that step moves
-    it over `JUMP` times as far as the step before and over `CANDIDATE` times as far as the first step. A path that ends
-    early also gives way, unless the time ran out.
+    It fails if the next step moves it 100 times as far for its load as the first step. It snaps if that step moves it
+    over `JUMP` times as far as the previous step and over `CANDIDATE` times as far as the first step. A path that ends
+    early also counts as failure, unless the time ran out.
     """
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
@@ -178,9 +182,12 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the last point of interest of a path, or None: the end of a snap, or a soft point without equilibrium. At
-    a soft point, CalculiX would halve the next step many times in vain. A point is soft if its step moved the structure
-    over twice as far as the first step, and a load increment under 2.5 % failed."""
+    """Return the point at which a path may stop, or None: the end of a snap, or a soft point without equilibrium.
+
+    At a soft point, CalculiX would halve the next step many times in vain. A point is soft if its step moved the
+    structure
+    over twice as far as the first step, and a load increment under 2.5 % failed.
+    """
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:
@@ -190,7 +197,7 @@ def last_point(path: LoadPath) -> int | None:
 
 
 def _relative_moves(path: LoadPath) -> Floats:
-    """Return (k - 1,) movement of each step for its load, over that of the first step."""
+    """Return the movement of each step for its load, over that of the first step (k - 1,)."""
     load = np.maximum(np.diff(path.load), 1e-12 * path.load[-1])
     moves = np.linalg.norm(np.diff(path.u, axis=0), axis=(1, 2)) / load
     return np.asarray(moves / moves[0])

@@ -5,7 +5,8 @@ metrics     quantities that a sweep can measure
 runs        points, one database per folder, and the optimiser
 in_memory   order of runs that shares stages; `sweep`
 workers     processes of this machine, or a Dask cluster
-scheduler, folder   hand runs to workers; write all results
+scheduler   gives runs to workers
+folder      writes all results
 """
 
 from dsfab.study.sweeps.in_memory import Run, sweep

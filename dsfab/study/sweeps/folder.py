@@ -29,8 +29,11 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Lock a sweep folder through a file of SQLite's own, which the system releases when the process ends; a text file
-    names the holder. Raises DsfabError while another process holds it."""
+    """Lock a sweep folder, so that a single process coordinates the sweep.
+
+    The lock is a file of SQLite; the system releases it when the process ends. A text file names the process that holds
+    the lock. Raises DsfabError while another process holds it.
+    """
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:
@@ -69,7 +72,7 @@ def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
 
 
 def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Return feasible runs, the best of a metric first; `ABOUT` defines which direction is better."""
+    """Return feasible runs, the best of a metric first; `ABOUT` defines whether more or less is better."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
@@ -153,7 +156,7 @@ def _column(values: list[Any]) -> list[Any]:
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
 
-HARMLESS = {"constraints"}  # Keys that do not change the runs; they may differ if a sweep continues.
+HARMLESS = {"constraints"}  # Keys that do not change the runs. A user may change them before a sweep continues.
 
 RENEWING = {"metrics", "keep", "formats", "size", "view"}  # Keys for which --extend repeats all runs.
 
@@ -178,7 +181,7 @@ class SweepFolder:
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the input of workers. ship_mesh : True if they cannot read the preset's mesh file."""
+        """Return the input of workers; ship_mesh : True if the workers cannot read the preset's mesh file."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -196,7 +199,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Make each waiting or interrupted run, and runs in states `retry`; those whose workers died come last."""
+        """Make each waiting or interrupted run, and runs in states `retry`. Runs whose workers died come last."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:
@@ -211,7 +214,7 @@ class SweepFolder:
                     self.write_tables()
 
     def _make(self, store: Store, crew: Workers, report: Callable[[Progress], None], progress: Progress) -> None:
-        """Make all waiting runs together, then those whose workers were often killed, alone."""
+        """Make all waiting runs together, then each run alone whose workers were often killed."""
         waiting = store.rows("waiting")
         together = {row.number: row.changes for row in waiting if row.lost < TRIES}
         conduct(store, crew, together, self.deliver, report, progress)
@@ -219,7 +222,7 @@ class SweepFolder:
             conduct(store, OneWorker(crew), careful, self.deliver, report, progress)
 
     def _search(self, store: Store, crew: Workers, report: Callable[[Progress], None], total: int) -> None:
-        """Make the runs that the search proposes, unless they are recorded."""
+        """Make the runs that the search proposes, except those that the database already holds."""
         progress = current_progress(store, max(total, sum(store.counts().values())))
 
         def make(proposed: Sequence[Changes]) -> dict[str, RunRow]:
@@ -268,9 +271,11 @@ def prepare(
 ) -> SweepFolder:
     """Create or update the folder of a plan and record its runs; call it inside `only_coordinator`.
 
-    checked : result of `checked_plan`, if the caller has it. `extend` adds runs to another plan and loses none; new
-              metrics or files repeat all runs. Without it, another plan in the folder raises DsfabError. Invalid keys
-              and values raise PresetError.
+    checked : result of `checked_plan`, if the caller has it.
+    extend  : adds the runs of a changed plan and loses none; new metrics or files repeat all runs. Without `extend`, a
+              changed plan raises DsfabError.
+
+    Invalid keys and values raise PresetError.
     """
     preset, runs = checked_plan(plan) if checked is None else checked
     settled = _portable_plan(plan, runs)

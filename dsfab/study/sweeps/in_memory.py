@@ -17,7 +17,9 @@ Signature = tuple[str, ...]  # Values of a run for each stage, as text, in the o
 
 
 def signature(changes: Mapping[str, Any]) -> Signature:
-    """Return a text for each stage from the values of its keys; runs with a common beginning share these stages."""
+    """Return a text for each stage from the values of its keys. Two runs share the stages up to the first different
+    text.
+    """
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]
@@ -27,7 +29,10 @@ def signature(changes: Mapping[str, Any]) -> Signature:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return indices of the runs, early stages varying slowest, values of a stage in their first order."""
+    """Return indices of the runs in an order that shares stages: keys of early stages vary slowest.
+
+    Values of a stage keep the order in which they first appear.
+    """
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:
@@ -97,8 +102,10 @@ def sweep(
     keep    : receives the changes and the Design of each successful run, e.g. to write files.
 
     The order of runs reuses stages: a sweep over pattern keys solves statics and modes once. Metrics by name skip
-                 stages that they do not need. A design that cannot be built is a Run with its error. For sweeps in a
-                 folder, in many processes, that can be continued: `dsfab sweep`.
+    stages
+    that they do not need. A design that cannot be built is a Run with its error. `dsfab sweep` makes sweeps in a
+    folder,
+    in many processes, which can continue after a stop.
 
     Raises PresetError for invalid keys, metrics or values, before anything is built.
     """
@@ -134,7 +141,7 @@ def _after_thickening(metric: Metric) -> Callable[[Design], float]:
 
 
 def _designs(presets: list[Preset], order: list[int]) -> Iterator[tuple[int, Design | None, str]]:
-    """Yield each design, revised from the one before; after a failure, from the last success."""
+    """Yield each design, revised from the previous design, or after a failure from the last successful design."""
     previous: Design | None = None
     for index in order:
         try:

@@ -31,7 +31,10 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the cut sheet's equilibria under the followed loads, by name, solved once. Raises StaticsError."""
+    """Return the cut sheet's equilibria under the loads that its pattern follows, by name, solved once.
+
+    Raises StaticsError.
+    """
 
     def solve() -> dict[str, Equilibrium]:
         return solve_for(design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, use)
@@ -40,7 +43,7 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
 
 
 def verdict(design: Design) -> Verdict:
-    """Return the full verdict on a design's cut sheet under the loads that its pattern follows; solved once."""
+    """Return the full verdict on a design's cut sheet under the loads that its pattern follows, solved once."""
 
     def run_check() -> Verdict:
         loads = design.statics.loads(design.preset.followed_weights)
@@ -52,7 +55,7 @@ def verdict(design: Design) -> Verdict:
 
 Metric = Callable[[Design], float]  # Function of a design that returns a number.
 
-NARROWEST = 0.1  # Share of area that `min_width` omits: modes have no slope at singular points.
+NARROWEST = 0.1  # Share of the area that `min_width` omits, because modes have no slope at singular points.
 
 
 def _kept_share(design: Design) -> float:
@@ -115,7 +118,7 @@ def _quality(design: Design) -> PatternQuality:
 
 
 def _symmetry_error(design: Design) -> float:
-    """Return the error of the pattern's symmetry, or else of the detected symmetry; 0 without one."""
+    """Return the error of the pattern's symmetry, or of the symmetry that the mesh shows; 0 without one."""
     group = used_symmetry(design)
     if group is None:
         loads = list(design.statics.loads(design.preset.followed_weights).values())
@@ -160,7 +163,9 @@ def _ersatz(design: Design) -> float:
 
 
 def _verdict(design: Design) -> float:
-    """Return the weighted sum over the followed loads. Raises StaticsError if the verdict is fail."""
+    """Return the weighted compliance (J) over the loads that the pattern follows. Raises StaticsError for a failed
+    verdict.
+    """
     result = verdict(design)
     if result.status == "fail":
         raise StaticsError(result.reason)
@@ -173,7 +178,9 @@ def _verdict_bound(design: Design) -> float:
 
 
 def _ratio_to_alternative(design: Design, name: str) -> float:
-    """Return the compliance over that of an alternative of the same mass; nan if the alternative carries no loads."""
+    """Return the compliance over that of an alternative of the same mass; nan if the alternative does not carry the
+    loads.
+    """
     alternative = next(candidate for candidate in design_alternatives(design) if candidate.name == name)
     return float("nan") if alternative.error else alternative.over
 

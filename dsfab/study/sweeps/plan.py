@@ -24,7 +24,9 @@ DIGITS = 6  # Significant digits of the values in a range.
 
 
 class Range(BaseModel):
-    """Values from `from` to `to`, both included, evenly apart or by factors; whole numbers if both ends are."""
+    """Values from `from` to `to`, both included, with equal steps or equal factors; whole numbers if both ends are
+    whole.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
@@ -44,7 +46,7 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at u in 0..1 of the range; whole numbers get equal shares."""
+        """Return the value at u in 0..1 of the range; each whole number takes an equal share of 0..1."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
@@ -82,7 +84,7 @@ class Axis:
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return the change at u in 0..1; rows get equal shares."""
+        """Return the change at u in 0..1; each row takes an equal share of 0..1."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -99,8 +101,12 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as dotted keys. A table with `from` is a range and stays. Tables of quoted dotted keys stay
-    because they are values as after --set; empty tables stay too."""
+    """Return nested tables as dotted keys.
+
+    A table with `from` is a range and stays. Tables of quoted dotted keys stay, because they are values like those
+    after
+    --set. Empty tables stay too.
+    """
     entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -122,7 +128,7 @@ _FORM = re.compile(r"^\s*([a-z_]+)\s*(<=|>=|==|!=|=|<|>)\s*([-+0-9.eE]+)\s*([a-z
 
 
 def _equal(value: float, limit: float) -> bool:
-    return abs(value - limit) <= 1e-3 * abs(limit)  # 0.4003 meets a share of 40 %
+    return abs(value - limit) <= 1e-3 * abs(limit)  # so a share of 0.4003 meets 40 %
 
 
 _HOLDS: dict[str, Callable[[float, float], bool]] = {
@@ -163,7 +169,7 @@ class Constraint:
         return cls(name, sign, limit)
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Return True if measured values meet it; a missing metric does not."""
+        """Return True if measured values meet the constraint; without its metric the result is False."""
         value = values.get(self.metric, float("nan"))
         return not isnan(value) and _HOLDS[self.sign](value, self.limit)
 
@@ -307,7 +313,7 @@ class Plan(BaseModel):
 
     @property
     def measured_metrics(self) -> tuple[str, ...]:
-        """Metrics, with those of constraints and search."""
+        """Metrics of the plan, of its constraints and of its search."""
         names = [*self.metrics, *(limit.metric for limit in self.limits)]
         return tuple(dict.fromkeys(names + ([self.search.metric] if self.search else [])))
 
@@ -336,7 +342,7 @@ def read_plan(path: Path) -> dict[str, Any]:
 
 
 def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
-    """Return a plan of nested tables. Raises PresetError that lists every mistake with its key."""
+    """Return a plan from nested tables. Raises PresetError that lists every mistake with its key."""
     try:
         return Plan.model_validate(dict(values))
     except ValidationError as error:
@@ -345,8 +351,11 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """Return the complete plan, defaults included, as TOML. Varied keys keep their order, because samples and numbers
-    depend on it. tomli_w puts tables behind lists, so each range is one line."""
+    """Return the complete plan, defaults included, as TOML.
+
+    Varied keys keep their order, because samples and run numbers depend on it. Each range is one line, because tomli_w
+    would put tables behind lists.
+    """
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]

@@ -26,7 +26,7 @@ from dsfab.study.sweeps.plan import Axis, Constraint, Plan
 
 Changes = dict[str, Any]
 
-MOST = 1_000_000  # Limit on the number of runs; a grid with more is a mistake.
+MOST = 1_000_000  # Limit on the number of runs; a grid with more runs is a mistake of the user.
 
 
 def points(plan: Plan) -> list[Changes]:
@@ -34,7 +34,7 @@ def points(plan: Plan) -> list[Changes]:
 
     Raises PresetError for grids beyond `MOST` and for CSV files that cannot be read.
 
-    sobol : scrambled Sobol points. The first N of more points are the same, so a sweep can be extended.
+    sobol : scrambled Sobol points. The first N of a larger number of points are the same, so a sweep can be extended.
     lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another N gives other points.
     """
     kind, _, rest = plan.sampling.partition(":")
@@ -61,7 +61,9 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return points that reveal mistakes in the keys and values of a search: each axis from end to end."""
+    """Return points that reveal mistakes in the keys and values of a search: both ends of each axis and places
+    between.
+    """
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):
@@ -105,8 +107,10 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield one run for each row of a CSV file with values as after --set. Columns are dotted keys. If columns begin
-    with 'in:', the other columns are ignored. Raises PresetError."""
+    """Yield one run for each row of a CSV file, with values like those after --set.
+
+    Columns are dotted keys. If columns begin with 'in:', the remaining columns are ignored. Raises PresetError.
+    """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -124,7 +128,7 @@ def from_csv(path: Path) -> Iterator[Changes]:
 NAME, FORMAT = "runs.db", 1
 
 State = Literal["waiting", "running", "done", "failed", "killed"]
-"""Failed: the design cannot be built. Killed: the worker was killed from outside, whatever the design."""
+"""State of a run. Failed: the design cannot be built. Killed: the system killed the worker, whatever the design."""
 
 _KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
 """Runs that an older dsfab without the state `killed` recorded as failed."""
@@ -236,7 +240,7 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
     def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
-        """Record new runs as waiting, and texts; return the number of new runs."""
+        """Record new runs as waiting, and texts about the sweep; return the number of new runs."""
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
@@ -251,7 +255,9 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Reset runs in these states (default: in progress when a coordinator died) to waiting; return their number."""
+        """Reset runs in these states to waiting and return their number. Default: runs in progress when a
+        coordinator died.
+        """
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
@@ -270,7 +276,7 @@ class Store:
             db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
 
     def give_up(self, number: int, why: str, files: Sequence[str] = ()) -> None:
-        """Record that a run is not tried again in this session, because its worker was killed each time."""
+        """Record that this session does not repeat a run, because its worker was killed each time."""
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = 'killed', error = ?, files = ?, ended = ? WHERE number = ?",
@@ -336,12 +342,14 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 FEWEST, PER_AXIS = 12, 4
 """Points of a generation: four for each axis, at least twelve. They do not depend on the length of the search, so that
-             it can be extended.
+the user can extend a search.
 """
 
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Costs from which runs miss constraints, failed, or were not made: each class is worse than all before it. Among runs
-that miss, the nearer is the better [Deb 2000]."""
+"""Costs from which runs miss constraints, failed, or were not made: each class is worse than all classes before it.
+Among
+runs that miss constraints, a smaller miss is better [Deb 2000].
+"""
 
 
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
@@ -376,7 +384,7 @@ class _Search:
 
     def run(self) -> None:
         count = max(FEWEST, PER_AXIS * len(self.axes))
-        evolve: Any = differential_evolution  # its stubs lack vectorized functions and callbacks that end it
+        evolve: Any = differential_evolution  # SciPy's stubs lack these options
         evolve(
             self._costs,
             [(0.0, 1.0)] * len(self.axes),
@@ -395,7 +403,7 @@ class _Search:
         )
 
     def _costs(self, u: Floats) -> Floats:
-        """Return (S,) costs of a generation u (k, S); runs beyond the limit are not made."""
+        """Return costs (S,) of a generation u (k, S); runs beyond the limit of the search are not made."""
         proposed = [point_on_axes(self.axes, np.clip(column, 0.0, 1.0)) for column in u.T]
         names = [digest(changes) for changes in proposed]
         fresh = list(dict.fromkeys(name for name in names if name not in self.made))

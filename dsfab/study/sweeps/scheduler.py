@@ -1,4 +1,4 @@
-"""Scheduler of a sweep: it hands runs to workers, and alone records their beginning and end."""
+"""Scheduler of a sweep: the only process that gives runs to workers and records their beginning and end."""
 
 import time
 from collections import Counter
@@ -11,7 +11,7 @@ from dsfab.study.sweeps.in_memory import Rows
 from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 
-TRIES = 2  # Deaths of a worker in a session after which a run waits for the next; in all: it runs alone.
+TRIES = 2  # A run with so many dead workers in a session waits for the next session; with so many in all it runs alone.
 
 PATIENCE = 600.0  # Seconds without any worker before the scheduler gives up.
 Deliver = Callable[[Outcome, Changes], list[str]]  # Function that writes the files of a run and returns their names.
@@ -37,12 +37,12 @@ class Progress:
 
     @property
     def rate(self) -> float:
-        """Runs per minute in this session."""
+        """Finished runs per minute in this session."""
         return 60 * self.ended_now / max(time.monotonic() - self.begun, 1e-9)
 
     @property
     def seconds_left(self) -> float:
-        """Seconds until the end, at the rate so far."""
+        """Seconds until the end, at the rate of this session."""
         return 60 * self.remaining / self.rate if self.ended_now else float("inf")
 
 
@@ -57,7 +57,7 @@ def conduct(
     """Make `runs` (number -> changes), which wait in the store, until each is done, failed or killed.
 
     report   : receives the progress before the first run and after each run.
-    progress : progress of the whole sweep, if it has more runs.
+    progress : progress of the whole sweep, if the sweep has more runs.
 
     Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
     recorded as running; `Store.reset_to_waiting` resets them.
@@ -91,7 +91,7 @@ class _Scheduler:
 
     def run(self) -> None:
         self.told(self.progress)
-        tick, alone_since = 0.5, time.monotonic()  # tick: seconds between checks of who has joined or left
+        tick, alone_since = 0.5, time.monotonic()  # tick: seconds between checks for new and lost workers
         while self.rows or self.busy:
             self._hand_out()
             if self.busy:

@@ -33,7 +33,8 @@ class Job:
     """Input that all runs of a sweep share, as plain data for all workers.
 
     token   : unique name. preset : the base preset as nested tables. metrics, keep, formats : see `Plan`.
-    draw    : draws a picture, or None. mesh : content of the preset's mesh file if workers cannot read it.
+    draw    : function that draws a picture, or None.
+    mesh    : content of the preset's mesh file if workers cannot read the file.
     """
 
     token: str
@@ -49,8 +50,8 @@ class Job:
 class Outcome:
     """Result of a run: its metrics, its error ('' for success) and log, and files by name.
 
-    seconds : of the worker. peak : peak memory of its process, bytes (0 if unknown).
-    killed  : True if its worker was killed in each try: then the error does not concern the design.
+    seconds : time on the worker. peak : peak memory of the worker's process, bytes (0 if unknown).
+    killed  : True if each attempt ended with a killed worker: in this case the error does not concern the design.
     """
 
     number: int
@@ -69,7 +70,10 @@ _thread_state = threading.local()  # State of each worker thread: the job, its b
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Make one run. It never raises: errors become the outcome, with the metrics so far."""
+    """Make one run and return its outcome.
+
+    The function does not raise: the outcome holds the error and the metrics up to the error.
+    """
     with _run_lock:
         return _run_job(job, number, changes)
 
@@ -156,7 +160,7 @@ class Workers(Protocol):
         """Start a run on a worker. The future raises if the worker dies."""
 
     def lost(self, worker: str) -> str:
-        """Forget a worker that died or must go; return the known reason, or ''."""
+        """Forget a worker that died or must stop; return the reason, or '' if the reason is unknown."""
 
     def learn(self, outcome: Outcome) -> None:
         """Take note of the memory of a finished run, which limits the number of workers."""
@@ -166,7 +170,7 @@ class Workers(Protocol):
 
 
 class OneWorker:
-    """The first of several workers, which then has all of the memory; the others are released."""
+    """A set with the first of several workers alone; this worker may use all of the memory, because the rest stop."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
@@ -191,15 +195,16 @@ class OneWorker:
 
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that libraries read when they are loaded. Every worker has one thread, so that results do not depend on
-it."""
+"""Variables that numerical libraries read at their start. Every worker has one thread, so that results do not depend on
+the number of threads.
+"""
 
 
 class LocalWorkers:
-    """Processes of this machine. Each worker is a pool of one process, so that a killed worker does not affect the
-    others.
+    """Processes of this machine. Each worker is a pool of one process, so that a killed worker leaves the rest
+    unharmed.
 
-    workers : their number; default: as many as fit into memory, by the first run's need.
+    workers : number of workers; default: as many as fit into memory, by the need of the first run.
     """
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
@@ -221,13 +226,13 @@ class LocalWorkers:
         return max(1, min(cores(), int(0.8 * self._free / self._peak) if self._free else cores()))
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Start a run on a worker; a missing worker is started first."""
+        """Start a run on a worker; start the worker first if it is missing."""
         for _ in range(2):
             if worker not in self._pools:
                 self._begin(worker)
             try:
                 return self._pools[worker].submit(execute, self._job, number, changes)
-            except BrokenExecutor:  # killed while idle
+            except BrokenExecutor:  # the system killed the worker while it was idle
                 self.lost(worker)
         raise BrokenExecutor(f"{worker} cannot be started")
 
@@ -265,7 +270,7 @@ class LocalWorkers:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Start processes in this context with one thread each, without Ctrl-C, which the coordinator handles."""
+    """Start processes in this context with one thread each. They ignore Ctrl-C, which the coordinator handles."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     in_main_thread = threading.current_thread() is threading.main_thread()
@@ -280,7 +285,7 @@ def quiet_start() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Initialise a worker that ends if the coordinator is killed."""
+    """Initialise a worker that ends if its coordinator dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -323,7 +328,8 @@ SECONDS = 20  # Time limit for a scheduler's answer.
 
 
 class DaskWorkers:
-    """Workers of a Dask scheduler, including later ones; if a worker dies, Dask gives its run to another worker.
+    """Workers of a Dask scheduler, including those that join later. If a worker dies, Dask gives its run to another
+    worker.
 
     Each worker makes one run at a time: start it with one thread (`dask worker --nthreads 1`), one worker to a core.
     Raises DsfabError if dask is not installed or the scheduler does not answer.
@@ -356,7 +362,7 @@ class DaskWorkers:
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> str:
-        """Forget a worker; Dask reports no reason."""
+        """Forget a worker; the result is '', because Dask reports no reason."""
         self._executors.pop(worker, None)
         return ""
 
@@ -384,7 +390,7 @@ def map_in_processes(
 ) -> Iterator[Result]:
     """Yield job(item) for each item in order, from `workers` processes of one thread each; 1 runs in this process.
 
-    work : relative duration of an item; the longest start first, so that all processes end about together.
+    work : relative duration of an item; the longest items start first, so that all processes end about together.
 
     Raises DsfabError if a process dies. If the caller stops iterating, all processes end.
     """

@@ -39,7 +39,8 @@ class TrialRow:
     """A random design, solved on two to four meshes.
 
     width, share : its width rule, and the share of the surface that is material.
-    vertices, triangles : of the uncut mesh, and of the cut mesh.     per_member, facets : see `Verdict`.
+    vertices     : number in the uncut mesh.     triangles : number in the cut mesh.
+    per_member, facets : see `Verdict`.
     quick        : J, by hybrid + hhj on the unrefined cut mesh.
     midedge      : J, by quadratic + midedge on the first mesh of the verdict.
     compliance   : J, by quadratic + hhj, mesh after mesh.           recovery : sum of both ZZ errors, mesh after mesh.
@@ -65,7 +66,7 @@ class TrialRow:
 
     @property
     def levels(self) -> int:
-        """Number of meshes of its verdict: two, or three if two do not converge."""
+        """Number of meshes of its verdict: two, or three if two meshes do not converge."""
         return 2 if self._estimate_after(2).bound <= CONVERGED else 3
 
     @property
@@ -90,7 +91,9 @@ class TrialRow:
 
     @property
     def is_tested(self) -> bool:
-        """True if a mesh beyond those of the verdict was solved; otherwise the truth is the verdict itself."""
+        """True if a mesh finer than those of the verdict was solved; without it the verdict itself would be the
+        truth.
+        """
         return len(self.compliance) > self.levels
 
     @property
@@ -108,8 +111,8 @@ class TrialRow:
 class Summary:
     """Statistics of the tested designs of a table.
 
-    designs, converged : their number, and the number of converged designs.    inside : share inside the bound.
-    median_bound, largest_error : of the verdict.
+    designs, converged : number of designs, and of converged designs.    inside : share of designs within the bound.
+    median_bound  : median bound of the verdict.    largest_error : largest error of the verdict.
     quick_median, quick_most : error of the quick level: its median and its 90 % quantile.
     """
 
@@ -215,12 +218,16 @@ KINDS: dict[str, Kind] = {
     ),
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
-"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface of genus 1. The sphere keeps the
-snap value of the shipped table, whatever its preset says."""
+"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface of genus 1. The sphere has the
+snap value of the shipped table, not that of its preset.
+"""
 
 
 def random_design(kind: str, seed: int) -> Design:
-    """Return a design of random stripes, widths and share, fixed by `seed`. Raises DsfabError if it cannot be built."""
+    """Return a design with random stripes, widths and share; equal seeds give equal designs.
+
+    Raises DsfabError if the design cannot be built.
+    """
     rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
     changes: dict[str, Any] = {**surface_kind.changes, "pattern.method": "modes", "pattern.fillet": 0.0}
@@ -235,8 +242,12 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return a random design solved on up to `count` meshes; the third is the truth of a large design whose verdict
-    takes two. Raises DsfabError if the design cannot be built or does not carry its loads."""
+    """Return a random design solved on up to `count` meshes.
+
+    If the verdict on a large design takes two meshes, the third mesh serves as the truth. Raises DsfabError if the
+    design
+    cannot be built or does not carry its loads.
+    """
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())
@@ -275,8 +286,10 @@ def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *p
 
 
 def calibrate(count: int = 8, told: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
-    """Yield the rows of the first `count` designs of each kind that can be built, in a quarter of an hour. `told`
-    receives the kind and the seed before each design."""
+    """Yield the rows of the first `count` designs of each kind that can be built; this takes a quarter of an hour.
+
+    told : receives the kind and the seed before each design.
+    """
     for kind in KINDS:
         seed = solved = 0
         while solved < count:

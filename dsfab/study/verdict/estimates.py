@@ -10,7 +10,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0  # Two meshes extrapolate to c1 + (c1 - c0) / this.
+EXTRAPOLATION_DIVISOR = 2.0  # Divisor d in the value c1 + (c1 - c0) / d that two meshes give.
 
 LEAST_BOUND = 0.003  # Smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only.
 
@@ -28,18 +28,19 @@ class ComplianceEstimate:
 
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
-    """Return value and bound from compliances by quadratic + hhj; each mesh has four times the triangles of the last.
+    """Return value and bound from compliances by quadratic + hhj; each mesh has four times the triangles of the
+    previous.
 
-    spread   : relative difference to quadratic + midedge on the first mesh. It is not measured again, because that
-               costs half as much again; about half of it remains after each refinement.
+    spread   : relative difference to quadratic + midedge on the first mesh. On finer meshes it would cost half as much
+               again; about half of the difference remains after each refinement.
     recovery : ZZ error of the finest mesh.
 
     The value of three meshes is the mean of two extrapolations: by the usual rate, and by the rate of its own steps.
-    Neither is better alone on the ten designs whose fourth mesh was solved.
+    On the ten designs with a fourth mesh, neither extrapolation alone is better.
     """
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least shares, from calibration.csv
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest shares that calibration.csv allows
     if len(values) < 2:
-        # 19 of 20 designs keep 1.7 times the recovery error
+        # in 19 of 20 designs the error is below 1.7 times the recovery error
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
     step = values[-1] - values[-2]
     usual_limit, own_limit = values[-1] + step / EXTRAPOLATION_DIVISOR, limit_at_own_rate(values)
@@ -50,7 +51,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate at the last steps' rate within `STEP_RATIOS`, or by `EXTRAPOLATION_DIVISOR` without a rate."""
+    """Extrapolate at the rate of the last steps within `STEP_RATIOS`; without a rate, by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -61,7 +62,8 @@ WIDEST_MODE_BOUND = 0.05  # Relative bound of a mode above which a third mesh is
 
 STEP_RATIOS = (1.5, 4.0)
 """Smallest and largest accepted ratio of successive steps. Reentrant corners let an eigenvalue's error fall to 1 / 2.1
-at best, smooth sheets to 1 / 16; steps below the first ratio count as not shrinking."""
+at best, smooth sheets to 1 / 16. Steps with a ratio below the smallest count as not shrinking.
+"""
 
 
 @dataclass(frozen=True)
@@ -83,12 +85,15 @@ class ModeEstimate:
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     """Return value and bound from the lowest eigenvalue on one to three meshes, each of four times the triangles.
 
-    Two meshes: the value extrapolates half of the step, like a compliance; the bound is the whole step, which covers
-                step ratios from 1.7 up. Three meshes: the value extrapolates by its own ratio, clipped to
-                `STEP_RATIOS`; the bound is that extrapolation. If the last step turns back, the last value stands with
-                twice that step as its bound. If steps do not shrink, the bound is twice the larger step. The rule is
-                not calibrated on random designs. It covers mesh error alone: the sheet is thin, perfect in shape, and
-                linear until it buckles.
+    With two meshes, the value extrapolates half of the step, like a compliance. The bound is the whole step, which
+    covers
+    step ratios from 1.7 up. With three meshes, the value extrapolates by its own ratio, clipped to `STEP_RATIOS`, and
+    the
+    bound is that extrapolation. If the last step turns back, the last value stands with twice that step as its bound.
+    If
+    steps do not shrink, the bound is twice the larger step. The rule is not calibrated on random designs. It covers
+    mesh
+    error alone: the sheet is thin, perfect in shape, and linear until it buckles.
     """
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
@@ -133,7 +138,7 @@ def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> 
     """Return extremes (Pa) of `stress` (von Mises), `tension` (largest principal) and `compression` (minus the
     smallest).
 
-    All are at least 0 and the largest of both sides and the middle.    supported : (n,) vertices with a support.
+    All are at least 0; each is the largest of both sides and the middle.    supported : (n,) vertices with a support.
     """
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
@@ -146,7 +151,7 @@ def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> 
 
 
 def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = None) -> Extreme:
-    """Return the extreme of values of faces (m,). off_corner_faces : (m,) faces that are far from corners."""
+    """Return the extreme of values (m,) on faces; off_corner_faces : (m,) faces that are far from corners."""
     worst = int(value.argmax())
     x, y, z = (float(v) for v in surface.centroids[worst] + 0.0)
     away = float(value[off_corner_faces].max()) if off_corner_faces is not None and off_corner_faces.any() else None
@@ -164,7 +169,7 @@ def off_corners(surface: Surface, supported: Bools) -> Bools:
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
     distances, _ = cKDTree(surface.V[corners]).query(surface.centroids)
-    # sheets without openings have no ribs: 5 % of their size limits the width
+    # a sheet without openings has no ribs, so 5 % of its size limits the distance
     return np.asarray(distances > min(rib_width(surface), 0.05 * surface.size))
 
 

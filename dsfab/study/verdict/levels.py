@@ -33,7 +33,7 @@ from dsfab.statics import (
 from dsfab.study.verdict.estimates import Extreme, rib_width, stress_extremes
 from dsfab.surface import LoadCase, Surface
 
-CREASE_COSINE = np.cos(np.radians(30))  # A face that leans more from a vertex's mean normal keeps its own.
+CREASE_COSINE = np.cos(np.radians(30))  # At a larger angle to a vertex's mean normal, a face uses its own normal.
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +43,10 @@ class SmoothSurface:
     surface : the flat faces.
     bulge   : (e, 3) distance of the middle of each edge from its chord, metres; 0 for flat faces and creases.
 
-    The middle of an edge from a to b is that of the cubic which leaves a and b at right angles to the normals there
-    [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. It does not depend
-    on the sign of the normals. It belongs to the edge, so patches meet without gaps.
+    A cubic curve from a to b leaves both ends at right angles to the normals there; its middle is the middle of the
+    edge
+    [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge does not
+    depend on the sign of the normals. It belongs to the edge, so patches meet without gaps.
     """
 
     surface: Surface
@@ -66,7 +67,9 @@ class SmoothSurface:
         return cls(surface, total / edges.count[:, None])
 
     def points(self, weights: csr_array) -> Floats:
-        """Return (k, 3) points (m) with barycentric weights (k, n): at most three a row, all in one face."""
+        """Return points (k, 3), metres, with barycentric weights (k, n); a row has at most three weights, all in
+        one face.
+        """
         flat = np.asarray(weights @ self.surface.V)
         if not self.bulge.any():
             return flat
@@ -85,7 +88,9 @@ def _normal_component(chord: Floats, normal: Floats) -> Floats:
 
 
 def _corner_normals(surface: Surface) -> Floats:
-    """Return (m, 3, 3) unit normals at the corners of each face: the mean around the vertex, or its own at a crease."""
+    """Return unit normals (m, 3, 3) at the corners of each face: the mean around the vertex, or at a crease the
+    face normal.
+    """
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]
@@ -114,7 +119,7 @@ def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
 
 
 def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
-    """Yield the cut mesh with its points on the smooth surface, then finer and finer meshes, without end."""
+    """Yield the cut mesh with its points on the smooth surface, and after it finer and finer meshes without end."""
     mesh = replace(sheet, surface=Surface(smooth.points(sheet.weights), sheet.surface.F))
     while True:
         yield mesh
@@ -124,8 +129,8 @@ def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
 class Shares(NamedTuple):
     """A load on a sheet, independent of its mesh, newtons.
 
-    vertices : (n, 3) on the surroundings of each vertex of the uncut surface that the sheet still has.
-    faces    : (p, 3) on the material in each face of the uncut surface, up to the last face with material.
+    vertices : (n, 3) forces around each vertex of the uncut surface, where the sheet still has material.
+    faces    : (p, 3) forces on the material in each face of the uncut surface, up to the last face with material.
     """
 
     vertices: Floats
@@ -149,14 +154,14 @@ def on_mesh(
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
     """Return supports and loads on any mesh of a sheet of the uncut surface.
 
-    uncut_loads : on the uncut surface.    forces : their `shares`.
+    uncut_loads : loads on the uncut surface.    forces : `shares` of these loads.
 
     The material around a vertex takes the vertex's force, in proportion to the hat function of the uncut mesh. So a
-    load has the same place and size on every finer mesh. No force acts on a point, where a sheet in its plane has no
-    finite answer. A load on a face spreads evenly over the material there. The sum of all forces is exact.
+    load has the same place and size on every finer mesh. No force acts on a point, because there a sheet in its plane
+    has no finite displacement. A load on a face spreads evenly over the material there. The sum of all forces is exact.
     """
     F, areas = sheet.surface.F, sheet.surface.areas
-    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # 3 x mean on each face
+    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # three times the mean
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}
@@ -175,8 +180,8 @@ PARABOLIC_SHEAR = 6 / 5  # Energy factor of shear through the thickness, a parab
 class RibSoftening(NamedTuple):
     """Effects that make a solid softer than a thin sheet, as shares of the thin sheet's compliance.
 
-    torsion : growth if twisted ribs are bars of their own width and thickness, solved again (`solve_cases`); inf where
-              that cannot be solved.
+    torsion : growth if twisted ribs are bars of their own width and thickness, by a second solve (`solve_cases`); inf
+              if that solve is impossible.
     shear   : energy of shear through the thickness, q^2 6 / (5 G h) per square metre. q is the thin sheet's, averaged
               over half a thickness all around, because a solid spreads the flow through a neck.
     bending : energy of moments, times the root of thickness over the mean width of ribs.
@@ -219,7 +224,9 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return (m, m) area means over faces within `reach` (m), for vectors that change sign with a face's side."""
+    """Return the matrix (m, m) of area means over faces within `reach` (m), for vectors that change sign with a
+    face's side.
+    """
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -239,7 +246,7 @@ def theory_share(soft: RibSoftening) -> float:
 
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
-"""The pair of elements of a verdict, and the pair beside it. Their errors have mostly opposite signs."""
+"""The pair of elements of a verdict, and a second pair whose errors mostly have the opposite sign."""
 
 QUICK_ELEMENTS = elements_of("compliance_once")  # The pair of the quick level, which solves one mesh only.
 
@@ -247,24 +254,26 @@ BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
-"""Memory of a solve per unknown, by solver and bending element, measured at 0.3 to 3.3 million unknowns. PARDISO keeps
-half of a symmetric factor, and its input is freed before: 2.7 GB for 1.2 million unknowns instead of 4.9."""
+"""Memory of a solve per unknown, by solver and bending element, measured at 0.3 to 3.3 million unknowns. PARDISO stores
+half of a symmetric factor, and its input is freed before: 1.2 million unknowns take 2.7 GB instead of 4.9 GB.
+"""
 
 
 @dataclass(frozen=True)
 class Level:
     """One mesh of a verdict.
 
-    triangles  : of the mesh.              unknowns : of the main pair (without bending in the plane).
+    triangles  : number of triangles.      unknowns : number for the main pair (without bending in the plane).
     compliance : J, by the main pair, for each case: `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for the quick level.
-    midedge    : J, by `SPREAD_ELEMENTS`; empty where not run.
-    zz_membrane, zz_bending : for each case the squared error of the recovered stress, as a share of the compliance
-                 [Zienkiewicz and Zhu 1987], of the main pair.
-    residual   : the largest of all cases and pairs, relative, in the norm of the energy (see `Equilibrium`).
-    seconds    : of both pairs.
+    midedge    : J, by `SPREAD_ELEMENTS`; empty if these did not run.
+    zz_membrane, zz_bending : main pair's squared error of the recovered stress for each case, as a share of the
+    compliance
+                 [Zienkiewicz and Zhu 1987].
+    residual   : largest relative residual of all cases and pairs, in the norm of the energy (see `Equilibrium`).
+    seconds    : time of both pairs.
     memory     : bytes, the peak of the process so far.
-    stresses   : of the main pair, for each case, see `stress_extremes`.
-    softer     : of the main pair, for each case, see `RibSoftening`; empty if not requested, or in the plane.
+    stresses   : main pair's stresses for each case, see `stress_extremes`.
+    softer     : main pair's softening for each case, see `RibSoftening`; empty without a request, or in the plane.
     """
 
     triangles: int
@@ -290,7 +299,7 @@ def level(
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
 
-    ribs : whether to solve once more with ribs that twist as bars, see `RibSoftening`.
+    ribs : whether to add a second solve in which ribs twist as bars, see `RibSoftening`.
 
     Raises StaticsError as `equilibria` does.
     """
@@ -336,8 +345,12 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the squared energy errors of membrane and bending, relative to the compliance: differences of the stress
-    to its average around vertices [Zienkiewicz and Zhu 1987]; 0 for stress constant on faces."""
+    """Return the squared energy errors of membrane and bending, relative to the compliance.
+
+    An error is the difference between the stress and its average around vertices [Zienkiewicz and Zhu 1987]; 0 for
+    stress
+    constant on faces.
+    """
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness

@@ -28,7 +28,7 @@ from dsfab.study.verdict.levels import SmoothSurface, memory_needed, meshes, on_
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")  # For buckling and frequency, which share a factor.
+MODE_ELEMENTS: Elements = elements_of("buckling")  # Buckling and frequency use the same factorised stiffness.
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ class ModeIntervals:
     """Buckling factors and frequency, extrapolated from all meshes.
 
     buckling : the lowest factor of each case with its bound; cases that do not buckle are left out.
-    hertz    : the lowest frequency with its bound; None if it was not requested or could not be solved.
+    hertz    : the lowest frequency with its bound; None without a request or a result.
     levels   : the meshes, coarse to fine.
     assumed  : assumptions about the supports (`mode_supports`), or ''.
-    refusals : sentences: why a value is missing, or why no finer mesh was solved.
+    refusals : sentences with the reason why a value or a finer mesh is missing.
     """
 
     buckling: Mapping[str, estimates.ModeEstimate]
@@ -81,7 +81,7 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
-            # memory with two stored factors was not measured: use the larger figure
+            # nobody measured the memory with two stored factors, so the larger figure holds
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")

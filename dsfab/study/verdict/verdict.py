@@ -40,7 +40,9 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, the sheet's material, and the loads by case on equal supports, for all competitors."""
+    """The uncut surface, the sheet's material, and the loads by case; all competitors share these and their
+    supports.
+    """
 
     surface: Surface
     made: SheetMaterial
@@ -71,8 +73,11 @@ def whole_sheet(surface: Surface) -> Sheet:
 def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
-    """Return material that reaches a support over edges, dropped pieces (largest first), and the loads on the former.
-    Raises StaticsError for no supports, a free rigid motion, and a load on a dropped piece or on no material."""
+    """Return material that reaches a support over edges, dropped pieces (largest first), and the loads on that
+    material.
+
+    Raises StaticsError for no supports, a free rigid motion, and a load on a dropped piece or on no material.
+    """
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
@@ -105,12 +110,12 @@ Depth = Literal["quick", "full"]
 class CaseVerdict:
     """The verdict on one load case or combination.
 
-    value  : compliance, J; nan if it could not be solved.
+    value  : compliance, J; nan without a solution.
     bound  : half width of the interval of the true compliance, relative to the value; inf if unknown.
-    status : pass: the sheet carries the loads, and the compliance is known to `CONVERGED`. fail: it does not carry
-             them. unknown: the compliance is not known well enough.
+    status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry the
+             loads. unknown: the bound is larger.
     spread : compliance of quadratic + midedge over that of quadratic + hhj on the first mesh, less 1.
-    zz_membrane, zz_bending : on the finest mesh, see `Level`.
+    zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
     theory : share by which a solid may be softer, because the bound is about thin sheets; see `theory_share`.
     """
 
@@ -129,15 +134,15 @@ class CaseVerdict:
 class Verdict:
     """Result of `check`.
 
-    depth      : quick (one mesh) or full (two or three).
-    status     : the worst of all cases.       reason : of the governing case.
+    depth      : quick (one mesh) or full (two or three meshes).
+    status     : the worst of all cases.       reason : reason of the governing case.
     cases      : the governing case first: the worst status, then the largest compliance.
     levels     : the solved meshes, coarse to fine.
-    dropped    : pieces of material that reach no support, largest first; they were not solved.
+    dropped    : pieces of material that reach no support, largest first; the solver leaves them out.
     per_member : mean number of uncut edges across a member: twice the area over the length of all borders; inf for a
                  closed sheet without openings.
-    facets     : L^2 / (R h) of the uncut mesh, the median: edge length, radius of curvature, thickness.
-    warnings   : a sentence for each of these two numbers beyond its limit.
+    facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
+    warnings   : a sentence for `per_member` and for `facets` if they miss their limit.
     """
 
     depth: Depth
@@ -197,7 +202,7 @@ COUNT = {2: "two levels", 3: "three levels"}
 
 @dataclass
 class Refinement:
-    """Meshes solved so far.
+    """Meshes of a verdict up to now.
 
     stopped  : the reason for the end of refinement, and its status; None after convergence or the last mesh.
     unsolved : True if the solver rejected the last mesh.
@@ -320,14 +325,15 @@ def check(
 
     subject : a design, or a `LoadedSurface` that competitors share.
     sheet   : the material, loose pieces included, in the subject's surface; default: that of the design.
-    depth   : quick, one solve on the unrefined mesh; or full, on the cut mesh and its refinement with all points on the
-              smooth surface, extrapolated, and on a third mesh if the bound still exceeds 2 %.
+    depth   : "quick": one solve on the unrefined mesh. "full": solves on the cut mesh and on its refinement, whose
+              points
+              lie on the smooth surface, and extrapolates. A third mesh follows if the bound still exceeds 2 %.
     budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
     cells   : all cells of the sheet; default: those of a design. If needle faces stop the solver, they are flipped and
-              collapsed (`dsfab.slicing.finishing.mesh_quality`) and the sheet is solved again. Without this, 781
-              needles among 38 127 triangles made a sheet look like a mechanism.
+              collapsed (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again. Without this, 781 needles
+              among 38 127 triangles made a sheet look like a mechanism.
 
-    A sheet that does not carry its loads gets a verdict, no error. Raises ValueError for a `LoadedSurface` without
+    A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError for a `LoadedSurface` without
     `sheet`.
     """
     start = time.perf_counter()

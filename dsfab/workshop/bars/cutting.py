@@ -17,9 +17,11 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Bolt diameters to the bolts, between bolts, and to the plate's end; the first that fits is used."""
+"""Distances, in bolt diameters, from the fold to the first bolt, between bolts, and to the plate's end. The first row
+that fits is used.
+"""
 LEG_NAME = "ground"
-"""Name of a plate's leg, in place of a bar's name."""
+"""Name of a plate's leg, which has no bar to take its name from."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,9 @@ class BarStock:
         return (self.bar + self.plate) / 2
 
     def bolt_stations(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
-        """Return distances from a bar's root to its bolts and to the end of the plate (m); no bolts without room."""
+        """Return distances from the beginning of a bar to its bolts and to the end of the plate (m); no bolts
+        without room.
+        """
         clear, room = BAR_CLEARANCE * self.bolt, bar.length / 2
         for *steps, end_distance in BOLT_SPACINGS:
             stations = clear + self.bolt * np.cumsum(steps)
@@ -47,7 +51,7 @@ class BarStock:
 
 
 def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPart:
-    """Return a bar as it is cut from a board of its thickness; nodes : names at its ends."""
+    """Return a bar as a flat part, cut from a board of the bar's thickness; nodes : names at its ends."""
     L, half, clear = bar.length, bar.bay.width / 2, BAR_CLEARANCE * stock.bolt
     low, high = (clear if end.root else 0.0 for end in bar.ends)
     P = np.array([[low, -half], [L - high, -half], [L - high, half], [low, half]])
@@ -65,7 +69,10 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b, x along and left of the bar, up to the plane halfway to each neighbour."""
+    """Yield half planes a . x <= b that limit a bar; x is along the bar and to its left.
+
+    Each half plane ends in the middle between the bar and a neighbour.
+    """
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)
@@ -74,7 +81,7 @@ def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats
 
 
 def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
-    """Return the length from a bar's root along which a mitre cuts one of its sides (m)."""
+    """Return the length along which a mitre cuts one side of a bar, from the beginning of its line (m)."""
     half = bar.bay.width / 2
     cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, BAR_CLEARANCE * stock.bolt)]
     return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
@@ -101,7 +108,7 @@ def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, floa
         names = [bar.bay.id]
         long = text_length(bar.bay.id, height)
     height *= min(1.0, NAME_SHARE * room / long)
-    if height < 0.003 * min(1.0, bar.bay.width / 0.02):  # metres: nobody reads smaller letters
+    if height < 0.003 * min(1.0, bar.bay.width / 0.02):  # metres: smaller letters are not readable
         return
     places = [inner[0] + inner[1]] if len(names) == 1 else [2 * inner[0], inner[0] + inner[1], 2 * inner[1]]
     for name, twice, side in zip(names, places, (0,) if len(names) == 1 else (1, 0, -1), strict=True):
@@ -147,9 +154,9 @@ def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[Plat
 class PlateArm:
     """Arm of a flat node plate.
 
-    bar     : name of its bar.    azimuth, dip : its direction, and the angle of its fold (radians).
-    fold, end : distances from the node to the fold and to the end (m).    holes : distances to holes (m).
-    after   : angle to the next arm (radians).    root : distance to the root of its bar (m).
+    bar     : name of its bar.    azimuth, dip : direction of the bar, and angle of the fold (radians).
+    fold, end : distances from the node to the fold and to the end (m).    holes : distances from the node to holes (m).
+    after   : angle to the next arm (radians).    root : distance from the node to the beginning of the bar (m).
     """
 
     bar: str
@@ -163,7 +170,7 @@ class PlateArm:
 
     @classmethod
     def from_bar(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
-        """Return the arm of the plate for a bar; at a sloping bar it folds nearer to the node than the bar begins."""
+        """Return the plate's arm for a bar. For a sloping bar the arm folds nearer to the node than the bar begins."""
         end, (stations, end_distance) = bar.ends[side], stock.bolt_stations(bar)
         setback = stock.lever * np.tan(end.dip / 2)
         holes = tuple(end.root - 2 * setback + r for r in stations)

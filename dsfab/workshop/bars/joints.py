@@ -1,8 +1,8 @@
 """Joints: the angles at the ends of bars, and the legs by which node plates stand on the ground.
 
-       n                     n    normal of a node; its plate is square to it, below the bars
-       |   dip               e    from the node to a bar's root, where the plate's arm is folded
--------+--e--·.._            dip  of the bar below the plane of the plate
+       n                     n    normal of a node; its plate is square to n, below the bars
+       |   dip               e    from the node to the root, where the bar's line begins and the arm is folded
+-------+--e--·.._            dip  angle of the bar below the plane of the plate
      plate      ··.._        m    the bar's normal: n without its component along the bar; the twist is the
                  bar          ·   angle between the normals of both ends
 
@@ -27,7 +27,9 @@ from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text
 FLAT_SINE = np.sin(np.radians(5.0))
 """Sine of the least slope of a surface at a support for a leg."""
 LEAST_SIDE, ARM_SHARE = 1.5, 0.45
-"""Half width of an arm over the bolt or anchor diameter, at least; share of the narrowest member otherwise."""
+"""Two limits for half the width of an arm: its least value over the bolt or anchor diameter, and otherwise its share of
+the narrowest member.
+"""
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 """Anchor diameters from the fold to the first anchor, to the second, and to the end of the leg."""
 
@@ -56,8 +58,10 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Footing:
-    """Supports (q, 3) of a structure (m), unit vector `up` (3,), and diameter of anchors (m).
-    reach : distance of a support from a node, in addition to member widths (m)."""
+    """Ground contact of a structure: its supports (q, 3) in metres, unit vector `up` (3,), and diameter of anchors (m).
+
+    reach : distance of a support from a node, in addition to member widths (m).
+    """
 
     supports: Floats
     up: Floats
@@ -78,12 +82,12 @@ class Footing:
         """Return the legs of nodes (q, 3) at supports, by node number; None where the surface is too flat."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
-        limits = self.reach + 0.75 * np.asarray(widths)  # a nearer support belongs to the node
+        limits = self.reach + 0.75 * np.asarray(widths)  # a support within this distance belongs to the node
         for k in np.flatnonzero(away < limits).tolist():
             n = normals[k]
             down = (n @ self.up) * n - self.up
             steep = float(np.linalg.norm(down))
-            outward = n @ self.up > 0  # plates fold the other way where normals point down
+            outward = n @ self.up > 0  # plates fold in the opposite direction where normals point down
             angle = float(np.arctan2(steep, abs(float(n @ self.up)))) * (1 if outward else -1)
             legs[k] = Leg(down / steep, angle, self.anchor) if steep > FLAT_SINE else None
         return legs
@@ -146,7 +150,9 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
 
 
 SQUARE_ANGLE = np.radians(70.0)
-"""Least angle of bars that are cut square, farther from the node; at sharper angles bars have mitres."""
+"""Smallest angle between bars with square ends, which begin farther from the node; at sharper angles bars have
+mitres.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +160,8 @@ class BarEnd:
     """End of a bar.
 
     node    : node number.    azimuth : radians counter-clockwise about the node's normal, from its first bar.
-    dip     : radians below the plane of the node.    root : distance from the node to the beginning of the bar's line
-              (m).
+    dip     : radians below the plane of the node.
+    root    : distance from the node to the beginning of the bar's line (m).
     before, after : radians to the next bars, clockwise and counter-clockwise; 2 pi for a single bar.
     """
 
@@ -169,8 +175,11 @@ class BarEnd:
 
 @dataclass(frozen=True, eq=False)
 class LatticeBar:
-    """Straight bar of a bay. points : (2, 3) roots (m). normals : (2, 3) of the bar at both ends. sagitta : largest
-    distance of the member's axis from the bar (m)."""
+    """Straight bar of a bay.
+
+    points : (2, 3) both ends of the bar's line (m).    normals : (2, 3) normals of the bar at both ends.
+    sagitta : largest distance of the member's axis from the bar (m).
+    """
 
     bay: Bay
     ends: tuple[BarEnd, BarEnd]
@@ -184,7 +193,7 @@ class LatticeBar:
 
     @cached_property
     def length(self) -> float:
-        """Length from root to root (m)."""
+        """Length of the bar's line (m)."""
         return float(np.linalg.norm(self.points[1] - self.points[0]))
 
     @cached_property
@@ -201,9 +210,11 @@ class LatticeBar:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Bars at a node, counter-clockwise, as (bar number, 0 for its beginning or 1 for its end).
+    """Bars at a node, counter-clockwise, as pairs: bar number, and 0 for the bar's beginning or 1 for its end.
+
     half : half width of the plate's arms (m).    root : approximate distance from the node to the folds (m).
-    leg  : leg of the plate at a support."""
+    leg  : leg of the plate at a support.
+    """
 
     node: LatticeNode
     bars: tuple[tuple[int, int], ...]
@@ -276,7 +287,7 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     N = np.array([node.normal for node in lattice.nodes]).reshape(-1, 3)
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
-    # bars dip about 1.5 times as much as the lines between their nodes, because they begin beside these
+    # bars begin beside their nodes, so they dip about 1.5 times as much as the lines between nodes
     level, lean = (
         _level_directions(chord, N[bay_ends.node]),
         1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N))),
@@ -304,7 +315,7 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
 
 
 def _level_directions(directions: Floats, N: Floats) -> Floats:
-    """Return unit vectors (q, 3) along directions (q, 3) in the planes square to normals (q, 3)."""
+    """Return unit vectors (q, 3): directions (q, 3) projected into the planes square to normals (q, 3)."""
     level = directions - np.einsum("qi,qi->q", directions, N)[:, None] * N
     return np.asarray(level / np.linalg.norm(level, axis=1)[:, None])
 
@@ -323,10 +334,11 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
 
     Bars at right angles clear each other at half of their width; sharper angles and leaning bars need more. Short bars
-    stay closer and get mitres. Arms at sharp angles are narrower, but wide enough for bolts, which moves folds
+    stay closer to the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts; this moves
+    folds
     outwards.
     """
-    notch = 0.9  # share of the way from the node to the roots from which arms of a plate are apart
+    notch = 0.9  # arms of a plate separate at this share of the way from the node to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())
@@ -336,10 +348,13 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 
 
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
-    """Return bar roots (2 b, 3) in the planes of their nodes; directions between roots would not converge."""
+    """Return the beginnings (2 b, 3) of the bars' lines, in the planes of their nodes.
+
+    Directions from beginning to beginning would not converge.
+    """
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far as the one before
+    for _ in range(rounds):  # a round moves the roots e / (distance - e) times as far as the previous round
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots

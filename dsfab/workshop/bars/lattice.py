@@ -16,16 +16,16 @@ from dsfab.workshop.development import PARALLEL_SHARE
 from dsfab.workshop.strips import STRIP_KINDS
 
 BAR_CLEARANCE = 0.25
-"""Bolt diameters between neighbouring bars, and from the fold of a plate to a bar."""
+"""Clearance in bolt diameters between neighbouring bars, and from the fold of a plate to a bar."""
 LEAST_BAR = 4.0
-"""Least length of a bar on a plate, in bolt diameters: one bolt, and two diameters to both sides of it."""
+"""Shortest bar on a plate, in bolt diameters: one bolt, and two diameters on both sides of the bolt."""
 
 
 @dataclass(frozen=True, eq=False)
 class LatticeNode:
-    """Node of bars: one node of the graph, or several that are too close for bars between them.
+    """Node of bars: one node of the graph, or several nodes that are too close for bars between them.
 
-    id     : of the first of these nodes; "A07 end 1" for a free end of a member.    nodes : all their names.
+    id     : name of the first of these nodes; "A07 end 1" for a free end of a member.    nodes : all their names.
     point  : (3,) metres.    normal : (3,) of the surface.    joined : whether a plate joins the bars.
     moved  : largest distance of these nodes from the point (m).
     """
@@ -57,8 +57,8 @@ class Bay:
 class Lattice:
     """Nodes and bays.
 
-    merged_pairs : number of node pairs that are closer than a bar is long, and become one node.
-    parallel : names of omitted bays beside another bay between the same nodes.
+    merged_pairs : number of node pairs that become one node, because they are closer than a bar is long.
+    parallel : names of omitted bays: a second bay joins the same two nodes.
     rings    : names of closed members with fewer than three nodes, which cannot become bars.
     """
 
@@ -78,7 +78,10 @@ class _RawBay:
 
 
 def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
-    """Return the lattice of members with an axis for bolts (m). Raises PatternError for too many short bays."""
+    """Return the lattice of the members that have an axis; bolt : diameter (m).
+
+    Raises PatternError for too many short bays.
+    """
     places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
     members = [member for member in graph.members if becomes_bars(member)]
     raw_bays = [raw_bay for member in members for raw_bay in _member_bays(graph, member, places, bolt)]
@@ -101,7 +104,7 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
 
 
 def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
-    """Return the mean normal (3,) of the fitted axes, whose error is 0.006 degrees in place of 0.34 for a face."""
+    """Return the mean normal (3,) of the fitted axes; its error is 0.006 degrees, that of a face normal 0.34."""
     members = [(graph.by_id[name].axis, s) for name, s in zip(node.members, node.at, strict=True)]
     normals = [axis.frames_at(np.array([s]))[2][0] for axis, s in members if axis is not None and np.isfinite(s)]
     total = np.sum([n * np.sign(n @ node.normal) for n in normals], axis=0) if normals else node.normal
@@ -142,7 +145,9 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends join."""
+    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends become one
+    group.
+    """
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)

@@ -155,14 +155,11 @@ class Plank:
             )
 
         clear = stock.splice_reach + 2 * stock.thickness
+        span, repeated = (course.begin, course.end), course.repeated_stations(stations)
         try:
-            cuts = splice_cuts(
-                (course.begin, course.end), course.repeated_stations(stations), clear, slides, self.member.id
-            )
+            cuts = splice_cuts(span, repeated, clear, slides, self.member.id)
         except PatternError:
-            cuts = splice_cuts(
-                (course.begin, course.end), course.repeated_stations(stations), clear, on_stock, self.member.id
-            )
+            cuts = splice_cuts(span, repeated, clear, on_stock, self.member.id)
         self.cuts = cuts.stations
         parts.splices_near_nodes, parts.splice_count = (
             parts.splices_near_nodes + cuts.near_nodes,
