@@ -34,8 +34,8 @@ from dsfab.render.previewer import panels
 from dsfab.render.view import up_axis
 from tests.browser import opened
 from tests.meshes import mesh_file
-from tests.test_app_editor import serving
-from tests.test_app_editor_page import READY
+from tests.app.test_editor import serving
+from tests.app.test_editor_page import READY
 
 DOCS = Path(__file__).resolve().parents[1]
 MEDIA = DOCS / "media"

@@ -1,4 +1,4 @@
-"""The command `dsfab bench`: seconds and peak memory of presets, each run in a process of its own."""
+"""The command `dsfab bench`: seconds and peak memory of presets. Each run has its own process."""
 
 import json
 import statistics
@@ -23,7 +23,7 @@ TIMING_COLUMNS = (
     *("membrane", "bending", "statics", "stress", "diffusion", "modes"),
     *("stripes", "slicing", "thickening", "export", "total"),
 )
-"""Columns of the table, seconds: those of the paper's Table 2, then further stages.
+"""Columns of the table, seconds: the columns of the paper's Table 2, and further stages after these.
 
 `stripes` are evenly spaced: directions, densities and phases, which replace the modes.
 """
@@ -57,7 +57,9 @@ class Workload:
     ] = "all"
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the numbers of vertices; empty for the preset's own. Raises DsfabError for a text that is no list."""
+        """Return the numbers of vertices; empty for the preset's own. Raises DsfabError for a text that is not a
+        list.
+        """
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:
@@ -117,8 +119,10 @@ def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
 
 
 def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -> list[tuple[str, ...]]:
-    """Overrides for shapes with about these numbers of vertices, which grow with 1 / edge^2.
-    The preset is read in any case, so that a mistake in a later preset is found before the first run."""
+    """Return overrides for shapes with about these numbers of vertices, which grow with 1 / edge^2.
+
+    The function reads every preset, so that a mistake in a later preset appears before the first run.
+    """
     surface = source.read_preset(name).surface
     if not vertex_counts:
         return [()]
@@ -133,7 +137,7 @@ def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -
 
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
-    """Return seconds per row, peak memory in MiB, and sizes of one run in this process."""
+    """Return seconds per row, peak memory in MiB, and sizes of a single run in this process."""
     from dsfab.design import run
     from dsfab.design.output.files import deliverable
     from dsfab.export import write

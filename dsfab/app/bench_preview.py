@@ -25,16 +25,18 @@ SIZES = (10_000, 60_000, 300_000, 1_000_000)  # Triangles of the surfaces.
 
 PIXELS = (1024, 768)
 
-SECONDS = 4.0  # Seconds of each measurement, with five pictures of each kind at least.
+SECONDS = 4.0  # Seconds of each measurement, which takes at least five pictures of each kind.
 KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
-"""Names of renderers that run on the processor."""
+"""Names of renderers that use the processor instead of a graphics card."""
 
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
     """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and the fields (n, 6) of a `StripeShader`.
-    The fields are the two angles, because the time does not depend on them."""
+
+    The fields are the two angles of the torus, because the time does not depend on the fields.
+    """
     rows = max(round((triangles / 6) ** 0.5), 3)
     columns = 3 * rows
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
@@ -50,11 +52,11 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
 
 
 def measure(triangles: int) -> dict[str, Any]:
-    """Measure frames a second in this process, by kind.
+    """Measure frames per second in this process, by kind.
 
-    plain, shader : the mesh, and stripes with new numbers before each frame.
-    graded, walls : with widths and a reach at the vertices; with the walls of the sheet.
-    over_clock, over_cpu : time of a frame of the shader over a plain one, by the clock and by the processor.
+    plain, shader : the mesh alone; stripes with new numbers before each frame.
+    graded, walls : stripes with widths and a reach at the vertices; stripes with the walls of the sheet.
+    over_clock, over_cpu : time of a frame with the shader over a plain frame, by the clock and by the processor.
     change_ms, peak_mb   : milliseconds of a change of numbers; peak memory, MiB.
     """
     from dsfab.render.opengl import require_rendering
@@ -81,7 +83,7 @@ def measure(triangles: int) -> dict[str, Any]:
     clock, cpu, change_times = (
         {kind: median(row[k] for row in rows[1:]) for kind, rows in frame_times.items()} for k in range(3)
     )
-    return {  # medians leave out the first row, in which programs compile
+    return {  # medians ignore the first row, whose time includes compilation
         "triangles": len(F),
         "renderer": renderer,
         **{kind: 1 / seconds for kind, seconds in clock.items()},
@@ -95,9 +97,9 @@ def measure(triangles: int) -> dict[str, Any]:
 def _frames(
     scenes: "dict[str, Scene]", shaders: "dict[str, StripeShader | None]", view: "View"
 ) -> dict[str, list[tuple[float, float, float]]]:
-    """Seconds of each frame by kind: by the clock, by the processor, and of the change before it."""
+    """Return the seconds of each frame by kind: by the clock, by the processor, and of the change before the frame."""
     frame_times: dict[str, list[tuple[float, float, float]]] = {}
-    for kinds in (("plain", "shader", "graded"), ("walls",)):  # in turn, so that a busy machine is fair to all
+    for kinds in (("plain", "shader", "graded"), ("walls",)):  # in turns: a busy machine slows all kinds equally
         start, number = time.perf_counter(), 0
         while number < 5 or time.perf_counter() - start < SECONDS:
             for kind in kinds:
@@ -125,7 +127,7 @@ def _change_settings(stripes: "StripeShader", number: int, kind: str, eye: Float
 
 
 def frame_rates(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
-    """Measure each size in a process of its own; after hardware also in software."""
+    """Measure each size in a separate process: first with hardware, then also in software."""
     rows = [_in_own_process(triangles, {}) for triangles in sizes]
     if rows and sys.platform.startswith("linux") and not SOFTWARE.search(rows[0]["renderer"]):
         rows += [_in_own_process(triangles, {"LIBGL_ALWAYS_SOFTWARE": "1"}) for triangles in sizes]

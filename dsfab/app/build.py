@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Files:
-    """Folder and formats of a build, and acceptance of faults."""
+    """Folder and formats of a build, and whether it accepts faults."""
 
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")] = (
         None
@@ -59,14 +59,14 @@ class PictureFlags:
     ] = False
 
     def check_ahead(self) -> None:
-        """Start to check whether this machine can draw; `possible` has the answer."""
+        """Start a check whether this machine can draw; `possible` has the result."""
         from dsfab.render.opengl import probe_ahead
 
         if self.picture or self.marked:
             probe_ahead()
 
     def drawable(self, reporter: Reporter) -> "PictureFlags":
-        """Return the flags without pictures if this machine cannot draw; the build itself goes on."""
+        """Return the flags without pictures if this machine cannot draw, so that the build itself continues."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures() if self.picture or self.marked else ""
@@ -142,12 +142,12 @@ def _read_preset(name: str, source: Source, quiet: bool) -> "tuple[Proposal | No
 
 
 def _step_is_optional(export: "Export") -> bool:
-    """True if the build may do without STEP: `quick`, beside other formats."""
+    """Return True if the build may omit STEP: for `quick` in a list with further formats."""
     return export.step == "quick" and len(export.formats) > 1
 
 
 def _report_refusal(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:
-    """Report a missing file; raise ExportError if the user asked for it (`folder` is None)."""
+    """Report a missing file. Raise ExportError instead if the user requested this file (`folder` is None)."""
     if folder is None:
         raise ExportError(why)
     quick = preset.export.step == "quick"

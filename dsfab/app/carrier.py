@@ -13,7 +13,7 @@ from dsfab.preset.model import Preset
 
 class _DraftPickler(pickle.Pickler):
     def reducer_override(self, thing: object) -> Any:
-        if isinstance(thing, Preset):  # its parts have classes that exist only after dsfab is imported
+        if isinstance(thing, Preset):  # parts of a preset have classes that exist only after the import of dsfab
             return preset_from_text, (preset_toml(thing),)
         if isinstance(thing, MappingProxyType):
             return _proxy, (dict(thing),)
@@ -21,7 +21,7 @@ class _DraftPickler(pickle.Pickler):
 
 
 def pickled(thing: object) -> bytes:
-    """Return a draft as bytes for `pickle.loads` in another process, with types that pickle does not support itself."""
+    """Return a draft as bytes for `pickle.loads` in another process, also with types that pickle does not support."""
     file = io.BytesIO()
     _DraftPickler(file, protocol=5).dump(thing)
     return file.getvalue()

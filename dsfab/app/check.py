@@ -41,12 +41,12 @@ class Expected:
     set_: Set = ()
 
     def preset_name(self, file: Path) -> str | None:
-        """Return the preset of the command line, or that beside the file, if any."""
+        """Return the preset of the command line, or the preset beside the file, if any."""
         neighbour = file.parent / "preset.toml"
         return self.preset if self.preset is not None else str(neighbour) if neighbour.is_file() else None
 
     def read_preset(self, name: str) -> "Preset":
-        """Return the preset, or that of the built folder, of this name."""
+        """Return the preset of this name, or the preset of the built folder of this name."""
         folder = built_folder(name)
         return Source(self.set_).read_preset(str(folder / "preset.toml") if folder else name)
 
@@ -246,7 +246,7 @@ def _place_words(place: "tuple[float, float, float] | list[float] | Floats") -> 
 
 
 def _reason(finding: "Finding", checked: "FileCheck") -> str:
-    """Reason of a verdict in a short sentence; empty if the numbers below show it."""
+    """Return the reason of a verdict in a short sentence; empty if the numbers below the verdict show the reason."""
     if finding.verdict == "unknown":
         return finding.reason + ("; not run" if finding.name == "compliance" and checked.carrying is None else "")
     if finding.name == "unit" and finding.verdict == "fail":

@@ -45,17 +45,17 @@ class Nonlinear:
     minutes: Annotated[float, Parameter(help="Limit of each of the two or three runs of CalculiX.")] = 60.0
 
 
-LINEAR_FILE_CHECK = Nonlinear()  # The check of a file, which is not nonlinear.
+LINEAR_FILE_CHECK = Nonlinear()  # Options for the check of a file, which is linear.
 
 
 def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool, quiet: bool) -> int:
-    """Check a design and print the result; return 1 if it gives way under less than its loads, else 0."""
+    """Check a design and print the result; return 1 if the design fails under less than its loads, else 0."""
     from dsfab.design import Design
     from dsfab.study import nonlinear_check, require_ccx
 
     require_ccx()
     preset, _ = preset_and_folder(name, source)
-    with Reporter(quiet or as_json) as reporter, signals_as_interrupts():  # so that CalculiX and its files end too
+    with Reporter(quiet or as_json) as reporter, signals_as_interrupts():  # a signal must also stop CalculiX
         design = built_design(name, preset) or Design.from_preset(preset, progress=reporter).until("slicing")
         result = nonlinear_check(
             design, options.case, options.imperfection, options.minutes, reporter, options.check_edge

@@ -32,7 +32,7 @@ app = App(
     version=__version__,
     suppress_keyboard_interrupt=False,
 )
-# commands are named by text, so that only the module of the used command is imported
+# commands are texts, so that Python imports only the module of the command in use
 app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )
@@ -67,11 +67,11 @@ app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by s
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     words = sys.argv[1:] if arguments is None else list(arguments)
-    if arguments is None:  # the usual 700 new objects between collections cost a tenth of the time of importing
+    if arguments is None:  # garbage collections after every 700 new objects take a tenth of the time of importing
         gc.set_threshold(100_000, *gc.get_threshold()[1:])
     try:
         with warnings.catch_warnings():
-            if arguments is None and not sys.warnoptions:  # a terminal without -W
+            if arguments is None and not sys.warnoptions:  # the user has not set warnings by -W
                 warnings.simplefilter("ignore")
             code = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except RepeatArgumentError as error:
@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(REFUSED, str(error))
     except KeyboardInterrupt:
         return _fail(STOPPED, "stopped; nothing was written")
-    except BrokenPipeError:  # `dsfab presets | head` closes the pipe
+    except BrokenPipeError:  # a reader such as `dsfab presets | head` closes the pipe
         sys.stderr.close()
         return DONE
     except MemoryError as error:

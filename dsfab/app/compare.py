@@ -118,7 +118,7 @@ def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     )
 
 
-ComparisonAtShare = tuple[float | None, "Comparison"]  # A share (None: as it is), and its comparison.
+ComparisonAtShare = tuple[float | None, "Comparison"]  # A share (None: the design's), and its comparison.
 
 
 @Parameter(name="*")
@@ -157,7 +157,9 @@ class Questions:
 
     @property
     def area_shares(self) -> list[float]:
-        """Shares of the surface for further comparisons: '0.2:0.8:7' are seven. Raises DsfabError for another form."""
+        """Shares of the surface for further comparisons; '0.2:0.8:7' gives seven. Raises DsfabError for a different
+        form.
+        """
         if self.volumes is None:
             return []
         try:
@@ -173,7 +175,7 @@ class Questions:
         return shares
 
     def words(self) -> list[str]:
-        """Return the words of a command line with the same options."""
+        """Return the words of a command line with these options."""
         options = {"against": self.against, "volumes": self.volumes, "level": self.level}
         options |= {"memory": str(self.memory) if self.memory != Questions.memory else None}
         words = [word for name, value in options.items() if value is not None for word in (f"--{name}", value)]
@@ -236,8 +238,10 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
 
 
 def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
-    """Compare the design as it is, then at each share of the surface.
-    A design without equilibrium raises DsfabError; with shares it is reported and left out."""
+    """Compare the design as it is, and compare it again at each share of the surface.
+
+    Raises DsfabError for a design without equilibrium. At a share, dsfab reports such a design and leaves it out.
+    """
     from dsfab.design import draft
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
@@ -261,7 +265,7 @@ def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> 
         if not shares:
             raise
         reporter.print_line(f"compare     the design as its preset draws it is left out: {error}")
-    # a whole sheet on its coarse mesh would look a quarter too soft beside a cut sheet judged by one solve
+    # one solve is enough for a cut sheet, but a whole sheet on its coarse mesh would seem a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:
 
@@ -274,7 +278,7 @@ def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> 
 
 
 def _report_findings(comparisons: list[ComparisonAtShare], command: str) -> "Findings":
-    """Findings on the design as it is, or else at the largest share at which it carries its loads."""
+    """Report findings on the design as it is, or on the largest share at which the design carries its loads."""
     from dsfab.report.compliance import Findings
 
     volumes = [(share, compared) for share, compared in comparisons if share is not None]
@@ -316,22 +320,26 @@ FILES = ("summary.html", "summary.csv")
 SummaryRow = dict[str, Any]
 """A line of the summary: `name`, `folder`, `error`; without an error also the results of the design.
 
-These are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full` and `seconds`, and
-`NAME_ratio` of each competitor: its compliance over the design's. None for unknown values.
+The results are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full` and
+`seconds`. For each competitor, `NAME_ratio` is its compliance over the design's. None stands for unknown values.
 """
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Comparisons of several presets; output : folder of the summary and of a folder each, or outputs/compare."""
+    """Comparisons of several presets.
+
+    output : parent folder of the summary and of a folder for each preset; by default outputs/compare.
+    """
 
     task: CompareTask
     output: Path | None
 
     def run(self, presets: Sequence[str], resume: bool, quiet: bool, as_json: bool) -> int:
-        """Compare all and write the summary; return 1 if a preset was refused or does not carry its loads, else 0.
+        """Compare all presets and write the summary; return 1 if a preset is invalid or does not carry its loads, else
+        0.
 
-        A refused preset is reported in a sentence, and the next one follows.
+        dsfab reports an invalid preset in a sentence and continues with the next preset.
         """
         reporter = Reporter(quiet or as_json)
         rows: list[SummaryRow] = []
@@ -367,7 +375,7 @@ class Batch:
 
 
 def _is_current(folder: Path, preset: "Preset", command: str, report: bool) -> bool:
-    """True if the folder has the results of this command, preset and version."""
+    """Return True if the folder already has the results of this command, for this preset and version."""
     from dsfab.preset.file import preset_toml
 
     try:
@@ -430,7 +438,7 @@ def compare(
     more
         Further presets.
     """
-    _ = questions.competitor_names, questions.area_shares  # raises for wrong options before the preset is read
+    _ = questions.competitor_names, questions.area_shares  # report wrong options before reading the preset
     task = CompareTask(source, questions, results.report)
     if more or results.resume:
         return Batch(task, results.output).run((preset, *more), results.resume, quiet, json_)

@@ -34,11 +34,11 @@ from dsfab.study.variations import (
     spelled_value,
 )
 
-UNCONFIRMED_VARIANTS = 200  # Variants that are drawn without --yes.
+UNCONFIRMED_VARIANTS = 200  # Largest number of variants without --yes.
 
 
 class Variants:
-    """Every combination of `values` of a preset; `base` is the command that builds the preset itself."""
+    """Every combination of `values` of a preset; `base` is the build command of the unchanged preset."""
 
     def __init__(
         self, preset: Preset, values: Values, base: list[str], view: str, show: str, pixels: tuple[int, int]
@@ -79,7 +79,9 @@ class Variants:
         return ContactTile(number, parameters, command, png_bytes(picture))
 
     def _refuse_many(self, total: int, reporter: Reporter) -> None:
-        """Raise DsfabError for too many variants, with the expected time, measured on the first drawable variant."""
+        """Raise DsfabError for too many variants. The message has the expected time, measured on the first valid
+        variant.
+        """
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):
@@ -91,7 +93,7 @@ class Variants:
             rows = previewers.design.seconds if previewers.design else {}
         stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
         expected = expected_seconds(self.values, stages, picture)
-        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # half a byte a pixel, measured on the presets
+        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # pictures take half a byte a pixel
         raise DsfabError(
             f"{total:,} variants would take about {_duration_words(expected)} and {files} of pictures; "
             f"add --yes to draw them all, or vary less (up to {UNCONFIRMED_VARIANTS} are drawn without asking)"
@@ -120,7 +122,7 @@ class TileOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FilmOptions:
-    """Options of a film over the one key with several values."""
+    """Options of a film over the single key with several values."""
 
     animate: Annotated[
         Literal["gif", "webp"] | None, Parameter(help="Also make a film over the one key that is varied: gif or webp.")
@@ -160,7 +162,7 @@ def explore(
         parse_variations(vary),
     )
     for key, listed in values.items():
-        for value in listed:  # each value alone, so that an error appears before the work begins
+        for value in listed:  # check each value alone, so that an error appears before the work begins
             with_overrides(loaded, {key: value})
     if film.animate:
         check_film(values, film.fps)
@@ -178,7 +180,7 @@ def explore(
 def _draw_variants(
     variants: "Variants", folder: Path, film: FilmOptions, yes: bool, reporter: Reporter
 ) -> "list[ContactTile]":
-    """Draw all tiles and write the folder; remove pictures of an earlier sheet that are not in the new one."""
+    """Draw all tiles and write the folder; remove pictures of an earlier sheet that the new sheet does not have."""
     from dsfab.report.contact_sheet import pictures_on_page, write_film
 
     name = variants.preset.name

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CALCULIX = "calculix"
 CALCULIX_SUFFIX = ".inp"
-ALIASES = {".stp": ".step"}  # Suffixes with the format of another one.
+ALIASES = {".stp": ".step"}  # Suffixes that mean the format of another suffix.
 SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}  # Suffixes of common names.
 ELSEWHERE = {
     "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
@@ -30,7 +30,7 @@ ELSEWHERE = {
     "png": "`dsfab build` and `dsfab preview` draw pictures",
     "dwg": "what reads DWG reads dxf, too",
 }
-"""Formats that another command writes."""
+"""Formats that other commands write."""
 GROUPS = {
     "solid and lines": "the solid",
     "lines": "lines and drawings",
@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Groups of formats in words, by their content; the content itself in any other."""
+"""Titles for groups of formats, by their content; any further content is its own title."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -58,7 +58,9 @@ SheetName = Literal["uncut", "cut"]
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """A request for a file: suffix, path, and sheet (None: the solid; for calculix the uncut sheet)."""
+    """A request for a file: suffix, path, and sheet. Without a sheet the file holds the solid; for calculix the
+    uncut sheet.
+    """
 
     suffix: str
     path: Path
@@ -105,9 +107,9 @@ def export(
 
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
-    """Write the requested file, of a built or a new design; return lines about it.
+    """Write the requested file of a built or a new design; return lines about the file.
 
-    Raises DsfabError of the stage that refuses, and ExportError if the file cannot be written.
+    Raises DsfabError if a stage refuses the design, and ExportError if dsfab cannot write the file.
     """
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
@@ -137,7 +139,7 @@ def offered_formats() -> list[dict[str, str]]:
 
 
 def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
-    """Return the preset, and the folder of its files: the built folder, or that of `dsfab build`."""
+    """Return the preset and the folder for its files: the built folder, or the default folder of `dsfab build`."""
     if folder := built_folder(name):
         return source.read_preset(str(folder / "preset.toml")), folder
     loaded_preset = source.read_preset(name)
@@ -145,7 +147,7 @@ def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
 
 
 def built_design(name: str, preset: "Preset") -> "Design | None":
-    """Return the design of a built folder, if it is that of the preset; else None."""
+    """Return the design of a built folder if it is the preset's design; else None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)
@@ -159,7 +161,7 @@ def _suffix_by_word() -> dict[str, str]:
 
 
 def format_suffix(word: str) -> str:
-    """Return the suffix for a word of --to. Raises ExportError for an unknown word, or if a library is missing."""
+    """Return the suffix for a word of --to. Raises ExportError for an unknown word and for a missing library."""
     from dsfab.export import FORMATS
 
     suffixes = _suffix_by_word()

@@ -1,6 +1,6 @@
-"""Pictures drawn by another process: a sketch while this one computes the true widths, and the finished structure.
+"""Pictures from another process: a sketch while this process computes the true widths, and the finished structure.
 
-That process starts early and loads the drawing libraries meanwhile; so this module imports none.
+That process starts early and loads the drawing libraries during the computation, so this module imports none of them.
 """
 
 import subprocess
@@ -18,17 +18,17 @@ PROGRAM = (
     "import gc, sys; gc.disable(); sys.path.append(sys.argv[1]); from dsfab.render.sketch_program import main; "
     "main('sketches' in sys.argv)"
 )
-"""Program of the other process. Garbage collection would take a tenth of the time of importing."""
+"""Program of the other process. It avoids garbage collection, which would take a tenth of the time of importing."""
 
-SKETCH_SECONDS = 60.0  # Seconds after which a sketch is given up, from the moment when the true picture could be drawn.
+SKETCH_SECONDS = 60.0  # Longest wait for a sketch, in seconds, once the true picture is possible.
 
 
 class FirstPicture:
     """The process that draws; use as `with FirstPicture(told) as first`.
 
-    Call the other methods inside `with first.replaced()`, once.
+    Call all further methods inside `with first.restore_on_error()`, once.
 
-    told : called from another thread when the sketch is ready; None for no sketch.
+    told : function that another thread calls when the sketch is ready; None for no sketch.
     """
 
     def __init__(self, on_sketch: Callable[[], None] | None) -> None:
@@ -47,7 +47,7 @@ class FirstPicture:
 
     @property
     def draws_sketches(self) -> bool:
-        """Whether the process shall draw a sketch."""
+        """Whether the process is to draw a sketch."""
         return self._told is not None
 
     def __enter__(self) -> Self:
@@ -55,12 +55,14 @@ class FirstPicture:
 
     def __exit__(self, *_: object) -> None:
         self._end()
-        with suppress(BrokenPipeError), self._process:  # closes its pipes, which may hold unread bytes
+        with suppress(BrokenPipeError), self._process:  # close pipes that may hold unread bytes
             pass
 
     @contextmanager
     def restore_on_error(self) -> Iterator[None]:
-        """Write the file a second time in the body; an error in it restores the content from before the sketch."""
+        """Let the body write the picture's file again; after an error in the body, restore the content from before
+        the sketch.
+        """
         try:
             yield
         except BaseException:
@@ -103,7 +105,7 @@ class FirstPicture:
         return bool(successes)
 
     def _wait(self, seconds: float) -> None:
-        """Wait for the picture; end a process that takes longer or failed."""
+        """Wait for the picture; stop the process if it takes longer or fails."""
         assert self._talking
         self._talking.join(seconds)
         if self._talking.is_alive() or self._process.poll() is not None:

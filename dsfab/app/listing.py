@@ -79,7 +79,7 @@ def inspect(
     """
     from dsfab.core.toml_files import shipped_presets
 
-    path, is_shipped = Path(file), file in shipped_presets()  # a shipped preset goes before a folder of its name
+    path, is_shipped = Path(file), file in shipped_presets()  # a shipped preset has priority over a folder of its name
     if not (is_shipped or path.is_dir() or path.suffix == ".toml"):
         if output is not None or source.set_ or source.mesh is not None:
             flag = f"-o {output}" if output is not None else "--set" if source.set_ else "--mesh"
@@ -100,7 +100,7 @@ def _print_lines(lines: Iterable[str]) -> None:
 
 
 def _built_facts(folder: Path) -> dict[str, Any]:
-    """Measures in the design.json of a built folder; raises PresetError for other folders."""
+    """Return the measures in the design.json of a built folder; raises PresetError for any other folder."""
     try:
         facts = json.loads((folder / "design.json").read_text(encoding="utf-8"))
         other_facts = {key: facts[key] for key in ("pattern", "supports", "loads") if key in facts}
@@ -111,8 +111,10 @@ def _built_facts(folder: Path) -> dict[str, Any]:
 
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
-    """Measures of a preset, which is run for it; draw them if `picture` is a path.
-    Supports and loads are printed first, so that they appear also for a refused design."""
+    """Run a preset and return its measures; draw them if `picture` is a path.
+
+    Supports and loads come first, so that the user sees them even if dsfab refuses the design.
+    """
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication

@@ -59,10 +59,10 @@ def new(
 
 
 def strength_warning(proposal: "Proposal") -> str:
-    """Return a warning if a sheet with a span over 50 m bears more than its strength before it is cut; else ''.
+    """Return a warning if stresses in a sheet with a span over 50 m exceed its strength even before the cut; else ''.
 
-    Its own weight may be more than such a sheet bears at any thickness. The solution takes seconds.
-    An error gives no warning, because `dsfab build` reports it.
+    Such a sheet may fail under its own weight at any thickness. The solution takes seconds. After an error the text is
+    empty, because `dsfab build` reports the error.
     """
     from dsfab.design import Design
     from dsfab.report.design.statics import answer_facts
@@ -81,7 +81,7 @@ def strength_warning(proposal: "Proposal") -> str:
         return ""
     weight = abs((parts.weight * areas).sum(axis=0)[2] / (parts.traction * areas).sum(axis=0)[2])
     advice = "make it thicker (statics.thickness)"
-    if weight > 0.6:  # under its own weight, a thicker sheet has hardly less stress
+    if weight > 0.6:  # a thicker sheet has hardly less stress under its own weight
         weight_words = f"{weight:.0%} of its load is its own weight, and a thicker one weighs more"
         advice = f"{weight_words}: give it more feet, or more rise"
     topic = f"{'bears':<{max(len(decision.topic) for decision in proposal.decisions)}}"
@@ -94,5 +94,5 @@ def strength_warning(proposal: "Proposal") -> str:
 def _relative_path(preset: Path, mesh: Path) -> Path:
     try:
         return Path(os.path.relpath(mesh.absolute(), preset.absolute().parent))
-    except ValueError:  # a path on another drive
+    except ValueError:  # the path is on another drive
         return mesh.absolute()

@@ -46,7 +46,7 @@ Show = Annotated[
 
 
 def picture_size(text: str) -> tuple[int, int]:
-    """Return '1600x1200' as (1600, 1200); raises DsfabError for a text of another form."""
+    """Return '1600x1200' as (1600, 1200); raises DsfabError for a text in a different form."""
     words = text.lower().split("x")
     if len(words) == 2 and all(word.isdigit() for word in words):
         width, height = int(words[0]), int(words[1])
@@ -58,10 +58,9 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def built_folder(name: str) -> Path | None:
-    """Return the folder that `dsfab build` wrote; None for another name. A shipped preset goes before its folder
-    (`./dome`).
+    """Return the folder of a build; None for any other name. A shipped preset has priority over its folder (`./dome`).
 
-    Raises PresetError for other folders.
+    Raises PresetError for a folder without a build.
     """
     from dsfab.core.toml_files import shipped_presets
 
@@ -79,7 +78,7 @@ def built_folder(name: str) -> Path | None:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Source:
-    """Changes of a command line to its preset."""
+    """Changes that a command line applies to its preset."""
 
     set_: Set = ()
     mesh: Mesh = None
@@ -88,8 +87,8 @@ class Source:
     max_triangles: MaxTriangles = None
 
     def read_preset(self, name: str, proposal: "Proposal | None" = None) -> "Preset":
-        """Return the preset of this name or file with its changes; for a mesh file, or `roof --mesh FILE`, the
-        proposed one.
+        """Return the preset of this name or file with the changes. A mesh file, or `roof --mesh FILE`, gives the
+        proposed preset.
 
         proposal : the proposal for the mesh, if the caller has it.
         Raises PresetError for unknown or invalid presets, and for a preset without its mesh.
@@ -105,14 +104,14 @@ class Source:
         return preset
 
     def proposal(self, name: str) -> "Proposal | None":
-        """Return the proposal for a mesh file in place of a preset; None for a preset."""
+        """Return the proposal if `name` is a mesh file; None for a preset."""
         from dsfab.preset.proposal import OWN, propose
         from dsfab.surface import MESH_SUFFIXES
 
         is_mesh_file = Path(name).is_file() and Path(name).suffix.lower() not in (
             "",
             ".toml",
-        )  # the mesh reader refuses other suffixes and lists the formats
+        )  # the mesh reader refuses unknown suffixes and lists the formats
         mesh_file = (
             name if is_mesh_file or Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
         )
@@ -125,18 +124,18 @@ class Source:
         return propose(Path(mesh_file), self.unit, self.up, material, self.max_triangles)
 
     def overrides(self) -> dict[str, Any]:
-        """Return the changes as values of dotted keys, with unit and axis. Raises PresetError as `sets` does."""
+        """Return the changes as values of dotted keys, with unit and axis. Raises the PresetError of `set_values`."""
         options = {"surface.unit": self.unit, "surface.up": self.up, "surface.max_triangles": self.max_triangles}
         return self.set_values() | {key: value for key, value in options.items() if value is not None}
 
     def set_values(self) -> dict[str, Any]:
-        """Return the values of --set by dotted keys. Raises PresetError for a text that is not KEY=VALUE."""
+        """Return the values of --set by dotted keys. Raises PresetError for a text without the form KEY=VALUE."""
         from dsfab.preset.file import parse_override
 
         return dict(parse_override(text) for text in self.set_)
 
     def with_overrides(self, *texts: str) -> "Source":
-        """Return a copy with more changes, KEY=VALUE each, which override earlier ones."""
+        """Return a copy with additional changes, KEY=VALUE each, which override earlier changes."""
         return replace(self, set_=(*self.set_, *texts))
 
     def command_words(self, name: str) -> list[str]:
@@ -175,16 +174,16 @@ class StepFlags:
     ] = False
 
     def overrides(self) -> tuple[str, ...]:
-        """Return the options as KEY=VALUE of the preset, which checks them."""
+        """Return the options as KEY=VALUE for the preset, which checks them."""
         options = {"step": self.step, "step_faces": self.max_faces, "step_mb": self.max_mb}
         return tuple(f"export.{key}={json.dumps(value)}" for key, value in options.items() if value is not None)
 
 
-NO_FLAGS = StepFlags()  # STEP options of the preset.
+NO_FLAGS = StepFlags()  # No options, so that the preset's own STEP options apply.
 
 
 def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
-    """Print the cost of a design's STEP file; write nothing."""
+    """Print the cost of a design's STEP file, and write no file."""
     from dsfab.design import run
 
     with reporter:
@@ -197,12 +196,12 @@ def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" =
 
 
 def estimate_lines(design: "Design") -> Iterator[str]:
-    """Yield a table of the ways to write STEP, the chosen one, and reasons of refusals."""
+    """Yield a table of the methods for STEP, the chosen method, and reasons of refusals."""
     from dsfab.design.output.files import deliverable
     from dsfab.export import step_estimates
 
     content, options = deliverable(design, ".step")
-    options.pop("details", None)  # data beside the shape hardly change the file's size
+    options.pop("details", None)  # additional data hardly change the file's size
     estimates = step_estimates(content, name=design.preset.name, **options)
     head = ("STEP", "faces", "size", "write s", "open s", "memory to open", "")
     yield table(head, [_estimate_row(estimate) for estimate in estimates])

@@ -1,5 +1,7 @@
-"""The command `dsfab preview`: a picture of a design before its files are written, again after each save of its
-preset."""
+"""The command `dsfab preview`: a picture of a design before dsfab writes its files.
+
+With --watch it draws the picture again after each save of the preset.
+"""
 
 import os
 import sys
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from dsfab.preset.model import Preset
     from dsfab.render.previewer import Previewers
 
-FINISHED_PICTURES = ("fabrication", "members")  # Pictures of the finished solid, and of the finished sheet.
+FINISHED_PICTURES = ("fabrication", "members")  # These pictures show the finished solid and the finished sheet.
 
 
 SHOW_WORDS = {
@@ -39,7 +41,7 @@ SHOW_WORDS = {
 """Words of --show that stand for several names."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""Pictures that `all` adds if this key of [statics] is set."""
+"""Pictures that `all` includes only if this key of [statics] is set."""
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
@@ -61,7 +63,7 @@ def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class PreviewPage:
-    """Pictures of a page and its file. options : of `dsfab.render.previewer.Previewer`, but `show`."""
+    """Pictures of a page and its file. options : options of `dsfab.render.previewer.Previewer`, except `show`."""
 
     names: tuple[str, ...]
     pixels: tuple[int, int]
@@ -92,8 +94,10 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return the page of a preset, in `folder` unless --output names a file; raise DsfabError for invalid
-        options."""
+        """Return the page of a preset, in `folder` unless --output names a file.
+
+        Raises DsfabError for invalid options.
+        """
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -148,7 +152,7 @@ def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[Fir
     sketched = single and reporter.is_watched
     needs_structure = (
         picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
-    )  # otherwise this process is as quick
+    )  # in all further cases this process draws as quickly
     if not (sketched or needs_structure) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import probe_ahead
 
@@ -252,8 +256,10 @@ def _draw_structure(
     reporter: Reporter,
     first_picture: FirstPicture | None,
 ) -> bool:
-    """Draw evenly spaced stripes as they are built; return False if that is impossible.
-    The drawing before cutting would show loose ends, holes at singular points of the stress, and sharp corners."""
+    """Draw evenly spaced stripes as dsfab builds them; return False if that is impossible.
+
+    A drawing of the uncut pattern would show loose ends, holes at singular points of the stress, and sharp corners.
+    """
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png
@@ -319,7 +325,7 @@ def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
             current_stamp = _file_stamp(file)
             if (
                 current_stamp is not None and current_stamp != seen_stamp
-            ):  # an editor may take the file away for a moment
+            ):  # a text editor may remove the file for a moment
                 seen_stamp = current_stamp
                 try:
                     draw()

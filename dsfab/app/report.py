@@ -56,7 +56,7 @@ def report(
 
 
 def write_members(design: "Design", command: str, folder: Path, progress: "Progress") -> tuple[list[str], list[str]]:
-    """Write the report and its tables, all of them or none; return their names and lines about them."""
+    """Write the report and its tables, either all files or none; return their names and lines about them."""
     from dsfab.export import atomic_folder
     from dsfab.report.members import write_member_report
 

@@ -77,8 +77,9 @@ def reproduce(
 
 
 def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
-    """Return the figures of these names, in the paper's order; all without names. Raises DsfabError for an unknown
-    name."""
+    """Return the figures of these names, in the paper's order; without names, all figures. Raises DsfabError for an
+    unknown name.
+    """
     from dsfab.reproduction.published import FIGURES
 
     presets = [figure.preset for figure in FIGURES]
@@ -99,7 +100,7 @@ def _write(
     volumes: bool,
     small: bool,
 ) -> "list[FigurePictures]":
-    """Make the figures, then the page; remove pictures of an earlier page that are not in the new one."""
+    """Make the figures and the page; remove pictures of an earlier page that the new page does not have."""
     from dsfab.reproduction.figures import make_figure
     from dsfab.reproduction.page import PAGE_NAME, SMALL_NAME, PageFacts, page, pictures_of, small_page
     from dsfab.study import map_in_processes
@@ -152,7 +153,9 @@ def _processor_name() -> str:
 
 
 def _system_load() -> float:
-    """Programs that want a core, mean of the last minute; nan if the system does not report it."""
+    """Return the mean number of programs that waited for a core in the last minute; nan if the system does not
+    report it.
+    """
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
 
 

@@ -42,7 +42,7 @@ class PlanOptions:
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options as keys of a sweep file with the keys `file_tables`; an unset option is None."""
+        """Return the options as keys of a sweep file with the keys `file_tables`; None stands for an unset option."""
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -86,7 +86,7 @@ class Work:
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
-        """Return the folder of the sweep; None for a new one without --output. Raises DsfabError for two folders."""
+        """Return the folder of the sweep; None for a new sweep without --output. Raises DsfabError for two folders."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder and goes on there; leave -o out")
@@ -143,7 +143,7 @@ def sweep(
 
 
 def _is_sweep_folder(what: str, varied: bool) -> bool:
-    """True for the folder of a sweep; with --vary a shipped preset goes before a folder of its name."""
+    """Return True for the folder of a sweep. With --vary a shipped preset has priority over a folder of its name."""
     from dsfab.core.toml_files import shipped_presets
 
     return Path(what).is_dir() and not (varied and what in shipped_presets())
@@ -171,11 +171,11 @@ def _plan_tables(what: str, varied: bool) -> tuple[dict[str, Any], str]:
 
 
 def _is_sweep(path: Path) -> bool:
-    """True if a TOML file is a sweep: it names a preset, or varies keys."""
+    """Return True if a TOML file describes a sweep: the file names a preset, or varies keys."""
     try:
         values = toml_table(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, TomlError):
-        return path.suffix == ".toml"  # its reader reports the error
+        return path.suffix == ".toml"  # the reader of this file reports the error
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 
 

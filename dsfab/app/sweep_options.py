@@ -1,4 +1,4 @@
-"""Options of `dsfab sweep` as the tables of a sweep file, so that one place checks both."""
+"""Options of `dsfab sweep` as the tables of a sweep file, so that the same code checks options and files."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,13 +12,13 @@ Tables = dict[str, Any]
 
 
 def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
-    """Return [vary] and [[linked]] of --vary texts.
+    """Return the tables [vary] and [[linked]] for the texts of --vary.
 
-    KEY=LOW:HIGH:COUNT    COUNT evenly spaced values     KEY=LOW:HIGH:COUNT:log   spaced by equal factors
-    KEY=LOW:HIGH          a range for --sample; with :log after it, by equal factors
+    KEY=LOW:HIGH:COUNT    COUNT evenly spaced values     KEY=LOW:HIGH:COUNT:log   values with equal ratios
+    KEY=LOW:HIGH          a range for --sample; with :log at the end, a logarithmic range
     KEY=ONE,TWO,...       these values                   KEY,KEY=ONE,TWO,...;ONE,TWO,...   linked keys
 
-    Raises DsfabError for texts of another kind.
+    Raises DsfabError for texts in a different form.
     """
     vary: Tables = {}
     linked: list[Tables] = []
@@ -73,8 +73,10 @@ def listed_words(texts: Sequence[str]) -> list[str]:
 def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
-    """Return the tables of a sweep file with the command line's options over them. `plan_table`: keys as in the file,
-    or None."""
+    """Return the tables of a sweep file; the command line's options override them.
+
+    plan_table : keys as in the file, or None.
+    """
     result = dict(values)
     vary_table, linked = vary_tables(vary)
     if vary_table:

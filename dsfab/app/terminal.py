@@ -13,7 +13,9 @@ from rich.status import Status
 
 
 class Reporter:
-    """Prints stages and their seconds on standard error; nothing if `quiet`. As a context it ends the last stage."""
+    """Prints stages and their seconds on standard error; prints nothing if `quiet`. As a context it ends the last
+    stage.
+    """
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
@@ -29,11 +31,11 @@ class Reporter:
 
     @property
     def is_watched(self) -> bool:
-        """Whether it prints to a terminal, where a person may be waiting."""
+        """Whether the output goes to a terminal, where a person may be waiting."""
         return self._console.is_terminal and not self.quiet
 
     def __call__(self, stage: str, doing: str) -> None:
-        """Begin a stage, and end the one before."""
+        """Begin a stage, and end the stage before."""
         self.done()
         self._stage = (stage, doing, time.perf_counter())
         if self._console.is_terminal:
@@ -66,7 +68,7 @@ def print_result(text: str = "") -> None:
 
 @contextmanager
 def signals_as_interrupts() -> Iterator[None]:
-    """Treat a closed terminal and SIGTERM as Ctrl-C in the body, so that it cleans up."""
+    """Treat a closed terminal and SIGTERM as Ctrl-C in the body, so that the body can clean up."""
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     if threading.current_thread() is not threading.main_thread():
         numbers = []

@@ -59,7 +59,7 @@ def calibrate(folder: Path, as_json: bool) -> int:
 
 
 def summary_text(rows: "Sequence[TrialRow]") -> str:
-    """Return a sentence about a table."""
+    """Summarise a table in a sentence."""
     from dsfab.study.verdict.calibration import summary
 
     result = summary(rows)
@@ -108,7 +108,9 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""`of limit`: the value over the limit of thin sheets, if the usual reference is another one."""
+"""Head of the table. `of limit` is the value over the limit of thin sheets, for tests with a different usual
+reference.
+"""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 
@@ -174,8 +176,9 @@ def _cells(row: "VerificationRow") -> tuple[str, ...]:
 
 
 def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list[str]:
-    """Lines below the table: known shortfalls, targets, spread between patterns, and comparison with published
-    values."""
+    """Return lines below the table: known shortfalls, targets, spread between patterns, and comparison with
+    published values.
+    """
     from dsfab.statics import elements_of
     from dsfab.study.verdict.calibration import shipped_table
     from dsfab.verification import failures, pattern_spread, shortfalls, standings

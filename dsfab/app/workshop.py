@@ -95,7 +95,7 @@ def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, b
     return documents | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
 
 
-MEMBERS = "members.ifc"  # File of the members for building models.
+MEMBERS = "members.ifc"  # File with the members for a building model (BIM).
 
 
 def _check_ifc(preset: "Preset") -> None:
@@ -158,7 +158,8 @@ PAPER_SIZES = {
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
     """Return the changes of --model, --stock and --thickness. Raises PresetError for an invalid scale, size or
-    length."""
+    length.
+    """
     texts = []
     if model is not None:
         set_values = source.set_values()

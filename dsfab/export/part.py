@@ -68,7 +68,7 @@ class Curved:
     V, F  : (n, 3) and (m, 3) of the uncut, oriented surface, metres.
     D     : (n, 3) half-thickness vectors on it, metres.
     shift : offset of the sheet's middle from the surface in units of D: 0, 1 or -1.
-    divided : function that divides the sheet by fields (n, c) on the uncut surface: chart k is where field k is largest.
+    divided : divides the sheet by fields (n, c) on the uncut surface: chart k is the part where field k is largest.
     striped : function that divides the sheet along its stripes; None if the stripes are unknown.
     twins : (k, 2) pairs of vertices at one place with opposite D, where a one-sided surface was cut open.
     """

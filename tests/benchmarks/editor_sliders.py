@@ -14,9 +14,9 @@ from pathlib import Path
 
 from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.preset.file import load_preset
+from tests.app.test_editor import serving
 from tests.browser import opened
 from tests.presets import DOME_MODES
-from tests.test_app_editor import serving
 
 SIZE = (1280, 800)
 AREA = 163.0  # square metres of the dome

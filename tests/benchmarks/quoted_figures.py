@@ -4,8 +4,8 @@ A figure is read from its page by the words around it, so that page and table ca
 page says. It agrees where it rounds to what is quoted, or is within the share that is named. PAGE is a part of a
 page's name. `--full` makes what takes minutes too. Exit status 1 where a figure is off.
 
-Other figures are held by tests: lines that case studies and lesson print (test_docs.py), the canopy beside modes
-(test_study_canopy.py), the table of solids (test_study_theory.py), the cantilever's targets (test_targets.py).
+Other figures are held by tests: lines that case studies and lesson print (docs/test_docs.py), the canopy beside modes
+(study/test_canopy.py), the table of solids (study/test_theory.py), the cantilever's targets (design/test_targets.py).
 """
 
 import argparse

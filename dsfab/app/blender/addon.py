@@ -48,7 +48,7 @@ class Preferences(bpy.types.AddonPreferences):
 
 
 class Wishes(bpy.types.PropertyGroup):
-    """Settings of a build, which the .blend file stores."""
+    """Settings of a build. The .blend file stores them."""
 
     preset: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Preset",
@@ -67,7 +67,7 @@ def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
         raise BuildError(f"{source.name} was built by dsfab; select {source[MADE_OF]}, the surface of it")
     if source.type not in WITH_FACES:
         raise BuildError(f"{source.name} is no surface; select a mesh")
-    source.hide_set(False)  # Blender does not evaluate the modifiers of hidden objects
+    source.hide_set(False)  # Blender ignores the modifiers of hidden objects
     evaluated = source.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()
     try:
@@ -158,7 +158,7 @@ def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection
 
 
 def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
-    """Show a folder's solid and hidden members, which lie within it; hide the source; return the number of members."""
+    """Show a folder's solid and its hidden members, and hide the source object; return the number of members."""
     collection = new_collection(source.name, bpy.context.scene.collection)
     solid_file = next(path for path in folder.glob("*.glb") if not path.stem.endswith(".members"))
     for solid in import_meshes(solid_file, source.name, collection, metres):
@@ -167,7 +167,7 @@ def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
     collection.children.link(members)
     bodies = import_meshes(next(folder.glob("*.members.glb")), source.name, members, metres)
     view_layer_of(members).hide_viewport = True
-    bpy.context.view_layer.objects.active = source  # so that the next build takes it too
+    bpy.context.view_layer.objects.active = source  # so that the next build takes the same object
     source.hide_set(True)
     return len(bodies)
 
@@ -195,7 +195,7 @@ class Build(bpy.types.Operator):
             mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # name of the design
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
-            # into a file, because a full pipe would stop the program
+            # the output goes into a file, because a full pipe would stop the program
             with (folder / "said.txt").open("wb") as log:
                 environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
                 self._process = subprocess.Popen(

@@ -36,7 +36,7 @@ def edit(
     opened = open_preset(target, source)
     outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
     with signals_as_interrupts(), Session(opened, outputs=outputs) as session:
-        session.ask_solve({})  # while the server and the browser start
+        session.ask_solve({})  # solve while the server and the browser start
         try:
             server = EditorServer(session, port)
         except OSError as error:
@@ -47,7 +47,7 @@ def edit(
             try:
                 print_result(f"dsfab edit {opened.preset.name}: {server.address}")
                 print_result("Ctrl-C ends it.")
-                sys.stdout.flush()  # also into a pipe, because its reader waits for the address
+                sys.stdout.flush()  # flush also for a pipe, because its reader waits for the address
                 if open_:
                     webbrowser.open(server.address)
                 server.serve_forever(poll_interval=0.2)

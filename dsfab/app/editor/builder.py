@@ -1,7 +1,7 @@
-"""The process that builds and reads for the editor; the editor may kill it at any time.
+"""Process that builds and reads for the editor; the editor may kill this process at any time.
 
 standard input : 8 bytes n | n bytes of a pickled request; it stays open while the editor waits
-standard output: a line of JSON for each progress, and a last one: done, refused or mistaken
+standard output: a line of JSON for each progress, and a last line: done, refused or mistaken
 """
 
 import json
@@ -22,7 +22,7 @@ from dsfab.preset.file import preset_toml
 def main() -> None:
     """Build, export or read as the request on standard input says."""
     output = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
-    os.dup2(2, 1)  # so that libraries print to standard error
+    os.dup2(2, 1)  # output of libraries goes to standard error
     source = sys.stdin.buffer
     request, folder = pickle.loads(source.read(int.from_bytes(source.read(8), "little")))
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -36,7 +36,7 @@ def main() -> None:
         )
     except DsfabError as error:
         _send_line(output, {"refused": str(error)})
-    except Exception as error:  # a bug, which the user is asked to report
+    except Exception as error:  # a bug: the message invites the user to report this
         _send_line(output, {"mistaken": f"{type(error).__name__}: {error}"})
     else:
         _send_line(output, final_message)

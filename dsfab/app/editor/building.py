@@ -41,8 +41,8 @@ class EditorBuild:
 class BuildRequest:
     """A request to build a preset, reusing the stages of `old`.
 
-    picture : also draw it.
-    mesh    : mesh of the page; it is copied beside the files, and the preset there names the copy.
+    picture : whether to draw a picture too.
+    mesh    : mesh of the page; dsfab copies it beside the files, and the preset there names the copy.
     only    : a single format, in a word of `dsfab export --to`; '' for all files of a build.
     before  : folder of an earlier build, which may hold this design.
     """
@@ -56,7 +56,9 @@ class BuildRequest:
 
 
 def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Make the solid and write the files of `dsfab build`; `facts` reports a too large STEP file. Raises DsfabError."""
+    """Make the solid and write the files of `dsfab build`; `facts` reports a STEP file over its limit. Raises
+    DsfabError.
+    """
     preset = request.preset
     design = _design_of_request(request, progress)
     if request.mesh:
@@ -80,7 +82,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
     """Write a single file like `dsfab export`, from the design in the folder `before` or from a new design.
 
-    Raises DsfabError of the stage that refuses or of the format.
+    Raises DsfabError if a stage or the format refuses the design.
     """
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
@@ -138,8 +140,8 @@ class BuilderError(RuntimeError):
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
     """Run `build_files`, or `export_file` for a single format, in another process.
 
-    Raises what they raise, and Cancelled within a fraction of a second. On any error the process and its children end,
-    and the folder is removed.
+    Raises the errors of these functions, and Cancelled within a fraction of a second. After any error the process and
+    its children end, and dsfab removes the folder.
     """
     message = pickled((request, str(folder)))
     try:
@@ -155,7 +157,9 @@ def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress)
 
 
 def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedPreset:
-    """Run `opened_mesh` in another process; raises the same errors, and Cancelled within a fraction of a second."""
+    """Run `opened_mesh` in another process; raises the errors of `opened_mesh`, and Cancelled within a fraction of
+    a second.
+    """
     progress("surface", f"reading {request.name}")
     message = pickled((request, ""))
     with (
@@ -174,14 +178,14 @@ def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedP
 def _final_message(
     process: "subprocess.Popen[bytes]", request_bytes: bytes, progress: JobProgress, subject: str, advice: str
 ) -> dict[str, Any]:
-    """Final message of the process, whose progress is reported; subject, advice: words if it ends early."""
+    """Report the progress of the process and return its final message. subject, advice: words for an early end."""
     lines: queue.Queue[bytes] = queue.Queue()
     for act in (lambda: _send(process, request_bytes), lambda: _read(process, lines)):
         threading.Thread(target=act, daemon=True).start()
     while True:
         progress.check()
         try:
-            line = lines.get(timeout=0.1)  # then `progress.check` looks for a cancellation
+            line = lines.get(timeout=0.1)  # without a line, `progress.check` looks for a cancellation
         except queue.Empty:
             continue
         if not line:
@@ -215,7 +219,7 @@ def _read(process: "subprocess.Popen[bytes]", lines: "queue.Queue[bytes]") -> No
 
 @contextmanager
 def _process(temporary: Path) -> Iterator["subprocess.Popen[bytes]"]:
-    """Run the program; at the end kill it and its children. Its temporary files go into `temporary`."""
+    """Run the program with temporary files in `temporary`; at the end kill it and its children."""
     home = str(Path(dsfab.__file__).parent.parent)
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", PROGRAM, home],
@@ -223,7 +227,7 @@ def _process(temporary: Path) -> Iterator["subprocess.Popen[bytes]"]:
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))},
-        start_new_session=True,  # a group of its own, which `_end` kills
+        start_new_session=True,  # `_end` kills the whole group
     )
     try:
         yield process
@@ -246,20 +250,20 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 
 class Builds:
-    """Files of builds, by number; unfinished builds lie in `aside`."""
+    """Files of builds, by number. Files of unfinished builds are in the folder `aside`."""
 
     def __init__(self, outputs: Outputs, aside: Path) -> None:
         self.outputs, self._aside = outputs, aside
         self._files: dict[int, list[Path]] = {}
 
     def file(self, build: int, index: int) -> Path | None:
-        """Return a file by the number of its build and its index, because the page may name no path."""
+        """Return a file by the number of its build and its index, because the page must not choose paths."""
         files = self._files.get(build, [])
         return files[index] if 0 <= index < len(files) else None
 
     @property
     def latest(self) -> list[Path]:
-        """Files of the last build."""
+        """Files of the latest build."""
         return list(self._files[max(self._files)]) if self._files else []
 
     def replacement_question(self, name: str) -> dict[str, Any]:
@@ -286,6 +290,6 @@ class Builds:
         listed = [{"name": path.name, "bytes": path.stat().st_size} for path in files]
         place = f"{self.outputs.label}/{name}" if self.outputs.label else ""
         facts = result.facts
-        if "told" in facts:  # name the final folder of the file
+        if "told" in facts:  # the message must name the final folder of the file
             facts = facts | {"told": [line.replace(str(folder), place or str(published)) for line in facts["told"]]}
         return {"build": number, "files": listed, "folder": place, **facts}

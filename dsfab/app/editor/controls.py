@@ -15,14 +15,13 @@ from dsfab.surface import Surface
 
 @dataclass(frozen=True)
 class Control:
-    """A control for one key of a preset.
+    """A control for a single key of a preset.
 
-    kind            : number, whole (a whole number), choice, switch, length (metres), words (a list of them), size
-                      (three
-                      lengths) or material (a choice that sets other keys).
-    low, high, step : range of the slider; the number beside it takes all values that the preset takes.
-    log             : the slider is logarithmic.
-    live            : the picture follows at once; other changes are solved on the server.
+    kind            : number, whole (a whole number), choice, switch, length (metres), words (a list of words), size
+                      (three lengths) or material (a choice that sets further keys).
+    low, high, step : range of the slider; the number beside the slider takes all values that the preset takes.
+    log             : whether the slider is logarithmic.
+    live            : whether the picture follows at once; otherwise the server solves the change.
     word            : word in place of a number ("auto", "off").
     worth           : number of the word; None for the word itself.
     method          : the only pattern.method with this control.
@@ -48,7 +47,7 @@ class Control:
 
 
 def rounded_to_one_digit(value: float) -> float:
-    """Return the nearest number with one digit."""
+    """Round a number to one significant digit."""
     digit = 10.0 ** np.floor(np.log10(value))
     return float(digit * max(round(value / digit), 1))
 

@@ -46,8 +46,8 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts and arrays of the surface, phases, distances, answers and marks.
 
-    V (n, 3), metres, F (m, 3) and their fields are those of the mesh of the stripes (see `StripedMesh`). If this is a
-    chart, loops, loads and supports refer to the vertices `uncut`.
+    V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (see `StripedMesh`). If this mesh is
+    a chart, loops, loads and supports refer to the vertices `uncut`.
     """
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
@@ -95,7 +95,7 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return numbers of the pattern, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1.
 
-    For evenly spaced stripes, slopes are lines per metre, and `shares` (n, 2) factors on the half-widths of the rules
+    For evenly spaced stripes, slopes are lines per metre. `shares` (n, 2) are factors on the half-widths by the rules
     (see `StripedMesh`).
     """
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
@@ -135,7 +135,7 @@ def has_creases(surface: Surface) -> bool:
 
 
 def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
-    """(k, n) each: the modes of either family, or its one phase."""
+    """Return the phases (k, n) for each family: its modes, or its single phase."""
     if mesh.even:
         z = mesh.phases(draft)
         return {"major": z[None, :, 0], "minor": z[None, :, 1]}
@@ -143,7 +143,7 @@ def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
 
 
 def _slopes(draft: Design, mesh: StripedMesh) -> Floats:
-    """(n, 2) periods per metre; zeros if no width rule needs them."""
+    """Return slopes (n, 2), periods per metre; zeros if the width rule does not need them."""
     if mesh.even:
         return mesh.carry(mesh.even.density)
     options, surface, mode = draft.preset.pattern.width, draft.surface, draft.pattern.mode
@@ -155,14 +155,14 @@ def _slopes(draft: Design, mesh: StripedMesh) -> Floats:
 
 
 def _stress(draft: Design) -> Floats:
-    """(n,) the principal stress of larger size, Pa, tension positive."""
+    """Return the principal stress (n,) with the larger size, Pa, tension positive."""
     principal = draft.diffusion.tensors.principal
     value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]
     return vertex_means(draft.surface, value)
 
 
 def _relative_stress(draft: Design) -> Floats:
-    """(n, 2) relative stress along both families, for graded widths; 1 without stress."""
+    """Return the relative stress (n, 2) along both families, for graded widths; 1 without stress."""
     try:
         return stripe_stresses(draft.surface, draft.diffusion, draft.pattern.even)
     except DsfabError:
@@ -174,7 +174,7 @@ def _stress_limit(value: Floats) -> float:
 
 
 def _lines_per_metre(surface: Surface, x: Floats) -> float:
-    """Divisor of a spacing in metres that gives a frequency."""
+    """Return the frequency of a mode x (n,) whose stripes are one metre apart; 0 if the mode allows none."""
     try:
         return frequency_for(surface, x, 1.0)
     except DsfabError:
@@ -182,7 +182,7 @@ def _lines_per_metre(surface: Surface, x: Floats) -> float:
 
 
 def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
-    """Arrows for groups of forces: (k, 6) place and newtons; places (k, 3) of supports."""
+    """Return arrows for groups of forces, (k, 6) place and newtons, and places (k, 3) of supports."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V = surface.V - middle
     loads = [_gathered_forces(V, load.force, acts & load.loaded, POINT_LOAD_SPACING, surface.size)]
@@ -194,26 +194,27 @@ def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Flo
 
 
 def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, size: float) -> Floats:
-    """(k, 6) the forces on marked vertices, each added to the nearest arrow."""
+    """Add each force on a marked vertex to the nearest arrow; return the arrows (k, 6), place and newtons."""
     acting = np.flatnonzero(acts)
     if not len(acting):
         return np.zeros((0, 6))
-    candidates = acting[:: max(len(acting) // 3000, 1)]  # more candidates take longer and look the same
+    candidates = acting[:: max(len(acting) // 3000, 1)]  # more candidates take longer without a visible difference
     chosen = candidates[thin_points(V[candidates], size, spacing)]
     owner = cKDTree(V[chosen]).query(V[acting])[1]
     total = np.stack([np.bincount(owner, force[acting, i], len(chosen)) for i in range(3)], axis=1)
     return np.concatenate([V[chosen], total], axis=1)
 
 
-TINTS = ("major", "minor")  # Families with a colour of their own; other material has the next one.
+TINTS = ("major", "minor")  # Families with their own colours; further material has the next colour.
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
-    """Return arrays of a cut sheet with k vertices, one for each family that meets there, and m faces.
+    """Return arrays of a cut sheet with k vertices and m faces; families that meet at a place have separate vertices
+    there.
 
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) sides of its outlines.
-    tint : (k,) 0 major, 1 minor, 2 other material.    normals : (k, 3) unit, of the uncut surface.
-    corners, shares : (k, 3) each, vertices of the mesh of the stripes, and barycentric weights there.
+    tint : (k,) 0 major, 1 minor, 2 further material.    normals : (k, 3) unit, of the uncut surface.
+    corners, shares : (k, 3) each, vertices of the mesh of the stripes, and barycentric weights of the place.
     """
     surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
@@ -263,7 +264,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # one bar ends at the least width
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # a bar ends at the least width
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": draft.statics.equilibrium.compliance,

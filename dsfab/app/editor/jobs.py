@@ -19,7 +19,7 @@ class Cancelled(Exception):  # noqa: N818  # no error
 
 
 class JobProgress:
-    """Progress of a job. Raises Cancelled once the job is cancelled, also by `check`, which reports nothing."""
+    """Progress of a job. A report, or `check` without a report, raises Cancelled after a cancellation of the job."""
 
     def __init__(self, stop: threading.Event, tell: ReportProgress) -> None:
         self._stop, self._tell = stop, tell
@@ -64,11 +64,11 @@ class EditorJob:
 
 log = logging.getLogger(__name__)
 
-CANCEL_SECONDS = 0.5  # Seconds from a cancellation to the next progress of a job; then its thread is abandoned.
+CANCEL_SECONDS = 0.5  # Longest seconds from a cancellation to the next progress; the editor abandons a slower thread.
 
 
 class Jobs:
-    """Workers, a waiting job for each kind, and listeners; use as `with Jobs() as jobs`."""
+    """Workers, a waiting job for each kind, and listeners to jobs; use as `with Jobs() as jobs`."""
 
     def __init__(self) -> None:
         self._wake = threading.Condition()
@@ -102,7 +102,7 @@ class Jobs:
             for number in list(self._known)[:-64]:
                 del self._known[number]
             self._drop(kind, "a newer wish came")
-            if kind == "solve":  # measures of the earlier design are outdated too
+            if kind == "solve":  # a new solution makes measures of the earlier design useless
                 self._drop("figures", "outdated")
             self._waiting[kind] = job
             self._notify(job)
@@ -112,7 +112,7 @@ class Jobs:
         return job.number
 
     def cancel(self, number: int) -> bool:
-        """Cancel a waiting or running job; returns whether there was one."""
+        """Cancel a waiting or running job; return whether such a job existed."""
         with self._wake:
             job = self._known.get(number)
             if job is None or job.state not in ("waiting", "running"):
@@ -128,7 +128,7 @@ class Jobs:
             return True
 
     def job(self, number: int) -> EditorJob | None:
-        """Return one of the last jobs by its number."""
+        """Return a recent job by its number."""
         return self._known.get(number)
 
     def pending(self, number: int) -> bool:
@@ -138,7 +138,7 @@ class Jobs:
             return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
 
     def add_listener(self) -> "queue.Queue[dict[str, Any] | None]":
-        """Return a queue of records of jobs; None at the end. Return it with `leave`."""
+        """Return a queue with records of jobs and a final None. End it with `remove_listener`."""
         listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
         with self._wake:
             self._listeners.append(listener)
@@ -157,7 +157,7 @@ class Jobs:
             running.stop.set()
 
     def _abandon(self, job: EditorJob) -> None:
-        """End a job that ignores its cancellation; another thread replaces its worker."""
+        """End a job that ignores its cancellation, and replace its worker by another thread."""
         with self._wake:
             if self._running.get(job.kind) is not job or self._closed:
                 return
@@ -167,7 +167,7 @@ class Jobs:
 
     def _start_worker(self, kind: str) -> None:
         worker = threading.Thread(target=self._loop, args=(kind,), name=f"dsfab-editor-{kind}", daemon=True)
-        worker.start()  # this may be interrupted, and __exit__ must join started threads only
+        worker.start()  # an interrupt may come here, and __exit__ must join started threads only
         self._workers[kind] = worker
 
     def _loop(self, kind: str) -> None:
@@ -184,7 +184,7 @@ class Jobs:
                 return
 
     def _run(self, job: EditorJob) -> bool:
-        """Run a job; returns whether this thread is still the worker."""
+        """Run a job; return whether this thread is still the worker."""
 
         def report(stage: str, text: str) -> None:
             with self._wake:
@@ -217,5 +217,5 @@ class Jobs:
     def _notify(self, job: EditorJob) -> None:
         record = job.record()
         for listener in self._listeners:
-            with suppress(queue.Full):  # a listener that has gone
+            with suppress(queue.Full):  # a full queue belongs to a listener that has gone
                 listener.put_nowait(record)

@@ -1,7 +1,7 @@
 """HTTP server of the editor on this machine alone, with the standard library.
 
-A page of another site can make a browser send requests here. So every request must name this server as its host, come
-from its own page if from any, carry the token of this run, and have a JSON body in a POST.
+A page of another site can make a browser send requests here. So every request must name this server as its host and
+carry the token of this run. A request from a page must come from the editor's page. A POST must have a JSON body.
 """
 
 import hmac
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 LOOPBACK = "127.0.0.1"
 
-LARGEST = 96 * 2**20  # Bytes of a request, at most: a mesh of some million triangles.
+LARGEST = 96 * 2**20  # Largest number of bytes of a request: a mesh of some million triangles.
 
 
 class RefusedRequest(Exception):  # noqa: N818  # no error of the server
@@ -37,7 +37,7 @@ class EditorServer(ThreadingHTTPServer):
     """Serves one session; `address` opens it in a browser."""
 
     daemon_threads = True
-    request_queue_size = 256  # waiting connections: each page loads dozens of files at once
+    request_queue_size = 256  # number of waiting connections, because each page loads dozens of files at once
     allow_reuse_address = False  # on Windows True would let another program take the port too
 
     def __init__(self, session: Session, port: int = 0) -> None:
@@ -197,7 +197,7 @@ class EditorHandler(BaseHTTPRequestHandler):
             self.wfile.write(b": here\n\n")
             while True:
                 try:
-                    news = listener.get(timeout=15)  # then a line shows whether the page is still there
+                    news = listener.get(timeout=15)  # after 15 s a line tests the connection
                 except queue.Empty:
                     self.wfile.write(b": still here\n\n")
                     continue

@@ -37,7 +37,9 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft with its number; `version` changes with data that stripes alone do not change, which the page keeps."""
+    """A draft with its number. `version` changes with all data except the stripes; the page keeps data of its
+    version.
+    """
 
     draft: Design
     number: int
@@ -48,8 +50,8 @@ class SessionView:
 class Session:
     """The open preset, its last draft, and the files of builds; use as `with Session(opened)`.
 
-    made    : a draft of the first preset, which the page then shows at once.
-    outputs : folder of builds and its name; None puts them into a temporary folder of the session.
+    made    : a draft of the first preset, which the page shows at once.
+    outputs : folder of builds and its name; with None, builds go into a temporary folder of the session.
     """
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
@@ -111,15 +113,17 @@ class Session:
         return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
-        """Return to a variant; `changes` are those over the preset that is then open."""
+        """Return to a variant; `changes` are the differences from the preset that is open after this call."""
         variant = self.variants[number]
         with self._lock:
             is_open = variant.opened is self._opened
             return {**(self.start() if is_open else self._set_opened(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """Start a job that opens a mesh from the page, base64; the file here has a name of ours.
-        Another process reads it, so that the page goes on and the user may cancel."""
+        """Start a job that opens a mesh from the page, base64; the session chooses the file's name on this machine.
+
+        Another process reads the mesh, so that the page continues and the user may cancel.
+        """
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
             raise DsfabError(f"{Path(name).name} is no mesh that dsfab reads; use one of {', '.join(MESH_SUFFIXES)}")
@@ -152,8 +156,9 @@ class Session:
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return the command of the build, and the name of its preset file: saved here, or for the page to save
-        first.
+        """Return the command of the build and the name of its preset file.
+
+        The file is saved on this machine, or the page must save it first.
         """
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
@@ -164,7 +169,9 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """Start a job that solves these changes and then measures the design; return the running one if equal."""
+        """Start a job that solves these changes and measures the design; return the running job if it has the same
+        changes.
+        """
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -175,8 +182,11 @@ class Session:
         return job
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
-        """Start a job that makes the solid and its files; or return a question first, unless it may `replace` files.
-        only : one format, in a word of `dsfab export --to`. Raises ExportError for a format that is not available."""
+        """Start a job that makes the solid and its files. Return a question instead if it would `replace` files
+        without permission.
+
+        only : a single format, in a word of `dsfab export --to`. Raises ExportError for a format that is not available.
+        """
         opened = self.current_preset
         preset = opened.preset_with(changes)
         if only:
@@ -200,7 +210,7 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, or a sketch of the first one, for a page that opens; empty if neither is coming."""
+        """Return the last draft, or a sketch of the first draft, for a new page; empty if neither is coming."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)
@@ -209,7 +219,7 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft, for a page that has version `have`. Raises DsfabError before the first."""
+        """Return the last draft, for a page that has version `have`. Raises DsfabError before the first draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -217,7 +227,9 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the measured cut sheet of a draft (`drafts.cut_sheet_arrays`); empty for another draft."""
+        """Return the measured cut sheet of a draft (`drafts.cut_sheet_arrays`); empty for any other than the last
+        draft.
+        """
         from dsfab.app.editor.drafts import cut_sheet_arrays
 
         with self._lock:
@@ -239,7 +251,9 @@ class Session:
         return pack_message(facts, arrays)
 
     def _model_of_version(self, shown: SessionView) -> Packed:
-        """Result of `model` for a version; the last one is kept, because pages may load again."""
+        """Return the result of `model` for a version; the session keeps the last result, because pages may load it
+        again.
+        """
         with self._lock:
             if self._kept is None or self._kept[0] != shown.version:
                 self._kept = shown.version, draft_model(shown.draft)
@@ -249,11 +263,11 @@ class Session:
         with self._lock:
             earlier, opening = self._shown, self._opening
         design = Design.from_preset(preset, earlier.draft if earlier else None, progress)
-        if earlier is None and (sketch := design.sketch()):  # for a new page, until the widths are solved
+        if earlier is None and (sketch := design.sketch()):  # a new page shows the sketch until the widths are ready
             with self._lock:
                 self._sketched = self._next_view(sketch, opening)
         solved = design.until("pattern")
-        progress("pattern", "handing over")  # the last chance to cancel
+        progress("pattern", "handing over")  # a cancellation is possible here for the last time
         with self._lock:
             self._shown = shown = self._next_view(solved, opening)
             self._sketched = None

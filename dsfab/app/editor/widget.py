@@ -38,7 +38,7 @@ class Editor(anywidget.AnyWidget):
         super().__init__(**traits)
         self.on_msg(self._handle_message)
         if drafted is None:
-            self._session.ask_solve({})  # while the page loads
+            self._session.ask_solve({})  # solve while the page loads
         threading.Thread(target=self._forward_news, args=(self._news,), name="dsfab-editor-news", daemon=True).start()
 
     @property
@@ -57,7 +57,7 @@ class Editor(anywidget.AnyWidget):
         self._session.__exit__()
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
-        """Take changes from the page, which shows its own errors, so that nothing is raised here."""
+        """Take changes from the page. This method raises no errors, because the page shows them itself."""
         self._heard = True
         try:
             super().set_state(sync_data)
@@ -72,7 +72,7 @@ class Editor(anywidget.AnyWidget):
         return changes
 
     def _handle_message(self, _: object, content: RequestFields, __: object) -> None:
-        """Answer a request of the page, see page.py; bytes go beside the message."""
+        """Answer a request of the page, see page.py; bytes accompany the message."""
         reply: dict[str, Any] = {"answer": content.get("ask")}
         try:
             answer = self._answer(str(content.get("name")), content.get("given", {}))

@@ -22,15 +22,17 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 class Outputs:
-    """Folders in `home`, one for each name; the page sends names only, so that nothing is written elsewhere.
-    shown : name of `home` for the user and on a command line; '' for the session's temporary folder."""
+    """Folders in `home`, one for each name. The page sends names only, so that it cannot write elsewhere.
+
+    shown : name of `home` for the user and on a command line; '' for the session's temporary folder.
+    """
 
     def __init__(self, home: Path, shown: str = "") -> None:
         self.home, self.label = home, shown
         self._ours: set[Path] = set()
 
     def folder(self, name: str) -> Path:
-        """Return the folder of a name. Raises DsfabError for an invalid name or one that leads elsewhere."""
+        """Return the folder of a name. Raises DsfabError for an invalid name or a name that leads to another place."""
         folder = self.home / name
         if not _PLAIN.fullmatch(name) or folder.resolve().parent != self.home.resolve():
             raise DsfabError(
@@ -46,12 +48,14 @@ class Outputs:
         return sum(1 for _ in folder.iterdir()) if folder.is_dir() else 1
 
     def free_name(self, name: str) -> str:
-        """Return the name, or the first of name-2, name-3 ... whose folder has no such files."""
+        """Return the name, or the first of name-2, name-3 ... whose folder has no foreign files."""
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files of a folder to that of the name, over files of the same names. Returns the folder.
-        Raises DsfabError if it cannot be written."""
+        """Move all files of a folder to the folder of the name, replacing files of equal names. Returns the folder.
+
+        Raises DsfabError if dsfab cannot write there.
+        """
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -60,7 +64,9 @@ class Outputs:
         return folder
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write NAME.toml beside the folders, or NAME-2.toml if another exists; return its path. Raises DsfabError."""
+        """Write NAME.toml beside the folders, or NAME-2.toml if a different NAME.toml exists; return the path.
+        Raises DsfabError.
+        """
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -90,8 +96,8 @@ MATERIAL = "statics.material"  # Key that decides the thickness of a proposal.
 class OpenedPreset:
     """A preset and its origin.
 
-    words   : words between `dsfab build` and the changes; none for a preset that only the page has.
-    mesh    : the user's name of a mesh from the page; its file here is a copy.
+    words   : words between `dsfab build` and the changes; empty for a preset that only the page has.
+    mesh    : the user's name of a mesh from the page; its file on this machine is a copy.
     decided : decisions of `dsfab new` for a mesh.
     """
 
@@ -101,8 +107,10 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with other values at dotted keys.
-        Raises PresetError for impossible values, and for another file, because the page may name none on this machine.
+        """Return the preset with new values at dotted keys.
+
+        Raises PresetError for impossible values and for new paths, because the page must not choose files on this
+        machine.
         """
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):
@@ -124,7 +132,7 @@ class OpenedPreset:
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
         """Return the command that builds the changed preset, and whether the preset must be saved first."""
         preset = self.preset_with(changes)
-        if self.words and self.decided and MATERIAL in changes:  # the command would choose another thickness for it
+        if self.words and self.decided and MATERIAL in changes:  # the command would change the thickness
             changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_value_text(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])
@@ -134,8 +142,10 @@ class OpenedPreset:
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def open_toml(self, text: str) -> "OpenedPreset":
-        """Open a preset file from the page; its mesh can only be the open one.
-        Raises PresetError as `load_preset` does, and for another mesh."""
+        """Open a preset file from the page; its mesh can only be the mesh that is already open.
+
+        Raises PresetError as `load_preset` does, and for any other mesh.
+        """
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -160,13 +170,15 @@ class OpenedPreset:
 
 
 def with_file(preset: Preset, file: Path) -> Preset:
-    """Return the preset with its mesh in another file."""
+    """Return the preset with its mesh in a different file."""
     return preset.model_copy(update={"surface": preset.surface.model_copy(update={"file": file})})
 
 
 def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outputs) -> Path:
-    """Save the changed preset among the outputs, with a mesh from the page beside it; return its path.
-    Raises PresetError for impossible changes, DsfabError if it cannot be written."""
+    """Save the changed preset among the outputs, with a mesh from the page beside the preset; return its path.
+
+    Raises PresetError for impossible changes, DsfabError if dsfab cannot write the file.
+    """
     preset = opened.preset_with(changes)
     if mesh := opened.page_mesh:
         preset = with_file(preset, Path(outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes()).name))
@@ -185,7 +197,7 @@ def open_preset(target: str, source: Source = UNCHANGED) -> OpenedPreset:
 
 
 def opened_shipped(name: str) -> OpenedPreset:
-    """Open a shipped preset by its name. Raises PresetError for another name or a path."""
+    """Open a shipped preset by its name. Raises PresetError for unknown names and for paths."""
     if name not in shipped_presets():
         raise PresetError(f"there is no preset {name!r}; use one of {', '.join(shipped_presets())}")
     return OpenedPreset(load_preset(name), (name,))
@@ -193,7 +205,7 @@ def opened_shipped(name: str) -> OpenedPreset:
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A request to read a mesh from the page: its file here, the user's name for it, and its unit."""
+    """A request to read a mesh from the page: its file on this machine, the user's name for it, and its unit."""
 
     path: Path
     name: str
@@ -238,8 +250,8 @@ def _mesh_file(preset: Preset) -> Path | None:
     return getattr(preset.surface, "file", None)
 
 
-MAX_VARIANTS = 48  # Variants of one session, at most.
-LARGEST = 2 * 2**20  # Characters of a picture, at most.
+MAX_VARIANTS = 48  # Largest number of variants in a session.
+LARGEST = 2 * 2**20  # Largest number of characters of a picture.
 
 FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")  # Measures of a variant.
 
@@ -281,8 +293,7 @@ class VariantTray:
         ]
 
     def keep(self, variant: KeptVariant) -> None:
-        """Add a variant; its number becomes its name if it has none. Raises DsfabError for invalid or too many
-        variants."""
+        """Add a variant; without a name, its number is its name. Raises DsfabError for invalid or too many variants."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
             raise DsfabError(f"{MAX_VARIANTS} variants are kept already; remove one first")
@@ -304,7 +315,7 @@ class VariantTray:
 
 
 def differences(before: Preset, after: Preset) -> list[tuple[str, Any, Any]]:
-    """Return dotted keys with different values, and both values; ignores the name. Lists count as a whole."""
+    """Return dotted keys with different values, and both values. The name is ignored, and a list counts as a whole."""
     a, b = (
         dict(_leaves(preset.model_dump(mode="json", exclude={"name", "description"}))) for preset in (before, after)
     )

@@ -32,7 +32,7 @@ def hops(
                 for component in COMPONENTS.values():
                     print_result(f"{server.address}/{component.name}  {component.about}")
                 print_result("Paste one into a Hops component of Grasshopper. Ctrl-C ends it.")
-                sys.stdout.flush()  # also into a pipe, because its reader waits for the address
+                sys.stdout.flush()  # flush also for a pipe, because its reader waits for the address
                 server.serve_forever(poll_interval=0.2)
             except KeyboardInterrupt:
                 print_result()

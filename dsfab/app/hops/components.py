@@ -1,5 +1,4 @@
-"""The components for Grasshopper. Each function maps a request to the values of its outputs, in the unit of the
-model."""
+"""Components for Grasshopper. Each function returns the outputs for a request, in the unit of the model."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,8 +38,10 @@ _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 
 def preset_of_request(request: HopsRequest) -> Preset:
-    """Return the preset that dsfab proposes for the mesh, with the changes of the other inputs.
-    Raises HopsError, PresetError and SurfaceError for impossible inputs."""
+    """Return the preset that dsfab proposes for the mesh, with the changes from all further inputs.
+
+    Raises HopsError, PresetError and SurfaceError for impossible inputs.
+    """
     V, F = request.values["mesh"]
     proposed = preset_for((V, F), unit=request.unit, up="z")
     return with_overrides(proposed, dict(_changes(request, proposed)))
@@ -67,7 +68,7 @@ def _changes(request: HopsRequest, proposed: Preset) -> Iterator[tuple[str, Any]
 
 
 def changes_from_toml(text: str) -> Mapping[str, Any]:
-    """Return dotted keys and values of lines of TOML; raise HopsError for invalid lines."""
+    """Return dotted keys and their values from lines of TOML; raise HopsError for invalid lines."""
     try:
         table = toml_table(text)
     except TomlError as error:
@@ -84,7 +85,7 @@ def _dotted_items(table: Mapping[str, Any], key: str) -> Iterator[tuple[str, Any
 
 
 def design_of_request(request: HopsRequest) -> Design:
-    """Return the design of a request; components with the same inputs share one of the last four."""
+    """Return the design of a request. dsfab keeps the last four designs for components with equal inputs."""
     design = _DESIGNS.pop(request.key, None) or Design.from_preset(preset_of_request(request))
     _DESIGNS[request.key] = design
     while len(_DESIGNS) > 4:
@@ -102,7 +103,7 @@ def _curves_and_names(design: Design, kind: str, request: HopsRequest) -> tuple[
 
 
 def solve_structure(request: HopsRequest) -> Sequence[Any]:
-    """The solid, its lines, its mass and its stiffness."""
+    """Return the solid, its lines, its mass and its stiffness."""
     design = design_of_request(request).until("thickening")
     lines, names = _curves_and_names(design, "centre", request)
     edges, _ = _curves_and_names(design, "edge", request)
@@ -112,7 +113,7 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_preview(request: HopsRequest) -> Sequence[Any]:
-    """The sheet before thickening."""
+    """Return the sheet before thickening."""
     design = design_of_request(request).until("slicing")
     sheet = design.sheet.surface
     return (
@@ -123,7 +124,7 @@ def solve_preview(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_members(request: HopsRequest) -> Sequence[Any]:
-    """Axes with names, lengths and widths."""
+    """Return the axes of members with names, lengths and widths."""
     graph = design_of_request(request).until("slicing").members
     with_axis = [member for member in graph.members if member.axis is not None]
     axes = [polyline_json(member.axis.P / request.metre) for member in with_axis if member.axis is not None]
@@ -133,7 +134,7 @@ def solve_members(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_parts(request: HopsRequest) -> Sequence[Any]:
-    """Flat parts on their sheets, which lie below each other in the plane."""
+    """Return the flat parts on their sheets, which lie below each other in the plane."""
     plan = workshop_plan(design_of_request(request).until("slicing"))
     curves: dict[str, list[Floats]] = {"stock": [], "cut": [], "holes": [], "marks": []}
     names, depth = list[str](), 0.0
@@ -146,7 +147,7 @@ def solve_parts(request: HopsRequest) -> Sequence[Any]:
             curves["cut"] += [shift + np.vstack([loop, loop[:1]]) for loop in (placed.outline, *placed.slots)]
             curves["holes"] += [shift + _circle(hole.at, hole.diameter / 2) for hole in placed.holes]
             curves["marks"] += [shift + mark for mark in placed.marks]
-        depth += width + 0.2  # metres between the sheets
+        depth += width + 0.2  # a gap of 0.2 metres between the sheets
     outputs = [[polyline_json(curve / request.metre) for curve in kind] for kind in curves.values()]
     return *outputs, names, list(plan.notes)
 

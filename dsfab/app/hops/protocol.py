@@ -1,7 +1,7 @@
-"""The protocol of Hops, after McNeel's own server in Python (`ghhops-server`, MIT).
+"""Protocol of Hops, after McNeel's own server in Python (`ghhops-server`, MIT).
 
-`Inputs` and `Outputs` describe a component. A request has branches of values for each parameter, each with a type of
-.NET and JSON of its own; the answer has the same form.
+`Inputs` and `Outputs` describe a component. A request has branches of values for each parameter. Each value has a .NET
+type and a JSON form. The answer has the same structure.
 """
 
 import json
@@ -22,24 +22,24 @@ NET_TYPES: dict[Kind, str] = {
     "Number": "System.Double",
     "Text": "System.String",
 }
-"""Types of .NET of output values."""
+""".NET types of output values."""
 
-UNLIMITED = 2**31 - 1  # Number that Hops takes as unlimited.
+UNLIMITED = 2**31 - 1  # Hops reads this number as unlimited.
 
 UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m", "inches": "in", "feet": "ft"}
 """Rhino's words for the units of a document."""
 
 
 class HopsError(DsfabError):
-    """A request without an answer; the component shows its message."""
+    """A request that dsfab cannot answer; the component shows the message."""
 
 
 @dataclass(frozen=True)
 class HopsParameter:
     """A socket of a component.
 
-    many    : it takes, or gives, a list.
-    wanted  : it must be connected.
+    many    : whether the socket takes, or gives, a list.
+    wanted  : whether the user must connect the socket.
     """
 
     name: str
@@ -50,7 +50,7 @@ class HopsParameter:
     is_required: bool = False
 
     def description_json(self) -> dict[str, Any]:
-        """Return its description for Hops."""
+        """Return the description of the socket for Hops."""
         return {
             "Name": self.name,
             "Nickname": self.nickname,
@@ -73,7 +73,7 @@ class HopsComponent:
     solve: Callable[["HopsRequest"], Sequence[Any]]
 
     def description_json(self) -> dict[str, Any]:
-        """Return its description for Hops."""
+        """Return the description of the component for Hops."""
         return {
             "Uri": f"/{self.name}",
             "Name": self.name,
@@ -93,10 +93,10 @@ class HopsComponent:
 
 @dataclass(frozen=True)
 class HopsRequest:
-    """Values by parameter: a mesh is (V, F), a point three numbers; lists for list parameters, else None without a
-    value.
+    """Values by parameter; list parameters have lists, and None stands for a missing value.
 
-    unit : of all lengths, such as 'mm'.    key : equal for equal requests.
+    A mesh is (V, F), and a point is three numbers.
+    unit : unit of all lengths, such as 'mm'.    key : text that is equal for equal requests.
     """
 
     values: Mapping[str, Any]
@@ -163,7 +163,7 @@ def _number(value: Any) -> float:
 
 def _output_json(parameter: HopsParameter, value: Any) -> dict[str, Any]:
     values = value if parameter.is_list else [value]
-    json_kinds = ("Mesh", "Curve")  # JSON already
+    json_kinds = ("Mesh", "Curve")  # values of these types are JSON already
     items = [
         {"type": NET_TYPES[parameter.kind], "data": item if parameter.kind in json_kinds else json.dumps(item)}
         for item in values

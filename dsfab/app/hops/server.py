@@ -1,4 +1,4 @@
-"""The HTTP server for Hops on this machine, and the process that solves its requests in turn."""
+"""HTTP server for Hops on this machine, and the process that solves its requests one after another."""
 
 import json
 import logging
@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 class Solver:
-    """Solves requests in turn, in another process that ends with the `with` block."""
+    """Process that solves requests one after another and ends with the `with` block."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
@@ -71,7 +71,7 @@ def solve_request(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
 
 
 LOOPBACK = "127.0.0.1"
-LARGEST = 64 * 2**20  # Bytes of a request, at most: a mesh of some hundred thousand faces.
+LARGEST = 64 * 2**20  # Largest number of bytes of a request: a mesh of some hundred thousand faces.
 
 
 class HopsServer(ThreadingHTTPServer):

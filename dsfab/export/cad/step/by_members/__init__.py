@@ -2,9 +2,9 @@
 
 regions, fillets : the sheet's regions, the chains of edges between them, and round corners of openings.
 region_division, borders : regions divided at bends and ends of members; borders straightened and ended steeply.
-curves, lines, patch_sides : chains as cubic or quadratic curves on both skins, and the sides of four-sided regions.
+curves, lines, patch_sides : curves of degree 2 or 3 along chains on both skins, and sides of four-sided regions.
 patches, trimmed : Coons patches, and trimmed surfaces for all other regions.
 trimmed_division, trimmed_corrections : trimmed regions divided or corrected if they miss their edges or the mesh.
-model, sharp_corners, fillet_edges : vertices, edges, walls and faces, prepared for fillets by OCCT.
-draft, build : the whole sequence and the STEP text; the file of a part after OCCT's checks.
+model, sharp_corners, fillet_edges : vertices, edges, walls and faces, prepared so that OCCT can fillet the edges.
+draft, build : the sequence of all steps, the STEP text, and OCCT's checks of the file.
 """

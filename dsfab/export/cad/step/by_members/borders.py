@@ -1,4 +1,4 @@
-"""Borders between members: straightened, ended steeply at round corners, and removed where outlines cross."""
+"""Borders between members: straightened, moved to meet round corners steeply, and removed where outlines cross."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -18,15 +18,20 @@ from dsfab.export.cad.step.smooth.edges import even_samples
 from dsfab.export.splines import Spline, bernstein, splines_through
 
 TOUCHING_SHARE = 1 / 400
-"""Distance over the thickness at which an outline touches itself: a sixth of the least distance in sound outlines."""
+"""Two parts of an outline nearer than this share of the thickness touch. In sound outlines they are six times farther
+apart.
+"""
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
-    """Return the chains of a region that cross another of its chains, seen along its mean normal.
-    The result also holds chains within `distance` mm of a corner where they do not end, with the chains that do end
-    there; and all chains of a region that is inside out."""
-    finest = 12  # most chords of each cubic; they are short at its ends, where chains cross at small angles
-    segments = 600  # approximate number of chords of one outline
+    """Return the chains of a region that cross another chain of the region, seen along the region's mean normal.
+
+    The result also holds a chain within `distance` mm of a corner where it does not end, with the chains that end at
+    this
+    corner. It holds all chains of a region that is inside out.
+    """
+    finest = 12  # a cubic gets at most 12 chords, short at its ends because chains cross there at small angles
+    segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
     spans = [len(curves[k].spans) for k, _ in steps]
     fine = int(np.clip(segments // sum(spans), 4, finest))
@@ -39,7 +44,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())  # a narrow region whose sides have changed places
+            return set(chain.tolist())  # the sides of a narrow region have changed places
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(away & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
@@ -49,14 +54,12 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
 
 
 def _not_ending(net: ChainNet, steps: ChainLoop, chain: Ints) -> Bools:
-    """(c, k) True if the chain of a segment (k,) does not end where a step (c,) begins."""
     start = np.array([net.ends(step)[0] for step in steps])
     ends = np.array([net.ends((k, True)) for k in chain.tolist()])
     return np.asarray((start[:, None, None] != ends).all(axis=2))
 
 
 def _distances(lines: list[Floats], point_numbers: Ints) -> Floats:
-    """(c, k) distances of the points `point_numbers` (c,) of closed lines (., 2) from their k segments."""
     a = np.concatenate(lines)
     ways = np.concatenate([np.roll(line, -1, axis=0) for line in lines]) - a
     offsets = a[point_numbers][:, None] - a
@@ -87,7 +90,7 @@ def _side(a: Floats, b: Floats, p: Floats) -> Floats:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Unite regions whose outlines cross or nearly touch with the region beyond an inner chain, if there are any."""
+    """Unite a region whose outline crosses or nearly touches itself with the neighbour beyond a chain, if possible."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -99,7 +102,7 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Unite both regions of a chain under its left one's number, if both have a single outline."""
+    """Unite the two regions beside a chain if both have a single outline; the left region keeps its number."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
@@ -136,17 +139,20 @@ def _without_spurs(loop: ChainLoop) -> ChainLoop:
 
 
 SIDEWAYS_SHARE = 1 / 3
-"""Largest sideways movement of a chain over the thickness."""
+"""Largest sideways movement of a chain, as a share of the thickness."""
 
 SAG_SHARE = 1 / 400
-"""Distance of chords from the straightened curve over the thickness. Fits to coarse polylines have many spans."""
+"""Largest distance of chords from the straightened curve, as a share of the thickness; fits to coarse polylines need
+many
+spans.
+"""
 
 PLACES = np.linspace(0, 1, 65)
 """Parameters where the curvature is measured."""
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Remove hairpins and put inner chains on the simplest curves near them; thickness in millimetres."""
+    """Remove hairpins, and put each inner chain on the simplest curve near the chain; thickness in millimetres."""
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
     if inner and len(lifting.sides.creases):
@@ -173,14 +179,14 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 def _turns_back(curve: Spline) -> bool:
     most_spans = 4  # a chain with more spans wanders too much for the side of a patch
-    detour = 1.5  # least length of a hairpin over the distance of its ends; half a circle has 1.57
+    detour = 1.5  # a hairpin is at least 1.5 times as long as the distance of its ends; half a circle 1.57 times
     line = curve(PLACES)
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     return length > detour * float(np.linalg.norm(line[-1] - line[0])) or len(np.unique(curve.knots)) - 1 > most_spans
 
 
 def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> ChainNet:
-    least_cosine = 0.5  # between the mean normal of the joined region and any of its normals
+    least_cosine = 0.5  # normals of a joined region turn by at most 60 degrees from the mean normal
     for k in hairpins:
         chain = net.chains.get(k)
         if chain is None or chain.left == chain.right:
@@ -194,19 +200,19 @@ def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> Chai
 
 
 def _points(curve: Spline, sag: float) -> int:
-    fewest = 9  # points of a straightened chain
+    fewest = 9  # a straightened chain has at least 9 points
     bends = np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2
     largest_bend = float(np.linalg.norm(bends, axis=1).max())
     return max(fewest, 1 + int(np.ceil(np.sqrt(largest_bend / (8 * sag)))))
 
 
 LONGEST_CHORD = 2.0
-"""Largest chord of a round corner over the thickness."""
+"""Largest chord of a round corner, as a multiple of the thickness."""
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Move borders along round corners so that they end steeply; thickness in millimetres."""
-    rounds = 3  # chords of one corner may be several chains
+    """Move borders that end at round corners so that they meet the outline steeply; thickness in millimetres."""
+    rounds = 3  # one corner may consist of several chains
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -218,7 +224,9 @@ def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainN
 
 
 class _BorderEnds:
-    """nodes : for each node the outline's chains before and after it, and the end of the border there."""
+    """Ends of borders at outlines. nodes : for each node the outline's chains before and after it, and the border's
+    end.
+    """
 
     def __init__(self, net: ChainNet, P: Floats, thickness: float) -> None:
         self.P, self.t = P, thickness
@@ -230,9 +238,9 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # least turn of the outline in degrees; moving ends at flatter corners adds 5 % to a dome's faces
-        gain = 15.0  # least gain in degrees that justifies a new place
-        steep = 30.0  # degrees between border and outline from which on the border's end stays in place
+        sharp = 20.0  # least turn of the outline in degrees; with flatter corners a dome gets 5 % more faces
+        gain = 15.0  # a new place must be at least 15 degrees steeper
+        steep = 30.0  # a border that meets the outline at 30 degrees or more is not moved
         before, after, (seam, end) = self.nodes[node]
         if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:
             return
@@ -248,24 +256,22 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Rank a place. Above 45 degrees the end of an arc is preferred, because it leaves the arc whole."""
-        enough = 45.0  # degrees: steeper places are no better
+        """Rank a place. Above 45 degrees the end of an arc is preferred, because the arc then remains whole."""
+        enough = 45.0  # places steeper than 45 degrees rank equal
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
 
     def _anchor(self, line: Ints) -> Floats:
-        """(3,) point of a border at one thickness from its end."""
         P = self.P[line]
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(P, axis=0), axis=1))])
         return np.array([np.interp(min(self.t, lengths[-1]), lengths, column) for column in P.T])
 
     def _points_around(self, before: int, after: int) -> Floats:
-        """(3, 3) outline points before, at and after a node."""
         points_before, points_after = self.chains[before].points, self.chains[after].points
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Degrees between a border and an outline at a node; beside a round chain the wall alone counts."""
+        """Return the degrees between a border and an outline at a node; beside a round chain only the wall counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)
@@ -276,7 +282,9 @@ class _BorderEnds:
         return len(_bent(line)) > 0 or float(np.linalg.norm(line[-1] - line[0])) < LONGEST_CHORD * self.t
 
     def _places(self, k: int, node: int) -> list[int]:
-        """Points of a round chain where a border may end: bent inner points, and its other end if free."""
+        """Return points of a round chain where a border may end: inner points with a bend, and the chain's other
+        end if free.
+        """
         points = self.chains[k].points
         long = np.linalg.norm(np.diff(self.P[points], axis=0), axis=1)
         inside = _bent(self.P[points]).tolist()
@@ -287,7 +295,9 @@ class _BorderEnds:
         return [*inside, far_end] if self._next(k, far_end) >= 0 else inside
 
     def _next(self, k: int, i: int) -> int:
-        """Return the outline's next chain if only these two meet and it turns a little; otherwise -1."""
+        """Return the outline's next chain if only these two chains meet and the outline turns a little; otherwise
+        -1.
+        """
         if self.degree.get(int(self.chains[k].points[i])) != 2:
             return -1
         loop = next(loop for loop in self.loops[self.chains[k].left] if (k, True) in loop)
@@ -334,7 +344,6 @@ class _BorderEnds:
         return True
 
     def _loop(self, region: int, k: int) -> ChainLoop:
-        """Loop of a region that runs through a chain exactly once, or []."""
         matches = [loop for loop in self.loops[region] for step in loop if step[0] == k]
         return matches[0] if len(matches) == 1 else []
 
@@ -346,7 +355,9 @@ def _bent(line: Floats) -> Ints:
 
 
 def _angle(points: Floats, weights: list[float], anchor: Floats) -> float:
-    """Degrees at the middle of three points between the anchor and the weighted mean direction of both sides."""
+    """Return the angle in degrees at the middle of three points, between the anchor and the mean direction of both
+    sides.
+    """
     ways = np.diff(points, axis=0)
     ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
     along, to_anchor = weights @ ways, anchor - points[1]

@@ -1,4 +1,4 @@
-"""The file of a part by members, and what OCCT says of it: read again, compared with the mesh, cut by half-spaces."""
+"""File of a part by members, and OCCT's checks of the file: reading, comparison with the mesh, cuts by half-spaces."""
 
 import subprocess
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Processor time for each of both programs, many times the measured time."""
+"""Limits of processor time for each of the two programs, many times the measured time."""
 
 CUT_COUNT = len(PLANES)
 
@@ -37,7 +37,8 @@ CUT_COUNT = len(PLANES)
 class MemberFile:
     """Checked file of a part by members.
 
-    solids, faces, trimmed : numbers.    gap : widest, mm.    there, back : distances from the mesh and back, mm.
+    solids, faces, trimmed : their numbers.    gap : widest gap, mm.    there, back : distances from the mesh and back,
+    mm.
     volume : mm3.    used : result of OCCT's trial cuts, as text.
     """
 
@@ -63,7 +64,7 @@ class MemberFile:
 
 
 class NotByMembersError(ExportError):
-    """Reason against members. if_asked : True if a request by name helps."""
+    """Reason why a part has no file by members. if_asked : True if a request by name helps."""
 
     def __init__(self, reason: str, if_asked: bool = False) -> None:
         super().__init__(reason)
@@ -71,13 +72,15 @@ class NotByMembersError(ExportError):
 
 
 class _RoughError(ExportError):
-    """The file is too far off the mesh, or OCCT finds it invalid or no solid; a finer file may pass."""
+    """The file is too far from the mesh, or OCCT finds it invalid or without a solid; a finer file may pass."""
 
 
 @derived
 def member_file(part: Part) -> MemberFile:
-    """Return the file of a part, computed once for each part; raises NotByMembersError with the reason, and BudgetError
-    if the file is too large."""
+    """Return the file of a part, computed once for each part.
+
+    Raises NotByMembersError with the reason, and BudgetError if the file is too large.
+    """
     try:
         return _accepted_file(part)
     except BudgetError:
@@ -87,7 +90,9 @@ def member_file(part: Part) -> MemberFile:
 
 
 def _accepted_file(part: Part) -> MemberFile:
-    """Return the first file that passes: if the usual one is rough, one whose faces keep nearer to the mesh."""
+    """Return the first file that passes: the usual file, or if this is rough a file whose faces lie nearer to the
+    mesh.
+    """
     plan = member_plan(part)
     try:
         return _tried(part, plan, False)
@@ -96,7 +101,7 @@ def _accepted_file(part: Part) -> MemberFile:
 
 
 def _tried(part: Part, plan: SmoothPlan, fine: bool) -> MemberFile:
-    with occt() as program:  # the process loads OCCT in parallel
+    with occt() as program:  # the program loads OCCT meanwhile
         draft = member_draft(part, plan, fine)
         require_budget(part, draft.faces, len(draft.text))
         seconds, deflection = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
@@ -118,8 +123,8 @@ def _tried(part: Part, plan: SmoothPlan, fine: bool) -> MemberFile:
 class _TriangleReport:
     """Report on OCCT's triangles.
 
-    there, back : distances from the mesh and back.    fault : reason why they bound no solid, or why that is unknown.
-    shape : OCCT's binary shape.
+    there, back : distances from the mesh and back.    fault : reason why the triangles bound no solid, or why OCCT
+    cannot tell.    shape : OCCT's binary shape.
     """
 
     there: MeshDistances
@@ -129,7 +134,7 @@ class _TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "_TriangleReport":
-        """Judge a mesh without refusing it, because OCCT still checks the rest in parallel."""
+        """Judge a mesh without raising an error, because OCCT still checks the rest in parallel."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:
@@ -148,9 +153,8 @@ def _require(*tests: tuple[bool, str], error: type[ExportError] = ExportError) -
 def _require_solid(
     part: Part, plan: SmoothPlan, draft: MemberDraft, findings: list[OcctFinding], reports_list: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distances from the mesh and back, and OCCT's shape; raises ExportError for a wrong or bad
-    solid."""
-    # Share of the diagonal that OCCT's box may be off. Less than twice the limit of trial cuts, because the
+    """Return the largest distances from the mesh and back, and OCCT's shape; raises ExportError for a bad solid."""
+    # OCCT's box may be off by this share of the diagonal. It is less than twice the limit of trial cuts, because the
     # alternatives are worse: for a saddle of 5 m, 1.1 % by members and 20 % for the smooth file.
     wide_box = 2e-2
     t, gap, faces = (
@@ -192,8 +196,7 @@ def _box(findings: list[OcctFinding]) -> list[float]:
 
 
 def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) -> str:
-    """Describe one trial cut of OCCT's shape; raises ExportError if it failed. Reading the text again would take
-    longer."""
+    """Describe one trial cut of OCCT's shape; raises ExportError if the cut failed."""
     use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
         raise ExportError(f"by members {use.fault}")
@@ -201,8 +204,7 @@ def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) ->
 
 
 def _use_sentence(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: float) -> str:
-    """Describe all trials of `use`; raises ExportError if a CAD program would fail with the file or misread
-    it."""
+    """Describe all trials of `use`; raises ExportError if a CAD program would fail with the file or misread it."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:
@@ -212,7 +214,7 @@ def _use_sentence(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: flo
 
 
 def _require_use(part: Part, plan: SmoothPlan, report: dict[str, Any]) -> None:
-    plain_limit = 1e-3  # share of the volume that OCCT's plain rule may be off
+    plain_limit = 1e-3  # largest relative error of the volume by OCCT's plain rule
     plain_error = report["plain"] / report["volume"] - 1
     _require(
         (report["valid"], "OCCT finds the solid by members invalid once it is read again"),
@@ -228,7 +230,7 @@ def _require_use(part: Part, plan: SmoothPlan, report: dict[str, Any]) -> None:
 
 
 def _cut_fault(cut: str, missed: float) -> str:
-    """Describe a faulty cut; missed : share of the volume, 1 if a half is invalid."""
+    """Describe a faulty cut; missed : error as a share of the volume, 1 if a half is invalid."""
     if missed == 1:
         return f"{cut} of the solid by members is not valid"
     return f"the halves of {cut} miss {missed:.1e} of the volume of the solid by members"

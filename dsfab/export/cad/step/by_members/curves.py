@@ -1,4 +1,4 @@
-"""Chains as cubic or quadratic curves, one for both skins, moved onto the skins between their ends."""
+"""Cubic or quadratic curves along chains, one for both skins, moved onto the skins between their ends."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -23,9 +23,12 @@ POLE_MATRIX = np.linalg.inv(READ_MATRIX)
 
 @dataclass(frozen=True, eq=False)
 class InnerSpline:
-    """Cubic splines, twice differentiable, on k spans between breaks (k + 1,), zero at the first and the last break.
-    places : (k + 1,) means of three knots, where values determine the spline [de Boor 1978, chapter XIII].
-    poles  : (k, 4, k + 1) contribution of each value to the poles of each span."""
+    """Cubic splines with continuous curvature on k spans between breaks (k + 1,); they are zero at the first and last
+    break.
+
+    places : (k + 1,) means of three knots; values at these places determine the spline [de Boor 1978, chapter XIII].
+    poles  : (k, 4, k + 1) contribution of each value to the poles of each span.
+    """
 
     breaks: Floats
     places: Floats
@@ -33,7 +36,7 @@ class InnerSpline:
 
     @classmethod
     def from_breaks(cls, breaks: Floats) -> "InnerSpline":
-        """Return the splines for breaks from 0 to 1, memoised."""
+        """Return the splines for breaks from 0 to 1; a cache stores them."""
         return _inner_spline(breaks.tobytes())
 
     @classmethod
@@ -59,7 +62,7 @@ class InnerSpline:
 
 @lru_cache(maxsize=1024)
 def _inner_spline(breaks: bytes) -> InnerSpline:
-    """Memoised, because most curves share a few lists of breaks."""
+    """A cache serves these splines, because most curves share a few lists of breaks."""
     return InnerSpline._compute(np.frombuffer(breaks))
 
 
@@ -72,13 +75,14 @@ def _rows(x: Floats, knots: Floats) -> Floats:
 
 
 SAMPLES_PER_EDGE = 2
-"""Samples on the skins for each mesh edge along a chain."""
+"""Number of samples on the skins for each mesh edge along a chain."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampledChain:
-    """Chain on the skins. Q : (k, 6) points on the outer and the inner skin, mm. outline : True if VOID is beyond it.
-    chord : the mesh's least chord error along it, millimetres."""
+    """Samples of a chain on the skins. Q : (k, 6) points on the outer and inner skin, mm. outline : True at an outline.
+    chord : the mesh's smallest chord error along the chain, millimetres.
+    """
 
     Q: Floats
     outline: bool
@@ -95,7 +99,7 @@ class SampledChain:
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.middle, axis=0), axis=1))])
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector from one end to the point `reach` mm along the chain, and the unit normal at that end."""
+        """Return the vector from one end to the chain's point `reach` mm farther, and the unit normal at this end."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)
@@ -108,7 +112,7 @@ class SampledChain:
         return {}
 
     def point(self, x: float) -> Floats:
-        """(6,) point at a share of the length below 1."""
+        """(6,) point at a share (below 1) of the length."""
         s, to = self.lengths, x * self.lengths[-1]
         i = int(s.searchsorted(to, side="right"))
         return np.asarray((self.Q[i] - self.Q[i - 1]) / (s[i] - s[i - 1]) * (to - s[i - 1]) + self.Q[i - 1])
@@ -116,8 +120,9 @@ class SampledChain:
 
 @dataclass(frozen=True, eq=False)
 class ChainCurve:
-    """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1. spans : (k, 4, 6) Bezier poles between them, mm.
-    off : largest distance from the chain's samples."""
+    """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1. spans : (k, 4, 6) Bezier poles between breaks, mm.
+    off : largest distance from the samples of the chain.
+    """
 
     breaks: Floats
     spans: Floats
@@ -141,11 +146,13 @@ class ChainCurve:
         return np.asarray(np.einsum("ka,kai->ki", bernstein(share), self.spans[span]))
 
     def stops(self, low: float, high: float) -> Floats:
-        """(k,) the parameters `low` and `high` with the breaks of the curve between them, ascending."""
+        """Return (k,) ascending parameters: `low`, the breaks of the curve between `low` and `high`, and `high`."""
         return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
-        """Return the curve with other ends (6,); the poles between move by a linear share."""
+        """Return the curve with other ends (6,); each pole between moves by a share that grows linearly along the
+        curve.
+        """
         x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
         ways = start - self.spans[0, 0], end - self.spans[-1, -1]
         spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
@@ -158,7 +165,9 @@ class ChainCurve:
 
 
 def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
-    """(k, 4, d) poles of parts of cubics (k, 4, d), from shares `start` to `end` (k,) of each."""
+    """Return the poles (k, 4, d) of parts of cubics (k, 4, d); each part runs from share `start` to share `end`
+    (k,).
+    """
     inside = start[:, None] + (end - start)[:, None] * READ_PLACES
     rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
     return np.asarray(POLE_MATRIX @ rows @ poles)
@@ -171,8 +180,10 @@ def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list
 
 
 def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
-    """Move curves onto the skins between their ends; `vectors_to_skins` returns the vectors from points (k, 6) to the
-    skins. A curve may be off its samples by a tolerance, but a face strays if its edges are off the skins."""
+    """Move the curves onto the skins between their ends; the faces beside a curve off the skins would stray too.
+
+    vectors_to_skins : function that returns the vectors from points (k, 6) to the skins.
+    """
     if not curves:
         return []
     inner = [InnerSpline.from_breaks(f.breaks) for f in curves]
@@ -185,7 +196,7 @@ def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], 
 
 
 def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dict[int, SampledChain]:
-    """Sample the chains of a net on the smooth skins, by number."""
+    """Sample the chains of a net on the smooth skins; the result is by number of the chain."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]
     start, end = (np.concatenate([p[part] for p in points]) for part in (slice(-1), slice(1, None)))
@@ -207,22 +218,26 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
 
 
 PARABOLA_SHARE = 1 / 10
-"""Largest distance of a parabola from its cubic over the distance that a solid may be off the mesh."""
+"""Largest distance of a parabola from its cubic, as a share of the allowed distance of a solid from the mesh."""
 
 TURN_TANGENTS = np.tan(np.deg2rad([0.5, 0.25]))
-"""Tangents of the largest turn at its ends, and out of the skins, because these are smooth across borders."""
+"""Tangents of the largest turns of a curve at its ends, along the skins and out of them, where the skins are smooth."""
 
 ZERO_DIFFERENCE = 1e-8
-"""Millimetres of a third difference that counts as zero, because curves are cut and turned before they are written."""
+"""A third difference below this counts as zero (millimetres), because curves are cut and turned before they are
+written.
+"""
 
 BOW_FACTOR = np.sqrt(3) / 36
-"""Maximum of x (1/2 - x) (1 - x): distance of a cubic with third difference 1 from its parabola."""
+"""Distance of a cubic with third difference 1 from its parabola: the maximum of x (1/2 - x) (1 - x)."""
 
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
-    """Replace curves by parabolas if all their cubics are nearly parabolas.
-    distance : largest distance of a solid from its mesh, millimetres. A parabola's poles are farther out; if they
-    leave the box (2, 3) by more than that, the curve stays cubic."""
+    """Replace a curve by parabolas if all its cubics are nearly parabolas.
+
+    distance : allowed distance of a solid from its mesh, millimetres. The poles of a parabola lie farther out; if they
+    leave the box (2, 3) by more than `distance`, the curve stays cubic.
+    """
     wide = box + distance * np.array([[-1.0], [1.0]])
     return [
         replace(curve, spans=as_parabolas(curve.spans, 1))
@@ -233,15 +248,20 @@ def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floa
 
 
 def as_parabolas(P: Floats, axis: int) -> Floats:
-    """Replace cubics, with 4 poles along an axis, by parabolas through their ends and middles, still with 4 poles."""
+    """Replace cubics, with 4 poles along an axis, by parabolas in cubic form through the ends and middles of the
+    cubics.
+    """
     P = P.swapaxes(0, axis)
     third = _third(P) / 6
     return np.stack([P[0], P[1] - third, P[2] + third, P[3]]).swapaxes(0, axis)
 
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
-    """Lower patches (ku, kv, 4, 4, 6) of a region to degree 2 in directions in which the sides are parabolas.
-    No pole moves by more than a share of `distance`, millimetres; the sides stay."""
+    """Lower the degree of patches (ku, kv, 4, 4, 6) of a region to 2 in each direction in which the sides are
+    parabolas.
+
+    No pole moves by more than a share of `distance`, millimetres; the sides do not change.
+    """
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
             Q = as_parabolas(P, axis)
@@ -251,7 +271,7 @@ def patches_as_parabolas(P: Floats, distance: float) -> Floats:
 
 
 def fewest_poles(P: Floats, axis: int) -> Floats:
-    """Return 3 poles along an axis if the cubics there are parabolas, otherwise the poles (k, 4, 6) themselves."""
+    """Return 3 poles along an axis if the cubics (k, 4, 6) are parabolas there, otherwise the given 4 poles."""
     P = P.swapaxes(0, axis)
     if len(P) == 4 and np.abs(_third(P)).max() < ZERO_DIFFERENCE:
         P = np.stack([P[0], _middle_pole(P), P[3]])
@@ -264,7 +284,7 @@ def _third(P: Floats) -> Floats:
 
 
 def _middle_pole(P: Floats) -> Floats:
-    """(..) middle poles of parabolas in cubic form (4, ..); reversed curves give the same digits."""
+    """Return the (..) middle poles of parabolas in cubic form (4, ..); a reversed curve gives the same digits."""
     return np.asarray((3 * (P[1] + P[2]) - (P[0] + P[3])) / 4)
 
 

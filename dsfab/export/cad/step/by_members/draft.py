@@ -49,16 +49,16 @@ from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
 EDGE_DIGITS = 7
-"""Decimals of coordinates of edges in mm. An edge that is a part of a patch's side has other poles than the side. OCCT
-ignores less than 1e-7 mm, and measures more at samples; a shortened edge has other samples, and a thousandth more there
-makes it invalid."""
+"""Decimals of coordinates of edges in mm. If an edge is part of a patch's side, edge and side have different poles.
+OCCT ignores less than 1e-7 mm, but measures more at samples. A shortened edge has other samples, and an increase by a
+thousandth makes the edge invalid.
+"""
 
 NO_SEAMS: Mapping[int, LongSeam] = MappingProxyType({})
 
 
 class NetWriter:
-    """Writer of a model after the entities of `new`. thickness : mm. Entities that exist on both sides of a seam are
-    shared."""
+    """Writer of a model; it adds entities to `new`. thickness : mm. The two sides of a seam share their entities."""
 
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
@@ -149,10 +149,10 @@ class NetWriter:
         return [numbers[i : i + poles.shape[1]] for i in range(0, len(numbers), poles.shape[1])]
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
-        """Edge between the inner and outer point of a vertex, and True if it runs to the outer point."""
+        """Return the edge between the outer and inner point of a vertex, and True if it runs to the outer point."""
         outer, inner = self.vertices[vertex]
         if (outer, inner) in posts:
-            return posts[outer, inner], False  # the other side of a seam has made it
+            return posts[outer, inner], False  # the other side of a seam has added this edge
         if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
             posts[inner, outer] = self.new.edge(inner, outer, self.new.bezier(ends))
@@ -164,38 +164,44 @@ class NetWriter:
 
 
 DESCRIPTION = "curved solid of four-sided patches by members"
-"""Description of the file in its header."""
+"""Description of the solid in the header of the file."""
 
 GAP_SHARE = 1 / 4000
-"""Wanted gap between a trimmed face and its edges over the thickness."""
+"""Wanted gap between a trimmed face and its edges, as a share of the thickness."""
 
 NARROW_MM, THIN_GAP_SHARE = 0.01, 1 / 1500
-"""Millimetres of a gap that is narrow enough, and its largest share of the thickness. In a sheet of 16 mm most trimmed
-faces needed degrees of 4 to 7 to close 0.004 mm, and a third more poles."""
+"""A gap below the first number (mm) is narrow enough, if it is also below the second, a share of the thickness. To
+close
+0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
+"""
 
 SHORT_WALL_SHARE = 1 / 20
-"""Length over the thickness below which a wall between two borders is removed."""
+"""A wall between two borders is removed if it is shorter than this share of the thickness."""
 
 LENS_SHARE = 1 / 3
-"""Width over the thickness below which a region between two chains is removed."""
+"""A region between two chains is removed if it is narrower than this share of the thickness."""
 
 PASSES = 3
-"""Repetitions of the test for crossing outlines, because joined or undivided regions may cross anew."""
+"""Number of repeated tests for crossing outlines, because joined or undivided regions may cross again."""
 
 UNASKED = 7000
-"""Most faces of a file without a request by name and with a hurry of 1: more take half a minute."""
+"""Largest number of faces for a hurry of 1, unless the user requests members by name: more faces take half a minute."""
 
 WALL_SHARE = 3 / 4
-"""Least number of walls over the number of outline chains: in `hypar.obj` and a cylinder a fifteenth are joined."""
+"""Smallest expected ratio of walls to outline chains: in `hypar.obj` and a cylinder a fifteenth of the chains is
+joined.
+"""
 
 
 BOX_SHARE = 1 / 300
-"""Largest distance of curve poles outside the surface's box over its size. Along the rim of a vault of 12 m they were
-170 mm above it, with OCCT's box."""
+"""Largest distance of poles outside of the surface's box, as a share of the size of the box. Along the rim of a vault
+of
+12 m poles were 170 mm above the box, and OCCT's box grew as much.
+"""
 
 
 class ManyFacesError(ExportError):
-    """The file has too many faces to be made without a request by name."""
+    """The file has too many faces; only a request by name allows so many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,10 +224,10 @@ def member_draft(part: Part, plan: SmoothPlan, fine: bool = False) -> MemberDraf
     """Encode a part without checks; raises ExportError if that fails, and ManyFacesError for too many faces without a
     request.
 
-    fine : measure the distance of faces from the mesh, let borders follow the skins closely, and use more points in
-    long triangles, see `RegionInterior`.
+    fine : measure the distance of faces from the mesh, keep borders close to the skins, and use more points in long
+    triangles, see `RegionInterior`.
     """
-    with one_blas_thread():  # thousands of small systems
+    with one_blas_thread():  # threads slow down thousands of small systems
         return _draft(part, plan, fine)
 
 
@@ -286,7 +292,7 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
 
 
 def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
-    least_share = 0.95  # least share of the first model's faces after regions with crossing outlines are joined
+    least_share = 0.95  # at least this share of the faces must remain after regions are joined
     fits = _Fits(interior, plan)
     lines, model = fits.model(net)
     _require_few(part, int(least_share * model.faces))
@@ -339,7 +345,7 @@ def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
 def _with_cut_ends(
     net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SmoothPlan
 ) -> tuple[ChainNet, NetModel]:
-    """Cut ends off members, unless an outline then crosses itself."""
+    """Cut the ends off members, unless an outline would then cross itself."""
     regions, previous = set(model.trimmed), _outlines(net, lines, model)
     for _ in range(PASSES):
         divided_net = with_cut_ends(net, sorted(regions), fits.lifting, GAP_SHARE * plan.limits.thickness)
@@ -357,7 +363,7 @@ def _with_cut_ends(
 
 
 def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Poles around each trimmed region. A line is part of several outlines and moves all of them."""
+    """Return the poles around each trimmed region. A line that is part of several outlines moves all of them."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -370,7 +376,7 @@ def _changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> 
 
 
 class _Fits:
-    """Lines and models of nets. Samples of unchanged chains and trimmed faces of unchanged outlines are memoised."""
+    """Lines and models of nets. A cache keeps samples of unchanged chains and trimmed faces of unchanged outlines."""
 
     def __init__(self, interior: RegionInterior, plan: SmoothPlan) -> None:
         self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH_SHARE * plan.limits.thickness
@@ -396,7 +402,7 @@ class _Fits:
         return lines, net_model(lines, chains, quads, other_regions, self.covering, self.patched)
 
     def _quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
-        """Return quads and other regions as `quads_of`; regions with unchanged chains are memoised."""
+        """Return quads and other regions as `quads_of`; a cache keeps the regions whose chains did not change."""
         for region, loops in net.loops.items():
             around = [chains[k] for loop in loops for k, _ in loop]
             cached = self.quads.get(region)

@@ -1,4 +1,4 @@
-"""Edges that OCCT can fillet: seams extended past filled corners, order of walls, direction and length of edges."""
+"""Edges that OCCT can fillet: extended seams at corners, the order of walls, and direction and length of edges."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -25,14 +25,16 @@ from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
 FACE_TOLERANCE = 1e-6
-"""Largest distance in mm of faces from the continuation of a seam."""
+"""Largest distance in mm of a face from the extended part of a seam."""
 
 PLACES = np.linspace(0, 1, 17)
-"""Parameters where that distance is measured."""
+"""Parameters where the distance of `FACE_TOLERANCE` is measured."""
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """(2, 4, 2) poles of curves (4, 6) in parameters of both surfaces of a trimmed face; None if they leave it."""
+    """Return (2, 4, 2) poles of curves (4, 6) in the parameters of both surfaces of a trimmed face; None if a curve
+    is off.
+    """
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     skins = zip((face.outer, face.inner), face.axes, np.split(poles, 2, axis=1), strict=True)
@@ -40,8 +42,10 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """(2, 2, 2) ends of curves (4, 6) in parameters of a patch, if they run along a side; else None.
-    edge : (4, 6) the part on the side. share : (2,) of its parameter by which the curves extend before and after it."""
+    """Return (2, 2, 2) ends of curves (4, 6) in the parameters of a patch; None unless the curves run along a side.
+
+    edge : (4, 6) the part on the side. share : (2,) of its parameter by which the curves extend before and after it.
+    """
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -55,7 +59,7 @@ def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Flo
 
 
 def _parameter(side: Floats, point: Floats) -> float:
-    steps = 5  # steps of Newton's method, which begins at the nearest sample
+    steps = 5  # Newton's method begins at the nearest sample and needs few steps
     x = float(PLACES[np.argmin(np.linalg.norm(bernstein(PLACES) @ side - point, axis=1))])
     for _ in range(steps):
         point_on_side, ahead = (bernstein(np.array([x])) @ side)[0], 3 * (_quadratic(x) @ np.diff(side, axis=0))
@@ -74,48 +78,58 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
 
 
 FILLET_SHARE = 1 / 6
-"""Radius over the thickness of a fillet for which a seam is extended, times the tangent of half the turn."""
+"""A seam is extended for a fillet with this radius over the thickness, times the tangent of half the turn."""
 
 MARGIN = 0.1
-"""Share of the extension by which surfaces extend farther."""
+"""Surfaces extend farther than the seam by this share of its extension."""
 
 WIDER_SHARE = 1 / 100
-"""Extension of a patch over the thickness, beside a seam that continues a wall's edge. OCCT extends the seam nearly
-along that edge and needs places on the patch for it."""
+"""Extension of a patch, as a share of the thickness, beside a seam that continues a wall's edge. OCCT extends the seam
+nearly along that edge and needs places on the patch for it.
+"""
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius over the thickness of a fillet for which the patch beyond such a seam is extended. OCCT extends the patch
-itself, along tangents. The gap to the end of the fillet becomes the tolerance of the extended seam; above 1e-4 mm the
-seam runs backwards, and the solid is invalid."""
+"""The patch beyond such a seam is extended for a fillet with this radius over the thickness. OCCT extends the patch
+along its tangents. The gap at the end of the fillet becomes the tolerance of the extended seam. If the tolerance is
+above 1e-4 mm, the seam runs backwards, and the solid is invalid.
+"""
 
 TANGENT_GAP = 3e-5
-"""Millimetres of that gap. With a smaller gap the tolerance is ten times the seam's, 1e-6 mm, but the extended seam was
-off the other patch by up to 2e-6 mm, because the wall's edge has another parameter."""
+"""Wanted gap (mm) at the end of the fillet. With a smaller gap the tolerance is ten times that of the seam, 1e-6 mm.
+But
+then the extended seam was off the other patch by up to 2e-6 mm, because the wall's edge has another parameter.
+"""
 
 POLE_OFFSET = 1e-5
-"""Millimetres by which a pole of such a seam is moved if a trimmed face is beyond, which is wide enough. The extended
-seam was off by up to 1.4e-5 mm, and its tolerance is then 4e-5 mm."""
+"""Movement (mm) of a pole of such a seam if a trimmed face, which is wide enough, lies beyond. The extended seam was
+off
+by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam, or the edge of a wall beside a corner with such a seam.
-    poles : (4, 6) of its curves, mm.    on : by face, first patches and then trimmed ones, poles (2, k, 2) of the
-    curves in parameters of its outer and inner surface."""
+
+    poles : (4, 6) of its curves, mm.
+    on    : by face (patches first, trimmed faces last), poles (2, k, 2) of the curves in parameters of both surfaces.
+    """
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Poles (4, 6) of extended seams by edge: those that alone end at a filled corner."""
+    """Return poles (4, 6) of extended seams by edge: of each seam that alone ends at a filled corner."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """By edge: shares (2,) of extension before its start and after its end, and poles (4, 6) of the extended curves."""
-    longest = 3.0  # factor of the edge's length: a polynomial is unreliable farther out
+    """Return for each edge the shares (2,) by which it extends before its start and after its end, and the poles
+    (4, 6).
+    """
+    longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
         share = shares.setdefault(corner.seam, np.zeros(2))
@@ -137,7 +151,7 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Extension to the place where OCCT's tangent is off by `TANGENT_GAP` beside a fillet of `LARGE_FILLET_SHARE`."""
+    """Return the extension at which OCCT's tangent is off by `TANGENT_GAP`, beside a fillet of `LARGE_FILLET_SHARE`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -154,8 +168,11 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend surfaces as seams continue; return the model, the faces, and the extended seams with their neighbours by
-    edge. A seam that leaves one of its faces stays as it is."""
+    """Extend surfaces along extended seams; return the model, the faces, and the extended seams with their neighbours
+    by edge.
+
+    A seam that leaves one of its faces is not extended.
+    """
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -202,7 +219,9 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """By patch at seams that continue a wall's edge: a box beside both, and places (2, 2, 2) beyond the seam."""
+    """Return for each patch at a seam that continues a wall's edge a box around both, and places (2, 2, 2) beyond
+    the seam.
+    """
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -228,7 +247,9 @@ def _wider_box(patch: NetPatch) -> Floats:
 def _on_both(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> dict[int, LongSeam]:
-    """Extended seams that lie on both neighbouring faces, and the edges of walls beside them, which lie on one face."""
+    """Return extended seams that lie on both neighbouring faces, and the wall edges beside them, which lie on one
+    face.
+    """
     bent = [corner for corner in corners if corner.straight is None]
     longer = _extensions(model, bent)
     bent = [corner for corner in bent if corner.seam in longer]
@@ -278,12 +299,13 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
 
 
 CLEAR_EDGE = 1 / 7
-"""Radius over the thickness of the largest fillet that ends before the nearest cut of a wall's edge."""
+"""Largest fillet, as radius over the thickness, that ends before the nearest cut of a wall's edge."""
 
 LONGEST_SHARE = 4.0
 """Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends the
-edge out and back to the end of the fillet, and searches that place with few samples. If the fillet takes less than 1.5
-% of the edge, it may find the far end: 5 of 700 mm failed, and 2 of 180 mm."""
+edge beyond the fillet and back, and looks for the end of the fillet with few samples. If the fillet takes less than
+1.5 % of the edge, OCCT may find the far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed.
+"""
 
 DENSE = np.linspace(0, 1, 129)
 """Parameters where an edge is compared with its trimmed face."""
@@ -291,8 +313,10 @@ DENSE = np.linspace(0, 1, 129)
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Order the walls around each outline with edges along them, as OCCT needs for fillets.
-    An outline begins where it is smoothest. If it has only corners, its first and last corner belong to the first wall,
-    and an edge of it ends at each: a wall with a single edge gets two."""
+
+    An outline begins where it is smoothest. If the outline has only corners, its first and its last corner belong to
+    the first wall. An edge of this wall must end at each of them, so a wall with a single edge gets two edges.
+    """
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -326,13 +350,13 @@ def _directed_walls(
 def _stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
-    """Shares where an edge with corners is cut.
+    """Return the shares where an edge with corners is cut.
 
-    Between a corner and its cut no gap to the trimmed face is wider than at both ends. The cut is at most
-    `LONGEST_SHARE` from a corner that is rounded at the end of this edge. corners : tangents of half the turns, 0
-    without a corner.
+    Between a corner and its cut, no gap to the trimmed face may be wider than at both ends. The cut is at most
+    `LONGEST_SHARE` from a corner that is rounded at the end of this edge.
+    corners : tangents of half the turns, 0 without a corner.
     """
-    exact = 1e-6  # millimetres of a gap that OCCT ignores
+    exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
     clear_start, clear_end = (CLEAR_EDGE * share * half for half in corners)
@@ -355,14 +379,16 @@ def _stops(
 
 
 class CutEdges:
-    """Edges of a model, cut or reversed. forwards : steps that replace each such edge."""
+    """Edges of a model that are cut or reversed. forwards : steps that replace each such edge."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at shares in its direction. All parts keep it, but the first runs against it if `against`."""
+        """Cut an edge at shares in its direction; with `against`, the first part runs against the direction of the
+        edge.
+        """
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()
@@ -383,7 +409,7 @@ class CutEdges:
         return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).with_loops(self.loop)
 
     def loop(self, loop: ChainLoop) -> ChainLoop:
-        """Return a loop with the replaced edges."""
+        """Return a loop in which cut and reversed edges are replaced."""
         result: ChainLoop = []
         for e, ahead in loop:
             steps = self.forwards.get(e, [(e, True)])

@@ -1,4 +1,4 @@
-"""Fillets at round corners of openings: taken into the regions beside them, with borders moved to their ends."""
+"""Fillets at round corners of openings: joined to the regions beside them, with borders moved to the fillets' ends."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -12,7 +12,7 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains, (chain, 0 or -1), to other points; the points between move by a linear share."""
+    """Move ends of chains, (chain, 0 or -1), to other points; each inner point moves by a share that grows linearly."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {
         k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)]
@@ -30,7 +30,7 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 
 
 def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
-    fewest = 5  # points of a chain with moved ends
+    fewest = 5  # a chain with moved ends has at least 5 points
     line = P[points]
     lengths = _lengths(line)
     start, end = P[ends[0]] - line[0], P[ends[1]] - line[-1]
@@ -45,7 +45,7 @@ def _lengths(line: Floats) -> Floats:
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove walls shorter than `shortest` mm between the ends of two borders, which then end in one place.
-    Such walls leave an arc's end at any angle: where members of four feet meet their rim, eight of twelve edges were
+    A short wall leaves an arc's end at any angle: where members of four feet meet their rim, eight of twelve edges were
     such walls and took no fillet."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
@@ -82,15 +82,19 @@ def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int,
 
 
 def turn_at(three: Floats) -> float:
-    """Turn in degrees at the middle of three points (3, 3)."""
+    """Return the turn in degrees at the middle of three points (3, 3)."""
     ways = np.diff(three, axis=0)
     long = max(float(np.prod(np.linalg.norm(ways, axis=1))), 1e-300)
     return float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / long, -1, 1))))
 
 
 def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:
-    """Give crossings those parts of their round corners that lie in outlines of members.
-    Such a part is a short chain beside an arc; no border ends between them, and the wall of the member continues it."""
+    """Give each crossing the parts of its round corners that lie in outlines of members.
+
+    Such a part is a short chain beside an arc. No border ends between the two chains, and the member's wall continues
+    the
+    part.
+    """
     work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
     for arc in arcs:
         for direction in (-1, 1):
@@ -169,9 +173,9 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        flat_detour = 4.0  # limit for two members behind a fillet: faired walls contain a part of the arc
-        # Largest length along the members behind a fillet over its arc: 1.27 of a right angle, 1.65 of 60 degrees, 3 of
-        # a square.
+        flat_detour = 4.0  # this limit holds for two members behind a fillet, whose walls contain a part of the arc
+        # Largest ratio of the length along the members behind a fillet to the length of its arc: the ratio is 1.27 for a
+        # right angle, 1.65 for 60 degrees, and 3 for a square.
         detour = 2.2
         if len(self.loops[region]) != 1:
             return
@@ -238,8 +242,10 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        """Return the region behind a fillet that borders on both members beside it, or is by far the smaller one."""
-        smaller = 0.6  # the region with a border shorter than this share of the other's border is the crossing
+        """Return the region behind a fillet that borders on both members beside it, or that is far smaller than the
+        other.
+        """
+        smaller = 0.6  # the crossing is a region whose border is shorter than this share of the other border
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:
@@ -272,7 +278,7 @@ class _Fillets:
         return k, int(self.chains[k].points[0]) == point
 
     def _hand_over(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Give the parts of an arc, the last one first, to the first and the last region behind it."""
+        """Divide an arc, and give its parts to the first and the last region behind it; the last part comes first."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None

@@ -1,4 +1,4 @@
-"""Chains in a row as one curve, and arcs at the round corners of openings, tangent to the walls beside them."""
+"""Lines along several chains, and arcs at the round corners of openings, tangent to the walls beside them."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,29 +16,29 @@ from dsfab.export.cad.step.by_members.curves import SAMPLES_PER_EDGE, ChainCurve
 from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, ends_at, outline_through, turns
 
 LinePart = tuple[int, float, float]
-"""Part of a line: its number, and the parameters where the part begins and ends."""
+"""Part of a line: number of the line, and the parameters where the part begins and ends."""
 
 ChainEnd = tuple[int, int]
-"""A chain, with 0 for its first point or -1 for its last."""
+"""End of a chain: number of the chain, and 0 for its first point or -1 for its last."""
 
 
 SHORTEST_SPAN = 1 / 16
-"""Least share of a line's parameters for the parts of a divided cubic. Ends of lines may lie outside of the box."""
+"""Smallest part of a divided cubic, as a share of the line's parameters. Ends of lines may lie outside of the box."""
 
 MIDDLE_SHARE = 1 / 4
-"""Largest distance of a division from the middle of a cubic, as a share of it, if a chain ends there."""
+"""If a chain ends near the middle of a cubic, the cubic is divided there: at most this share of the cubic away."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChainLine:
-    """Chains in a row as one curve. at : (k + 1,) parameters where its chains end."""
+    """One curve along several chains. at : (k + 1,) parameters where the chains end."""
 
     steps: ChainLoop
     curve: ChainCurve
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return pairs of parameters between which VOID is on one side; the material is on the left."""
+        """Return pairs of parameters; between each pair one side of the line is void. The material is on the left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -52,7 +52,7 @@ class ChainLine:
         return pairs
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
-        """Divide its cubics until all poles lie in a box (2, 3), because CAD programs draw boxes around poles."""
+        """Divide the cubics until all poles lie in a box (2, 3), because CAD programs draw boxes around poles."""
         return self._divide(lambda a, b, P: _is_inside(P, box))
 
     def with_halved_spans(self, spans: Bools) -> "ChainLine":
@@ -62,7 +62,9 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts them or they are short, at the middle or at a chain's end near it."""
+        """Divide cubics until `may_stay` accepts them or they are short: in the middle, or where a chain ends near
+        the middle.
+        """
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -83,7 +85,9 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines of a net. `place` maps each chain to its line and parameters. twins : lines on both sides of a seam."""
+    """Lines of a net. `place` gives the line and the parameters of each chain. twins : lines on both sides of a
+    seam.
+    """
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -93,7 +97,7 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def line_part(self, step: tuple[int, bool]) -> LinePart:
-        """Line of a step of a loop, with the parameters from which to which the step runs."""
+        """Return the line of a step of a loop, and the parameters where the step begins and ends."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 
@@ -106,7 +110,7 @@ class NetLines:
         ]
 
     def parts(self, parts: Sequence[LinePart]) -> Floats:
-        """(k, 4, 6) poles of parts of lines without a break inside, in their direction."""
+        """Return (k, 4, 6) poles of parts of lines, in the direction of each part; no part may contain a break."""
         if not parts:
             return np.zeros((0, 4, 6))
         i, a, b = (np.array(column) for column in zip(*parts, strict=True))
@@ -128,7 +132,7 @@ class NetLines:
 
     @cached_property
     def _curves(self) -> dict[int, ChainCurve]:
-        """Curves of all chains, computed at once, because one by one they take three times as long."""
+        """Curves of all chains, computed together because single computations take three times as long."""
         stops, parts = dict[int, Floats](), list[LinePart]()
         for k, (i, a, b) in self.place.items():
             stops[k] = self.lines[i].curve.stops(min(a, b), max(a, b))
@@ -148,7 +152,7 @@ class NetLines:
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """Move ends of lines onto the lines on which they end."""
+    """Move the end of each line onto the line where it ends."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
@@ -162,8 +166,10 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 
 def with_twins(lines: NetLines) -> NetLines:
-    """Unite the curves on both sides of a seam: the outer poles of one are the inner poles of the other.
-    Raises ExportError if the chains on both sides differ."""
+    """Unite the curves on both sides of a seam: the outer poles of one side are the inner poles of the other side.
+
+    Raises ExportError if the chains on both sides differ.
+    """
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
     for points, i in seam.items():
@@ -178,8 +184,12 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Points (6,) of nodes inside lines.
-    The ends of a line move nodes that lie on it, and these nodes may be ends of further lines: a linear system."""
+    """Return the points (6,) of nodes inside lines.
+
+    When the ends of a line move, the nodes on the line move too, and these may be ends of further lines. So the points
+    are
+    the solution of a linear system.
+    """
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -211,7 +221,7 @@ def node_of(net: ChainNet, end: ChainEnd) -> int:
 
 
 def end_of(step: tuple[int, bool]) -> ChainEnd:
-    """End of a chain where a step arrives."""
+    """Return the end of a chain where a step arrives."""
     return step[0], -1 if step[1] else 0
 
 
@@ -221,13 +231,15 @@ def _is_inside(P: Floats, box: Floats) -> bool:
 
 
 CORNER_ANGLE = np.deg2rad(50.0)
-"""Turn between two chains of an outline from which on there is a corner."""
+"""An outline has a corner where two of its chains meet with at least this turn (radians)."""
 
 BEND_ANGLE = np.deg2rad(10.0)
-"""Turn at a vertex from which on an outline is round, see `regions.ROUND`."""
+"""An outline is round at a vertex with at least this turn (radians), see `regions.ROUND_COSINE`."""
 
 FLATTEST_COSINE = np.cos(np.deg2rad(25.0))
-"""Cosine of the least angle between an arc and a border that ends with it; patches in narrower wedges are folded."""
+"""Cosine of the smallest angle between an arc and a border that ends with the arc; patches in narrower wedges are
+folded.
+"""
 
 WIDEST_COSINE = np.cos(np.deg2rad(80.0))
 """Cosine of the largest angle between an arc's chord and its direction at an end."""
@@ -237,7 +249,9 @@ DENSE = np.linspace(0, 1, 65)
 
 
 class ArcsOnSkins:
-    """Arcs on both skins with distances from the chains, memoised. away : vectors (k, 6) from points to the skins."""
+    """Arcs on both skins and their distances from the chains, with a cache. away : vectors (k, 6) from points to
+    the skins.
+    """
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
@@ -261,8 +275,8 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : their chains."""
-    rounds = 4  # an arc that becomes a wall may push others off their chords
+    """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : chains of these corners."""
+    rounds = 4  # an arc that becomes a wall may push other arcs off their chords
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -289,7 +303,9 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return outline chains with a bent vertex inside, and chords of arcs within tolerances (mm, by chain)."""
+    """Return outline chains with a bend at an inner vertex, and chords of their arcs within tolerances (mm, by
+    chain).
+    """
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -308,7 +324,7 @@ def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: 
 
 
 def _nodes(net: ChainNet, ends: Mapping[int, list[tuple[int, int]]]) -> dict[int, tuple[int, int]]:
-    """Nodes of outlines with exactly one chain that ends there and one that begins."""
+    """Return nodes of outlines where exactly one chain ends and exactly one chain begins."""
     return {node: pair for node, chain_ends in ends.items() if (pair := outline_through(net, chain_ends))}
 
 
@@ -325,7 +341,9 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the chains of round corners as arcs; without a common direction at a node a chain keeps its own."""
+        """Return the arcs of round corners, by chain. At a node without a common direction, the chain keeps its
+        direction.
+        """
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -344,12 +362,14 @@ class _Corners:
         return self.made[k][2]
 
     def _chord(self, k: int) -> tuple[Floats, Floats]:
-        """(6,) twice: start and end of a chain."""
+        """Return the start and the end of a chain, (6,) each."""
         spans = self.curves[k].spans
         return spans[0, 0], spans[-1, -1]
 
     def _known_way(self, node: int) -> Floats | None:
-        """(6,) direction of an outline at a node, memoised; None at a corner, or where a border leaves that way."""
+        """Return the (6,) direction of an outline at a node, from a cache; None at a corner, or at a border that
+        leaves this way.
+        """
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -370,12 +390,14 @@ class _Corners:
         return d if steep else None
 
     def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
-        """(6,) twice: directions of two chains where the second begins."""
+        """Return the directions of two chains, (6,) each, at the point where the second chain begins."""
         P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
         return _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """(6,) tangent where two consecutive chains meet, of the circle through their ends."""
+        """Return the (6,) tangent at the point where two consecutive chains meet, of the circle through the three
+        ends.
+        """
         (a, b), (_, c) = self._chord(before), self._chord(after)
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
         return _scaled_direction((b - a) * length_after / length_before + (c - b) * length_before / length_after)
@@ -386,7 +408,9 @@ class _Corners:
 
 
 def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
-    """Angles in radians, seen along the sheet's normal, between the end of a chain and the beginning of another."""
+    """Return the angles (radians) between the end of a chain and the beginning of the next, seen along the sheet's
+    normal.
+    """
     if not pairs:
         return []
     Q = np.array([[before.Q[-2], before.Q[-1], after.Q[0], after.Q[1]] for before, after in pairs])
@@ -396,7 +420,7 @@ def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
 
 
 def _bends(chains: Sequence[SampledChain]) -> list[bool]:
-    """Whether chains have a vertex inside that bends like a round corner, seen along the sheet's normal."""
+    """Return True for each chain with an inner vertex that bends like a round corner, seen along the sheet's normal."""
     parts = [chain.Q[::SAMPLES_PER_EDGE] for chain in chains]
     if not parts:
         return []
@@ -409,8 +433,10 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
-    """Arc between two points (6,) with directions (6,); None if it would turn too far.
-    Handles are those of the cubic nearest to a circle with this chord and turn: chord / (3 cos^2(turn/4))."""
+    """Return the arc between two points (6,) with directions (6,); None if the arc would turn too far.
+
+    The inner poles are those of the cubic nearest to a circle with this chord and turn: chord / (3 cos^2(turn/4)).
+    """
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
     if min(float(direction @ chord) for direction in directions) < WIDEST_COSINE * long:

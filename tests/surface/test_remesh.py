@@ -1,0 +1,393 @@
+"""Remeshing: even triangles on the same surface; boundaries, creases, corners, plan and topology stay."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import dsfab
+from dsfab.core.errors import DsfabError, SurfaceError
+from dsfab.surface import Surface, read_surface, refined_surface, remeshed_surface
+from dsfab.surface.edge_changes import feature_edges
+from dsfab.surface.mesh import nearest_places
+from dsfab.surface.remesh import smoothing
+from dsfab.surface.remesh.features import design_features
+from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
+from tests.canopy import canopy
+from tests.meshes import mesh_file
+from tests.zoo import ZOO, grid, jittered, sphere, zoo
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def smallest_angle(surface: Surface) -> float:
+    """Degrees."""
+    P = surface.V[surface.F]
+    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
+    angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), np.einsum("mci,mci->mc", u, v))
+    return float(np.degrees(angles.min()))
+
+
+def samples(surface: Surface, edges: np.ndarray, count: int = 9) -> np.ndarray:
+    """(k, 3) points along marked edges."""
+    t = np.linspace(0, 1, count)[:, None, None]
+    a, b = surface.V[surface.edges.ends[edges]].transpose(1, 0, 2)
+    return ((1 - t) * a + t * b).reshape(-1, 3)
+
+
+def farthest(points: np.ndarray, surface: Surface, edges: np.ndarray) -> float:
+    """The largest distance of points from marked edges, metres; 0 of no points."""
+    if not len(points):
+        return 0.0
+    return float(nearest_places(points, surface.V, surface.edges.ends[edges]).distance.max())
+
+
+def check_kept(old: Surface, new: Surface, edge: float, tolerance: float = 0.02) -> None:
+    """Boundaries both ways, creases, vertices on the surface, extent, topology and sides."""
+    assert farthest(samples(old, old.edges.boundary), new, new.edges.boundary) <= tolerance * edge
+    assert farthest(samples(new, new.edges.boundary), old, old.edges.boundary) <= tolerance * edge
+    inner = design_features(old, edge) & ~old.edges.boundary
+    every = np.ones(len(new.edges.ends), dtype=bool)
+    assert farthest(samples(old, inner), new, every) <= tolerance * edge
+    assert nearest_places(new.V, old.V, old.F).distance.max() <= 1e-9 * old.size
+    assert new.V.min(axis=0) == pytest.approx(old.V.min(axis=0), abs=1e-12 * old.size)
+    assert new.V.max(axis=0) == pytest.approx(old.V.max(axis=0), abs=1e-12 * old.size)
+    assert euler_characteristic(new.F, new.edges) == euler_characteristic(old.F, old.edges)
+    assert pieces(new.F, new.edges)[0] == pieces(old.F, old.edges)[0]
+    assert len(new.loops) == len(old.loops)
+    assert len(manifold_faults(new.F, new.edges, new.n)) == len(manifold_faults(old.F, old.edges, old.n))
+
+
+def folded(angle: float = 90.0, cells: int = 8) -> Surface:
+    """Two squares of 1 m that meet at an angle."""
+    flat = jittered(grid(2 * cells, cells, 2.0, 1.0), 0.0)
+    x, y, _ = flat.V.T
+    turn, over = np.radians(180 - angle), np.maximum(x - 1, 0)
+    return Surface(np.c_[np.minimum(x, 1) + over * np.cos(turn), y, over * np.sin(turn)], flat.F)
+
+
+def annulus(around: int = 64, across: int = 10) -> Surface:
+    """A flat ring between radii 1 and 2."""
+    flat = grid(around, across, 2 * np.pi, 1.0)
+    angle, r = flat.V[:, 0], 1 + flat.V[:, 1]
+    V = np.round(np.c_[r * np.cos(angle), r * np.sin(angle), 0 * r], 12)
+    points, of = np.unique(V, axis=0, return_inverse=True)
+    return Surface(points, of.reshape(-1)[flat.F])
+
+
+# --- closed forms
+
+
+@pytest.mark.parametrize("edge", [0.4, 0.13, 0.03])
+def test_a_plate_keeps_its_area_and_its_plane(edge):
+    plate = jittered(grid(12, 12, 1.0, 1.0))
+    new = remeshed_surface(plate, edge)
+    assert new.area == pytest.approx(1, abs=1e-12)
+    assert np.abs(new.V[:, 2]).max() <= 1e-15
+    assert (new.normals[:, 2] > 0.999).all()
+    assert smallest_angle(new) > 25
+    assert new.mean_edge == pytest.approx(edge, rel=0.15)
+    check_kept(plate, new, edge)
+
+
+@pytest.mark.parametrize("edge", [0.3, 0.05])
+def test_a_folded_plate_keeps_its_crease(edge):
+    plate = folded()
+    new = remeshed_surface(plate, edge)
+    assert new.area == pytest.approx(2, abs=1e-12)
+    crease = feature_edges(new) & ~new.edges.boundary
+    assert new.edge_lengths[crease].sum() == pytest.approx(1, abs=1e-12)
+    assert np.abs(samples(new, crease)[:, [0, 2]] - [1, 0]).max() < 1e-12
+    assert smallest_angle(new) > 25
+    check_kept(plate, new, edge)
+
+
+def test_a_ring_keeps_its_two_loops_and_shrinks_by_its_chords_alone():
+    ring, edge = annulus(), 0.15
+    new = remeshed_surface(ring, edge)
+    assert len(new.loops) == 2
+    assert new.area == pytest.approx(ring.area, rel=0.01)
+    check_kept(ring, new, edge)
+
+
+def test_a_smooth_sphere_is_rounder_than_its_facets():
+    """Radius and area are those of the sphere through the vertices: 9 and 10 times nearer than on facets."""
+    ball, edge = sphere(3), 0.06
+    flat, smooth = remeshed_surface(ball, edge), remeshed_surface(ball, edge, smooth=True)
+    off = [np.abs(np.linalg.norm(s.V, axis=1) - 1).max() for s in (flat, smooth)]
+    assert off[1] < off[0] / 9
+    assert off[1] < 0.0016
+    assert 4 * np.pi - smooth.area < (4 * np.pi - flat.area) / 7
+
+
+# --- laws over odd shapes
+
+
+@pytest.mark.slow
+@zoo
+@pytest.mark.parametrize("share", [2.0, 0.5])
+def test_the_zoo_is_kept(name, share):
+    old = ZOO[name]()
+    edge = share * old.mean_edge
+    new = remeshed_surface(old, edge)
+    check_kept(old, new, edge)
+    assert smallest_angle(new) > 20 or name == "obtuse"  # whose corners are sharp
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_the_same_surface_gives_the_same_mesh(smooth):
+    one, two = (remeshed_surface(canopy(0.5), 0.4, 0.1, smooth) for _ in range(2))
+    assert np.array_equal(one.V, two.V)
+    assert np.array_equal(one.F, two.F)
+
+
+@pytest.mark.slow
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(power=st.integers(-12, 12), angle=st.floats(0, 6.3), edge=st.floats(0.35, 1.2))
+def test_size_and_turn_make_no_difference(power, angle, edge):
+    """A mesh that is twice as large, to the bit; one that is turned about its height, in what is measured."""
+    roof, scale = canopy(0.8), 2.0**power
+    new = remeshed_surface(roof, edge)
+    scaled = remeshed_surface(Surface(scale * roof.V, roof.F), scale * edge)
+    assert np.array_equal(scaled.V, scale * new.V)
+    assert np.array_equal(scaled.F, new.F)
+    c, s = np.cos(angle), np.sin(angle)
+    turned = Surface(roof.V @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), roof.F)
+    check_kept(turned, remeshed_surface(turned, edge), edge)
+
+
+def test_another_process_makes_the_same_bytes():
+    code = (
+        "import hashlib; from tests.canopy import canopy; from dsfab.surface import remeshed_surface; "
+        "s = remeshed_surface(canopy(0.8), 0.5, 0.2, True); "
+        "print(hashlib.sha256(s.V.tobytes() + s.F.tobytes()).hexdigest())"
+    )
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    ]
+    assert runs[0] == runs[1]
+
+
+def strips(count: int) -> Surface:
+    """A vault of needles from end to end, as CAD programs give it."""
+    flat = grid(count, 1, 8.0, 10.0)
+    x, y, _ = flat.V.T
+    return Surface(np.c_[x, y, 2.5 * np.sin(np.pi * x / 8)], flat.F)
+
+
+def fan(count: int) -> Surface:
+    """A flat cone of needles about its tip."""
+    t = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    i = np.arange(count)
+    V = np.r_[[[0, 0, 1.0]], np.c_[5 * np.cos(t), 5 * np.sin(t), 0 * t]]
+    return Surface(V, np.c_[0 * i, i + 1, (i + 1) % count + 1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("needles", [strips(60), strips(500), fan(300)])
+def test_needles_become_even_triangles(needles):
+    edge = needles.size / 40
+    new = remeshed_surface(needles, edge)
+    assert smallest_angle(new) > 20
+    assert new.m < 1.3 * needles.area / (np.sqrt(3) / 4 * edge**2)
+    check_kept(needles, new, edge)
+
+
+@pytest.mark.parametrize(("fold", "degrees"), [(0.0, 14), (0.4, 7)])
+def test_a_tip_is_not_refined_the_more_the_nearer_it_comes(fold, degrees):
+    """A tip of 14 degrees, flat or creased along its middle: edges shrank to a fortieth and a seventieth of those asked
+    for. They are as long as its angle is wide at the length of an edge, and their last row is as wide at theirs."""
+    half, edge = 4 * np.tan(np.radians(7)), 0.2
+    tip = Surface([[0, 0, 0], [4, -half, 0], [4, half, 0], [4, 0, fold]], [[0, 1, 3], [0, 3, 2]])
+    new = remeshed_surface(tip, edge)
+    check_kept(tip, new, edge)
+    assert new.edge_lengths.min() > 1.25 * np.tan(np.radians(degrees)) ** 2 * edge
+    assert smallest_angle(new) > degrees
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", [1, -1], ids=["outside", "inside"])
+def test_an_ear_at_a_round_border_is_no_crease(way):
+    """A square grid on a dome: a corner of the grid is a level triangle between three points of the border."""
+    square = grid(9, 9, 2.0, 2.0)
+    x, y = square.V[:, :2].T - 1
+    u, v = x * np.sqrt(1 - y**2 / 2), y * np.sqrt(1 - x**2 / 2)
+    round_dome = Surface(np.column_stack([u, v, 0.5 * (1 - u**2 - v**2)]), square.F[:, ::way])
+    new = remeshed_surface(round_dome, 0.05, smooth=True)
+    turn = np.einsum("mci,mi->mc", new.vertex_normals[new.F], new.normals)
+    assert np.degrees(np.arccos(turn.min())) < 15
+    assert new.V[new.edges.ends[new.edges.boundary].ravel(), 2] == pytest.approx(0, abs=1e-12)
+
+
+def test_noise_makes_no_creases_and_coarsens():
+    """A plate of 7 200 triangles with noise of a fifth of its edges: 3 555 edges are sharp by chance."""
+    rough = jittered(grid(60, 60, 1.0, 1.0), 0.0)
+    lift = 0.2 * rough.mean_edge * np.random.default_rng(0).normal(size=rough.n)
+    rough = Surface(np.c_[rough.V[:, :2], lift], rough.F)
+    inner = ~rough.edges.boundary
+    edge = 5 * rough.mean_edge
+    assert (feature_edges(rough) & inner).sum() > 3000
+    assert (design_features(rough, edge) & inner).sum() < 10  # at the boundary, which is as rough
+    assert remeshed_surface(rough, edge).m < rough.m / 5
+    assert (design_features(folded(), 0.5) & ~folded().edges.boundary).sum() == 8
+
+
+def test_a_scan_has_no_creases_at_its_own_scale_either():
+    """A plate of 33 800 triangles with noise of a tenth of its edges; new edges are a half and the whole of these."""
+    rough = grid(130, 130, 1.0, 1.0)
+    lift = 0.1 * rough.mean_edge * np.random.default_rng(1).normal(size=rough.n)
+    rough = Surface(np.c_[rough.V[:, :2], lift], rough.F)
+    sharp = feature_edges(rough) & ~rough.edges.boundary
+    assert sharp.sum() > 3000
+    for edge in (rough.mean_edge, 0.5 * rough.mean_edge):
+        assert (design_features(rough, edge) & sharp).sum() < 10
+
+
+def test_a_small_step_of_a_drawn_plate_stays_though_its_faces_are_long():
+    """Two terraces of 4 m with a step of 0.1 m between, of six quads: the step is a 25th of a face."""
+    x, z = np.array([0, 4, 4, 8.0]), np.array([0, 0, 0.1, 0.1])
+    V = np.array([[x[i], y, z[i]] for y in (0.0, 3.0, 6.0) for i in range(4)])
+    quads = [(r * 4 + i, r * 4 + i + 1, r * 4 + i + 5, r * 4 + i + 4) for r in range(2) for i in range(3)]
+    step = Surface(V, [f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))])
+    for edge in (0.5, 0.1, 0.02):
+        assert (design_features(step, edge) & ~step.edges.boundary).sum() == 4
+
+
+MESHES = ["Botanic", "BubbleShell", "barrel_vault", "bob", "canopy_quad", "halftunnel", "hypar"]
+MESHES += ["monkey_saddle_control", "roof_with_opening", "shell_tube", "torus"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [80, 160])
+@pytest.mark.parametrize("name", MESHES)
+def test_real_meshes_are_kept(name, share):
+    old = read_surface(mesh_file(f"{name}.obj"))
+    edge = old.size / share
+    new = remeshed_surface(old, edge)
+    check_kept(old, new, edge)
+    assert smallest_angle(new) > 20
+
+
+# --- smooth refining
+
+
+def test_smooth_refining_keeps_boundaries_and_creases():
+    roof = canopy(0.5)
+    finer = refined_surface(roof, 0.2, smooth=True)
+    assert np.ptp(finer.V, axis=0)[:2] == pytest.approx(np.ptp(roof.V, axis=0)[:2], abs=1e-12)
+    assert farthest(samples(finer, finer.edges.boundary), roof, roof.edges.boundary) < 1e-12
+    assert farthest(samples(roof, roof.edges.boundary), finer, finer.edges.boundary) < 1e-12
+    sharp = refined_surface(folded(), 0.05, smooth=True)
+    assert sharp.area == pytest.approx(2, abs=1e-12)
+
+
+# --- refusals
+
+
+@pytest.mark.parametrize(
+    ("edge", "finest", "says"),
+    [
+        (0.0, 0.0, "must be a positive length in metres"),
+        (np.nan, 0.0, "must be a positive length in metres"),
+        (0.1, 0.2, "the finest edge, 0.2 m, must lie between 0 and the edge, 0.1 m"),
+        (9.0, 0.0, "edges of 9 m are longer than the surface, 3.46 m"),
+        (1e-5, 0.0, "edges of 1e-05 m takes over 4,000,000 triangles"),
+    ],
+)
+def test_impossible_lengths_are_refused(edge, finest, says):
+    with pytest.raises(SurfaceError, match=says):
+        remeshed_surface(sphere(3), edge, finest)
+
+
+def test_a_finest_edge_that_takes_too_many_triangles_is_refused(monkeypatch):
+    monkeypatch.setattr("dsfab.surface.remesh.remeshing.LARGEST", 300)
+    ball = Surface(0.1 * sphere(3).V, sphere(3).F)
+    assert remeshed_surface(ball, 0.1).m < 300
+    with pytest.raises(SurfaceError, match=r"edges of 0\.01 m takes over 300 triangles on a surface 0\.346 m large"):
+        remeshed_surface(ball, 0.1, 0.01)
+
+
+def test_what_is_no_sheet_is_refused():
+    fan = Surface([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
+    with pytest.raises(SurfaceError, match=r"1 edges have more than two faces \(first: 0-1\); split the surface there"):
+        remeshed_surface(fan, 0.4)
+    twice = Surface(fan.V, [[0, 1, 2], [0, 2, 1]])
+    with pytest.raises(SurfaceError, match=r"1 faces repeat an earlier face \(first: 1\); remove them"):
+        remeshed_surface(twice, 0.4)
+
+
+# --- presets
+
+
+def preset(**surface: object) -> dsfab.Preset:
+    return dsfab.Preset(
+        surface={"mesh": canopy(0.8), **surface},
+        supports=[dsfab.Support(dsfab.Boundary())],
+        loads=[dsfab.SelfWeight()],
+        statics={"thickness": 0.05},
+    )
+
+
+def test_a_preset_remeshes_its_mesh_and_keeps_its_keys(tmp_path):
+    made = preset(edge=0.5, finest=0.2, smooth=True)
+    surface = made.surface.build()
+    expected = remeshed_surface(canopy(0.8), 0.5, 0.2, smooth=True)
+    assert np.array_equal(surface.V, expected.V)
+    assert np.array_equal(surface.F, expected.F)
+    assert preset().surface.build().m == canopy(0.8).m
+    dsfab.Design(made).surface  # noqa: B018
+    dsfab.write(canopy(0.8), tmp_path / "roof.obj")
+    text = dsfab.load_preset("roof", {"surface.edge": 0.5, "surface.unit": "mm"}, mesh=tmp_path / "roof.obj")
+    assert text.surface.edge == 0.5
+    assert text.surface.build().mean_edge == pytest.approx(0.5, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        ({"edge": 0.5, "refine": 0.2}, "surface: give either edge .* or refine .*, not both"),
+        ({"finest": 0.2}, "surface: finest goes with edge"),
+        ({"edge": 0.2, "finest": 0.5}, "surface: finest = 0.5 must not be longer than edge = 0.2"),
+        ({"edge": -1}, "surface.edge = -1: should be greater than or equal to 0"),
+    ],
+)
+def test_keys_that_do_not_go_together_are_refused(keys, says):
+    with pytest.raises(DsfabError, match=says):
+        preset(**keys)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_surface_has_one_tree_of_boxes(monkeypatch, smooth):
+    """Of a sphere a side is made anew too, with a tree of its own."""
+    made = []
+
+    class Counted:
+        def __init__(self):
+            self.inner = tree()
+
+        def init(self, V, F):
+            made.append(len(F))
+            self.inner.init(V, F)
+
+        def __getattr__(self, name):
+            return getattr(self.inner, name)
+
+    tree = smoothing.igl.AABB
+    monkeypatch.setattr(smoothing.igl, "AABB", Counted)
+    for surface in (jittered(grid(8, 6, 1.0, 0.8), 0.3), sphere(2)):
+        made.clear()
+        remeshed_surface(surface, 0.3, smooth=smooth)
+        assert made.count(surface.m) == 1

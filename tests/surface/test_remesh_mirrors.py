@@ -1,0 +1,108 @@
+"""Remeshing on one side of a surface's mirrors: the others are its images, and what has no mirror is made at once."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from dsfab.surface import SizeField, Surface, mirror, remeshed_surface
+from dsfab.surface.remesh.mirrors import Chamber, Mirrors
+from dsfab.surface.remesh.remeshing import SHARP_ANGLE, _smallest_angle
+from dsfab.surface.remesh.smoothing import NearestOnSurface
+from tests.surface.test_remesh import check_kept, fan
+from tests.zoo import grid, jittered, sphere
+
+DIAGONAL = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+X, Y, _ = np.eye(3)
+
+
+def roof(height, length: float = 2.0, cells: int = 16, jitter: float = 0.0) -> Surface:
+    """z = height(x, y) over a rectangle of 2 m width about the origin; jitter moves inner vertices on it."""
+    flat = jittered(grid(cells, cells, length, 2.0), jitter)
+    x, y = (flat.V[:, :2] - [length / 2, 1]).T
+    return Surface(np.c_[x, y, height(x, y)], flat.F)
+
+
+VAULT = roof(lambda x, y: 0.5 * (1 - y**2) * (1 + 0.2 * x**2), length=3.0)
+SADDLE = roof(lambda x, y: 0.4 * x * y)
+UMBRELLA = roof(lambda x, y: np.maximum(np.abs(x), np.abs(y)) * 0.5)
+SCATTERED = roof(lambda x, y: 0.4 * (1 - x**2 - y**2), jitter=0.2)
+
+
+def off(surface: Surface, normal: np.ndarray, centre: np.ndarray) -> float:
+    """The largest distance of the vertices' images from the vertices, metres."""
+    return float(cKDTree(surface.V).query((surface.V - centre) @ mirror(normal) + centre)[0].max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("old", "normals", "sides"),
+    [(VAULT, [X, Y], 4), (SADDLE, [DIAGONAL], 4), (UMBRELLA, [X, Y, DIAGONAL], 8), (SCATTERED, [X, DIAGONAL], 8)],
+)
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_mesh_of_a_symmetric_surface_is_symmetric(old, normals, sides, smooth):
+    """Also where the file's own is not, as with one diagonal in each square or with scattered vertices."""
+    edge = 0.1
+    mirrors = Mirrors.from_surface(NearestOnSurface(old), edge, smooth)
+    assert mirrors is not None
+    assert len(mirrors.group) == sides
+    new = remeshed_surface(old, edge, smooth=smooth)
+    exact = 1e-9 if smooth else 0.05 * edge  # on facets, which are no images of each other
+    assert max(off(new, normal, mirrors.centre) for normal in normals) < exact
+    assert new.V.max(axis=0) == pytest.approx(old.V.max(axis=0), abs=edge / 50)
+    if not smooth and old is not SCATTERED:  # whose top is beside its middle
+        check_kept(old, new, edge)
+
+
+def test_creases_and_borders_of_mirrored_sides_stay():
+    check_kept(UMBRELLA, remeshed_surface(UMBRELLA, 0.1), 0.1)
+    closed = sphere(3)
+    new = remeshed_surface(closed, 0.12, smooth=True)
+    assert new.is_closed
+    assert np.linalg.norm(new.V, axis=1) == pytest.approx(1, abs=2e-3)
+
+
+def with_hole(plate: Surface, face: int) -> Surface:
+    """A small hole in one face, near to its first corner, where no image of a vertex or of a centroid lies."""
+    corners = plate.V[plate.F[face]]
+    inner = corners[0] + 0.3 * (corners.mean(axis=0) - corners[0]) + 0.1 * (corners - corners.mean(axis=0))
+    (a, b, c), (p, q, r) = plate.F[face], plate.n + np.arange(3)
+    around = [[a, b, q], [a, q, p], [b, c, r], [b, r, q], [c, a, p], [c, p, r]]  # inner = p, q, r beside a, b, c
+    return Surface(np.r_[plate.V, inner], np.r_[np.delete(plate.F, face, axis=0), around])
+
+
+def test_what_leans_or_has_a_hole_on_one_side_has_no_mirror():
+    bent = UMBRELLA.V.copy()
+    bent[:, 2] += 0.02 * UMBRELLA.V[:, 0] + 0.05 * UMBRELLA.V[:, 0] ** 2 * UMBRELLA.V[:, 1]
+    assert Mirrors.from_surface(NearestOnSurface(Surface(bent, UMBRELLA.F)), 0.1, smooth=False) is None
+    plate = grid(4, 3, 2.0, 1.3)
+    assert Mirrors.from_surface(NearestOnSurface(plate), 0.1, smooth=False) is not None
+    assert Mirrors.from_surface(NearestOnSurface(with_hole(plate, 2)), 0.1, smooth=False) is None
+
+
+def test_lengths_that_are_given_may_differ_from_side_to_side():
+    x = VAULT.V[:, 0]
+    new = remeshed_surface(VAULT, 0.15, sizes=[SizeField(VAULT, np.where(x < 0, 0.15, 0.08))])
+    left, right = ((side * new.V[:, 0] > 0).sum() for side in (-1, 1))
+    assert right > 1.5 * left
+
+
+def test_a_round_surface_has_two_mirrors_and_a_tip_none_that_makes_it_sharper():
+    dome = Mirrors.from_surface(NearestOnSurface(fan(64)), 0.5, smooth=False)
+    assert dome is not None
+    assert len(dome.group) == 4
+    assert abs(dome.normals[0] @ dome.normals[1]) < 1e-9
+    tip = Surface([[0, 0, 0], [4, -0.5, 0], [4, 0.5, 0]], [[0, 1, 2]])
+    assert Mirrors.from_surface(NearestOnSurface(tip), 0.1, smooth=False) is not None
+    assert _smallest_angle(remeshed_surface(tip, 0.1)) > 0.6 * SHARP_ANGLE
+
+
+def test_a_side_is_cut_out_along_the_planes():
+    mirrors = Mirrors.from_surface(NearestOnSurface(SADDLE), 0.1, smooth=False)
+    chamber = Chamber.from_mirrors(SADDLE, mirrors, 0.1)
+    assert 4 * chamber.piece.area == pytest.approx(SADDLE.area, rel=1e-3)
+    whole, of = chamber.all_sides(chamber.piece.V, chamber.piece.F)
+    assert whole.area == pytest.approx(4 * chamber.piece.area)
+    assert len(whole.loops) == 1
+    assert of.max() == chamber.piece.n - 1
+    assert (whole.normals[:, 2] > 0).all()
+    assert chamber.all_sides(chamber.piece.V + [0.02, 0.01, 0], chamber.piece.F) is None  # a gap along the planes
