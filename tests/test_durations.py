@@ -1,14 +1,13 @@
 """The record of how long files of tests take, and the order that follows from it."""
 
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 from tests import durations
 
 
 def item(name, *keywords):
-    return SimpleNamespace(path=Path(name), keywords=keywords)
+    return SimpleNamespace(path=durations.FILE.parent / name, keywords=keywords)
 
 
 def test_the_file_that_takes_longest_comes_first_and_an_unknown_one_counts_as_average(tmp_path, monkeypatch):

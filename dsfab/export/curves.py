@@ -154,8 +154,8 @@ class _SplineSystem:
         return np.concatenate(counts)
 
     def _hats(self, x: Floats, counts: Ints) -> tuple[Floats, Ints]:
-        """Return the `counts` nonzero basis functions at lengths x, (4, k), and (k,) the number of the first of
-        each four.
+        """Return the `counts` nonzero basis functions at lengths x, (4, k), and (k,) the number of the first of each
+        four.
         """
         spans = np.array([len(span_ends) - 1 for span_ends in self.breaks])
         row, span = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
@@ -256,8 +256,7 @@ def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve]
     """Fit a chain of at least two curves to the closed polyline `loop` (k, 2).
 
     corner : (k,) vertices between two curves; the function adds sharp turns. A loop with at most one corner has one
-             smooth
-             curve, which is split in two.
+             smooth curve, which is split in two.
     Returns None if a spline misses the tolerance.
     """
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))

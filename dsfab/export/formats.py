@@ -303,8 +303,8 @@ def suffix_of(path: Path) -> str:
 
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
-    """Return the format of a suffix in any case; raises ExportError for an unknown suffix and names the most
-    similar one.
+    """Return the format of a suffix in any case; raises ExportError for an unknown suffix and names the most similar
+    one.
     """
     suffix = suffix_of(path)
     if suffix in FORMATS:

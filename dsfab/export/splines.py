@@ -12,8 +12,8 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A clamped B-spline: ascending knots (p + degree + 1,), poles (p, d), degree 1, 2 or 3. A straight line has
-    two poles.
+    """A clamped B-spline: ascending knots (p + degree + 1,), poles (p, d), degree 1, 2 or 3. A straight line has two
+    poles.
     """
 
     knots: Floats
@@ -65,8 +65,8 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """Return (4, k) values of the cubic basis functions at x (k,) in spans from knots[span], and (3, k) shares [de
-    Boor 1978].
+    """Return (4, k) values of the cubic basis functions at x (k,) in spans from knots[span], and (3, k) shares [de Boor
+    1978].
 
     Basis function r of a degree combines the functions r and r - 1 of the degree below; the shares are the factors.
     """

@@ -31,9 +31,8 @@ section.
 """
 SMALL = {0: 1e-6, 3: 1e-2}
 """Forces (0) and moments (3) below this share of the largest of their case are left out. Such forces are rounding
-errors;
-such moments come from loads beside their beam. The displacements of tower and snow_vault change by under 0.07 %, and
-half of the rows go.
+errors; such moments come from loads beside their beam. The displacements of tower and snow_vault change by under 0.07
+%, and half of the rows go.
 """
 TYPES = {"S": "Steel", "GL": "Timber", "CLT": "Timber", "plywood": "Timber", "aluminium": "Aluminium"}
 """Types of materials by the first letters of the material's name; all other names are `Other`."""
@@ -57,8 +56,8 @@ STIFFNESS = (
 
 @dataclass(frozen=True)
 class SafSheet:
-    """A sheet of a workbook: rows below a head. The sheets `Project` and `Model` have rows of name and value
-    without a head.
+    """A sheet of a workbook: rows below a head. The sheets `Project` and `Model` have rows of name and value without
+    a head.
     """
 
     name: str

@@ -209,8 +209,8 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
 
 
 def sheet_names(members: Iterable[str]) -> list[str]:
-    r"""Return names of members as distinct sheet names: at most 31 characters, none of []:*?/\\', upper case equal
-    to lower.
+    r"""Return names of members as distinct sheet names: at most 31 characters, none of []:*?/\\', upper case equal to
+    lower.
     """
     seen, names, width = {"about", "largest"}, [], 31
     for member in members:

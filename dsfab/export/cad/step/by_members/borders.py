@@ -27,8 +27,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     """Return the chains of a region that cross another chain of the region, seen along the region's mean normal.
 
     The result also holds a chain within `distance` mm of a corner where it does not end, with the chains that end at
-    this
-    corner. It holds all chains of a region that is inside out.
+    this corner. It holds all chains of a region that is inside out.
     """
     finest = 12  # a cubic gets at most 12 chords, short at its ends because chains cross there at small angles
     segments = 600  # an outline gets about 600 chords
@@ -143,8 +142,7 @@ SIDEWAYS_SHARE = 1 / 3
 
 SAG_SHARE = 1 / 400
 """Largest distance of chords from the straightened curve, as a share of the thickness; fits to coarse polylines need
-many
-spans.
+many spans.
 """
 
 PLACES = np.linspace(0, 1, 65)
@@ -282,8 +280,8 @@ class _BorderEnds:
         return len(_bent(line)) > 0 or float(np.linalg.norm(line[-1] - line[0])) < LONGEST_CHORD * self.t
 
     def _places(self, k: int, node: int) -> list[int]:
-        """Return points of a round chain where a border may end: inner points with a bend, and the chain's other
-        end if free.
+        """Return points of a round chain where a border may end: inner points with a bend, and the chain's other end
+        if free.
         """
         points = self.chains[k].points
         long = np.linalg.norm(np.diff(self.P[points], axis=0), axis=1)

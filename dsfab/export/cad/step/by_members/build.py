@@ -38,7 +38,7 @@ class MemberFile:
     """Checked file of a part by members.
 
     solids, faces, trimmed : their numbers.    gap : widest gap, mm.    there, back : distances from the mesh and back,
-    mm.
+                             mm.
     volume : mm3.    used : result of OCCT's trial cuts, as text.
     """
 

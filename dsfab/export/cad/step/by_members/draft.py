@@ -171,8 +171,7 @@ GAP_SHARE = 1 / 4000
 
 NARROW_MM, THIN_GAP_SHARE = 0.01, 1 / 1500
 """A gap below the first number (mm) is narrow enough, if it is also below the second, a share of the thickness. To
-close
-0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
+close 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
 """
 
 SHORT_WALL_SHARE = 1 / 20
@@ -195,8 +194,7 @@ joined.
 
 BOX_SHARE = 1 / 300
 """Largest distance of poles outside of the surface's box, as a share of the size of the box. Along the rim of a vault
-of
-12 m poles were 170 mm above the box, and OCCT's box grew as much.
+of 12 m poles were 170 mm above the box, and OCCT's box grew as much.
 """
 
 

@@ -96,14 +96,12 @@ above 1e-4 mm, the seam runs backwards, and the solid is invalid.
 
 TANGENT_GAP = 3e-5
 """Wanted gap (mm) at the end of the fillet. With a smaller gap the tolerance is ten times that of the seam, 1e-6 mm.
-But
-then the extended seam was off the other patch by up to 2e-6 mm, because the wall's edge has another parameter.
+But then the extended seam was off the other patch by up to 2e-6 mm, because the wall's edge has another parameter.
 """
 
 POLE_OFFSET = 1e-5
 """Movement (mm) of a pole of such a seam if a trimmed face, which is wide enough, lies beyond. The extended seam was
-off
-by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm.
+off by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm.
 """
 
 
@@ -126,8 +124,8 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return for each edge the shares (2,) by which it extends before its start and after its end, and the poles
-    (4, 6).
+    """Return for each edge the shares (2,) by which it extends before its start and after its end, and the poles (4,
+    6).
     """
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()

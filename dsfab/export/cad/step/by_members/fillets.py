@@ -92,8 +92,7 @@ def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> C
     """Give each crossing the parts of its round corners that lie in outlines of members.
 
     Such a part is a short chain beside an arc. No border ends between the two chains, and the member's wall continues
-    the
-    part.
+    the part.
     """
     work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
     for arc in arcs:

@@ -187,8 +187,7 @@ def _points_on(lines: NetLines) -> dict[int, Floats]:
     """Return the points (6,) of nodes inside lines.
 
     When the ends of a line move, the nodes on the line move too, and these may be ends of further lines. So the points
-    are
-    the solution of a linear system.
+    are the solution of a linear system.
     """
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
@@ -249,8 +248,8 @@ DENSE = np.linspace(0, 1, 65)
 
 
 class ArcsOnSkins:
-    """Arcs on both skins and their distances from the chains, with a cache. away : vectors (k, 6) from points to
-    the skins.
+    """Arcs on both skins and their distances from the chains, with a cache. away : vectors (k, 6) from points to the
+    skins.
     """
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
