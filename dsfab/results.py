@@ -43,8 +43,8 @@ class CaseResult:
 class StaticsResult:
     """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, as in a `CaseResult`.
 
-    These are of all cases together, for pictures and for a design with one case. The next stage selects the stress
-    that the pattern follows from `cases`, so that another selection needs no new solution.
+    These results are for all cases together, for pictures and for a design with one case. The next stage selects the
+    stress that the pattern follows from `cases`, so that another selection needs no new solution.
 
     cases      : the load cases by name, then the combinations.
     objections : sentences on reasons against building, the gravest first (see `dsfab.design.buildability`).
@@ -78,8 +78,7 @@ class StripeSteering:
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
     guided : (m,) weight of guides; 1 as much as clear stress.
     over   : (m,) faces with exchanged families: the major stripes run along the second principal stress.
-    told   : a sentence on them for the user, or ''.
-    """
+    told   : a sentence for the user on these directions, or ''."""
 
     along: Floats
     guided: Floats
@@ -89,17 +88,16 @@ class StripeSteering:
 
 @dataclass(frozen=True, eq=False)
 class EvenStripes:
-    """Lines of evenly spaced stripes, the major and the minor ones, of any width. An unused family has no phase.
+    """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
     phases  : with every possible line.
     wanted  : for each level of halving, the finest first, (m,) share of each face in which its lines are used.
-    slope   : (n, 2) lines per metre of the phases.    density : (n, 2) the same for the used lines.
-    first   : the family whose finer lines are drawn before those of the other.
+    slope   : (n, 2) lines per metre of the phases.    density : (n, 2) used lines per metre.
+    first   : the family whose finer lines are drawn before those of the second family.
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
-    symmetry : their mirrors and turns; None without any.
-    steered  : their deviation from the stress; None without.
-    forces   : (m, 2) principal stresses that they follow in place of those of the uncut sheet, Pa; None for these.
-    """
+    symmetry : mirrors and turns of the stripes; None without any.
+    steered  : their deviation from the stress; None without any.
+    forces   : (m, 2) principal stresses that the stripes follow in place of those of the uncut sheet, Pa; or None."""
 
     phases: tuple[CornerPhase, CornerPhase]
     wanted: tuple[tuple[Floats, ...], tuple[Floats, ...]]
@@ -113,10 +111,10 @@ class EvenStripes:
 
 
 class Candidate(NamedTuple):
-    """Modes and phases of the major and of the minor stripes, as a trial for those that are `auto`.
+    """Modes and phases of the major and of the minor stripes, as a trial for values that are `auto`.
 
     compliance : joules on its own cut mesh; infinite when refused.
-    over_uncut : the same over that of the uncut sheet.
+    over_uncut : compliance over that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
     whole      : share of the material in the largest piece with a support.
     pieces     : number of pieces of material.
@@ -160,16 +158,16 @@ class StressedSurface:
 
     @property
     def load(self) -> LoadCase:
-        """Supports and loads on it."""
+        """Supports and loads on the surface."""
         return self.statics.load
 
 
 class Attempt(NamedTuple):
     """A method and a width rule, as a trial for the method `auto`.
 
-    name       : of both, in plain words.
+    name       : of method and rule, in plain words.
     compliance : joules on its own cut mesh; infinite when refused.
-    over_uncut : the same over that of the uncut sheet.
+    over_uncut : compliance over that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
     dead_ends, slits : of its members, see `PatternQuality`.
     refused    : reason for refusing it, or ''.
@@ -185,30 +183,35 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, float]:
-        """Key for sorting, the least is best: carries its loads, has no dead end, no slit, is the stiffest per share
-        of material.
+        """Key for sorting, the best first: attempts that carry the loads, without dead ends, without slits, the
+        stiffest.
 
-        Stiffness has three digits, so that rounding errors do not decide between mirror images.
-        """
+        Stiffness counts per share of material. It has three digits, so that rounding errors do not decide between
+        mirror
+        images."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.slits > 0, soft
 
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cutting.cut`).
+    """Stage 4: by name, linear fields and the level values at which each is cut (see `dsfab.slicing.cutting.cut`).
 
-    fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width; evenly
-                  spaced ones at corners, a family in several: its coarse lines, then those between them; kept material
-                  on parts of faces, where these are divided, and `keep` in two: patches, and points and curves.
-    half_widths : (n,) each: material is |z - k| < d, k integer, for the families; inf for the others. z is frequency x
+    fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width. Evenly
+                  spaced stripes are at corners, a family in several fields: its coarse lines, then the lines between
+                  them.
+                  Kept material is on parts of faces, where these are divided; `keep` has two fields: patches, and
+                  points
+                  and curves.
+    half_widths : (n,) each: material is |z - k| < d, k integer, for the families; inf for other fields. z is frequency
+                  x
                   + phase on modes, and the phase of the used lines on even stripes.
     factor      : factor on the widths for reaching pattern.width.solid_fraction; 1 without it.
     frequency   : of the major and of the minor stripes; for `spacing` the result.
-    mode, phase : of both; for `auto` the result.
-    choice      : trials for `auto`; None without.
+    mode, phase : of both families; for `auto` the result.
+    choice      : trials for `auto`; None without trials.
     even        : lines of evenly spaced stripes; None for stripes on modes.
-    asked       : [pattern] with the results of `auto`; None without.
+    asked       : [pattern] with the results of `auto`; None without `auto`.
     tidy        : stripes for the cut to remove, because they lead nowhere; None removes none.
     attempts    : trials for the method `auto`, best first; empty for another method.
     trial       : the last cut of the search for widths, until slicing continues from it; pickles leave it out.
@@ -261,7 +264,7 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SlicingResult:
-    """Stage 5: all cells, the sheet kept of them, its pieces (largest first), and the number of mended pinches."""
+    """Stage 5: all cells, the remaining sheet, its pieces (largest first), and the number of mended pinches."""
 
     cells: Sheet
     sheet: Sheet

@@ -120,9 +120,7 @@ def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
 
 def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -> list[tuple[str, ...]]:
     """Return overrides for shapes with about these numbers of vertices, which grow with 1 / edge^2.
-
-    The function reads every preset, so that a mistake in a later preset appears before the first run.
-    """
+    The function reads every preset, so that a mistake in a later preset appears before the first run."""
     surface = source.read_preset(name).surface
     if not vertex_counts:
         return [()]

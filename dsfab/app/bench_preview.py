@@ -34,9 +34,7 @@ SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generi
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
     """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and the fields (n, 6) of a `StripeShader`.
-
-    The fields are the two angles of the torus, because the time does not depend on the fields.
-    """
+    The fields are the two angles of the torus, because the time does not depend on the fields."""
     rows = max(round((triangles / 6) ** 0.5), 3)
     columns = 3 * rows
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
@@ -53,12 +51,10 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
 
 def measure(triangles: int) -> dict[str, Any]:
     """Measure frames per second in this process, by kind.
-
     plain, shader : the mesh alone; stripes with new numbers before each frame.
     graded, walls : stripes with widths and a reach at the vertices; stripes with the walls of the sheet.
     over_clock, over_cpu : time of a frame with the shader over a plain frame, by the clock and by the processor.
-    change_ms, peak_mb   : milliseconds of a change of numbers; peak memory, MiB.
-    """
+    change_ms, peak_mb   : milliseconds of a change of numbers; peak memory, MiB."""
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
     from dsfab.render.shader import StripeShader
@@ -97,7 +93,6 @@ def measure(triangles: int) -> dict[str, Any]:
 def _frames(
     scenes: "dict[str, Scene]", shaders: "dict[str, StripeShader | None]", view: "View"
 ) -> dict[str, list[tuple[float, float, float]]]:
-    """Return the seconds of each frame by kind: by the clock, by the processor, and of the change before the frame."""
     frame_times: dict[str, list[tuple[float, float, float]]] = {}
     for kinds in (("plain", "shader", "graded"), ("walls",)):  # in turns: a busy machine slows all kinds equally
         start, number = time.perf_counter(), 0

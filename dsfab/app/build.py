@@ -142,7 +142,6 @@ def _read_preset(name: str, source: Source, quiet: bool) -> "tuple[Proposal | No
 
 
 def _step_is_optional(export: "Export") -> bool:
-    """Return True if the build may omit STEP: for `quick` in a list with further formats."""
     return export.step == "quick" and len(export.formats) > 1
 
 

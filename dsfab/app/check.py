@@ -246,7 +246,6 @@ def _place_words(place: "tuple[float, float, float] | list[float] | Floats") -> 
 
 
 def _reason(finding: "Finding", checked: "FileCheck") -> str:
-    """Return the reason of a verdict in a short sentence; empty if the numbers below the verdict show the reason."""
     if finding.verdict == "unknown":
         return finding.reason + ("; not run" if finding.name == "compliance" and checked.carrying is None else "")
     if finding.name == "unit" and finding.verdict == "fail":

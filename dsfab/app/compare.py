@@ -239,9 +239,7 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
 
 def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
     """Compare the design as it is, and compare it again at each share of the surface.
-
-    Raises DsfabError for a design without equilibrium. At a share, dsfab reports such a design and leaves it out.
-    """
+    Raises DsfabError for a design without equilibrium. At a share, dsfab reports such a design and leaves it out."""
     from dsfab.design import draft
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
@@ -278,7 +276,6 @@ def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> 
 
 
 def _report_findings(comparisons: list[ComparisonAtShare], command: str) -> "Findings":
-    """Report findings on the design as it is, or on the largest share at which the design carries its loads."""
     from dsfab.report.compliance import Findings
 
     volumes = [(share, compared) for share, compared in comparisons if share is not None]
@@ -328,9 +325,7 @@ The results are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`,
 @dataclass(frozen=True)
 class Batch:
     """Comparisons of several presets.
-
-    output : parent folder of the summary and of a folder for each preset; by default outputs/compare.
-    """
+    output : parent folder of the summary and of a folder for each preset; by default outputs/compare."""
 
     task: CompareTask
     output: Path | None
@@ -375,7 +370,6 @@ class Batch:
 
 
 def _is_current(folder: Path, preset: "Preset", command: str, report: bool) -> bool:
-    """Return True if the folder already has the results of this command, for this preset and version."""
     from dsfab.preset.file import preset_toml
 
     try:

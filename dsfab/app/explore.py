@@ -180,7 +180,6 @@ def explore(
 def _draw_variants(
     variants: "Variants", folder: Path, film: FilmOptions, yes: bool, reporter: Reporter
 ) -> "list[ContactTile]":
-    """Draw all tiles and write the folder; remove pictures of an earlier sheet that the new sheet does not have."""
     from dsfab.report.contact_sheet import pictures_on_page, write_film
 
     name = variants.preset.name

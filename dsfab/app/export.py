@@ -108,9 +108,7 @@ def export(
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
     """Write the requested file of a built or a new design; return lines about the file.
-
-    Raises DsfabError if a stage refuses the design, and ExportError if dsfab cannot write the file.
-    """
+    Raises DsfabError if a stage refuses the design, and ExportError if dsfab cannot write the file."""
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
     return (

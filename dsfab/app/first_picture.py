@@ -105,7 +105,6 @@ class FirstPicture:
         return bool(successes)
 
     def _wait(self, seconds: float) -> None:
-        """Wait for the picture; stop the process if it takes longer or fails."""
         assert self._talking
         self._talking.join(seconds)
         if self._talking.is_alive() or self._process.poll() is not None:

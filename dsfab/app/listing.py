@@ -112,9 +112,7 @@ def _built_facts(folder: Path) -> dict[str, Any]:
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
     """Run a preset and return its measures; draw them if `picture` is a path.
-
-    Supports and loads come first, so that the user sees them even if dsfab refuses the design.
-    """
+    Supports and loads come first, so that the user sees them even if dsfab refuses the design."""
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication

@@ -60,10 +60,8 @@ def new(
 
 def strength_warning(proposal: "Proposal") -> str:
     """Return a warning if stresses in a sheet with a span over 50 m exceed its strength even before the cut; else ''.
-
     Such a sheet may fail under its own weight at any thickness. The solution takes seconds. After an error the text is
-    empty, because `dsfab build` reports the error.
-    """
+    empty, because `dsfab build` reports the error."""
     from dsfab.design import Design
     from dsfab.report.design.statics import answer_facts
 

@@ -59,9 +59,7 @@ def picture_size(text: str) -> tuple[int, int]:
 
 def built_folder(name: str) -> Path | None:
     """Return the folder of a build; None for any other name. A shipped preset has priority over its folder (`./dome`).
-
-    Raises PresetError for a folder without a build.
-    """
+    Raises PresetError for a folder without a build."""
     from dsfab.core.toml_files import shipped_presets
 
     folder = Path(name)

@@ -95,9 +95,7 @@ class PictureOptions:
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
         """Return the page of a preset, in `folder` unless --output names a file.
-
-        Raises DsfabError for invalid options.
-        """
+        Raises DsfabError for invalid options."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -147,7 +145,6 @@ def preview(
 
 @contextmanager
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
-    """Start a process that draws, if a core is free: for a sketch on a terminal, or for the finished structure."""
     single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
     sketched = single and reporter.is_watched
     needs_structure = (
@@ -170,7 +167,6 @@ def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[Fir
 def _drawing(
     page: PreviewPage, reporter: Reporter, folder: Path | None, first_picture: FirstPicture | None
 ) -> "Iterator[Callable[[Preset], None]]":
-    """Provide a function that draws the page of a preset into its file; `folder` is the built folder, if any."""
     from dsfab.render.opengl import assume_window, require_rendering
     from dsfab.render.previewer import Previewers
 
@@ -257,9 +253,7 @@ def _draw_structure(
     first_picture: FirstPicture | None,
 ) -> bool:
     """Draw evenly spaced stripes as dsfab builds them; return False if that is impossible.
-
-    A drawing of the uncut pattern would show loose ends, holes at singular points of the stress, and sharp corners.
-    """
+    A drawing of the uncut pattern would show loose ends, holes at singular points of the stress, and sharp corners."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png

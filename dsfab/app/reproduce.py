@@ -100,7 +100,6 @@ def _write(
     volumes: bool,
     small: bool,
 ) -> "list[FigurePictures]":
-    """Make the figures and the page; remove pictures of an earlier page that the new page does not have."""
     from dsfab.reproduction.figures import make_figure
     from dsfab.reproduction.page import PAGE_NAME, SMALL_NAME, PageFacts, page, pictures_of, small_page
     from dsfab.study import map_in_processes

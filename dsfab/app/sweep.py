@@ -143,7 +143,6 @@ def sweep(
 
 
 def _is_sweep_folder(what: str, varied: bool) -> bool:
-    """Return True for the folder of a sweep. With --vary a shipped preset has priority over a folder of its name."""
     from dsfab.core.toml_files import shipped_presets
 
     return Path(what).is_dir() and not (varied and what in shipped_presets())
@@ -171,7 +170,6 @@ def _plan_tables(what: str, varied: bool) -> tuple[dict[str, Any], str]:
 
 
 def _is_sweep(path: Path) -> bool:
-    """Return True if a TOML file describes a sweep: the file names a preset, or varies keys."""
     try:
         values = toml_table(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, TomlError):
@@ -213,7 +211,6 @@ def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Wo
 
 
 def _run_all(sweep: "SweepFolder", workers: "Workers", line: Any, retry: "Collection[State]") -> bool:
-    """Make the runs of a sweep and write its pages; return True if Ctrl-C stopped the sweep."""
     from dsfab.report.sweep_pages import SweepPages
 
     pages, stopped = SweepPages(sweep), False

@@ -74,9 +74,7 @@ def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
     """Return the tables of a sweep file; the command line's options override them.
-
-    plan_table : keys as in the file, or None.
-    """
+    plan_table : keys as in the file, or None."""
     result = dict(values)
     vary_table, linked = vary_tables(vary)
     if vary_table:

@@ -15,9 +15,7 @@ Bools = NDArray[np.bool_]
 
 def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
     """Return a read-only copy (...) of `values` with type `dtype`; `None` in `shape` stands for any length.
-
-    Raises ValueError for another shape, because a wrong shape is a programmer's mistake, not a user's.
-    """
+    Raises ValueError for another shape, because a wrong shape is a programmer's mistake, not a user's."""
     array = np.array(values, dtype=dtype, order="C")
     fits = array.ndim == len(shape) and all(s is None or s == a for s, a in zip(shape, array.shape, strict=False))
     if not fits:
@@ -115,9 +113,7 @@ def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
 
 def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
     """Rotate vectors x (k, 3) by the shortest rotation from unit normals `normal` to `onto` (k, 3) [Rodrigues 1840].
-
-    Between two faces this rotation turns about their edge: tangents continue straight across the edge.
-    """
+    Between two faces this rotation turns about their edge: tangents continue straight across the edge."""
     across = np.cross(normal, onto)
     cosine = np.einsum("ki,ki->k", normal, onto)[:, None]
     along = np.einsum("ki,ki->k", across, x)[:, None]
@@ -126,10 +122,8 @@ def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
 
 def sorted_order(keys: Ints) -> Ints:
     """Return the order that sorts integers (k,), a stable argsort.
-
     If a key and its index fit into one number, the function sorts these numbers. That is ten times faster than numpy's
-    argsort and a hundred times faster than `unique` (numpy 2.4, two million keys).
-    """
+    argsort and a hundred times faster than `unique` (numpy 2.4, two million keys)."""
     return _stable_sort(keys)[0]
 
 
@@ -160,7 +154,6 @@ def complement(indices: Ints, count: int) -> Ints:
 
 
 def _stable_sort(keys: Ints) -> tuple[Ints, Ints]:
-    """Return `sorted_order` of integers (k,), and the sorted integers."""
     bits = max(len(keys) - 1, 1).bit_length()
     if not len(keys) or keys.min() < 0 or int(keys.max()).bit_length() + bits > 63:
         order = np.argsort(keys, kind="stable")
@@ -184,10 +177,8 @@ ALIKE = 0.05
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
     """Return a value near `threshold` that splits values (k,) into small and large ones.
-
     The result is the threshold itself, or the middle of the widest gap within `tolerance` of the threshold. So nearly
-    equal things, such as the openings between two rings of a dome, are on the same side.
-    """
+    equal things, such as the openings between two rings of a dome, are on the same side."""
     close_values = values[np.abs(values - threshold) < tolerance]
     if not len(close_values):
         return threshold

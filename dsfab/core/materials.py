@@ -14,11 +14,9 @@ from dsfab.core.errors import PresetError, did_you_mean
 @dataclass(frozen=True)
 class NamedMaterial:
     """A material that a preset may name.
-
     young : Pa, the mean value.      poisson : of an isotropic sheet.      density : kg/m3, the mean value.
     strength : Pa, the design strength.      says : the kind of the strength and its derivation.
-    expansion : thermal, 1/K; no stage uses it yet.      source : reference for all values.
-    """
+    expansion : thermal, 1/K; no stage uses it yet.      source : reference for all values."""
 
     name: str
     young: float

@@ -33,10 +33,8 @@ class TomlError(ValueError):
 
 def toml_table(text: str) -> dict[str, Any]:
     """Return the tables of a TOML text; the function ignores a byte order mark.
-
     Raises TomlError for invalid text, and for tables nested deeper than 50 levels, several times any preset's depth. It
-    also does if Python's reader fails (thousands of brackets, endless numbers).
-    """
+    also does if Python's reader fails (thousands of brackets, endless numbers)."""
     try:
         values = tomllib.loads(text.removeprefix("\ufeff"))
         if _depth_is_over(values, 50):

@@ -52,15 +52,15 @@ def require_buildable(preset: Preset, statics: StaticsResult) -> None:
 
 
 def refusal(preset: Preset, statics: StaticsResult) -> str:
-    """Return the gravest objection to a sheet, a sentence; empty without any, and if `statics.check` is false."""
+    """Return the gravest objection to a sheet, as a sentence; empty without objections, and if `statics.check` is
+    false."""
     return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
 
 
 def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
     """Return a sentence for each point of a picker that is too far from the nearest vertex.
 
-    Raises SurfaceError with the first one, unless `statics.check` is false.
-    """
+    Raises SurfaceError with the first sentence, unless `statics.check` is false."""
     section, messages, surface = preset.surface, [], whole_surface(preset, surface)
     names = [*support_names(section.support), *load_names(section.load)]
     for name, entry in zip(names, (*section.support, *section.load), strict=True):
@@ -92,7 +92,7 @@ def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objec
 
 
 def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseResult]) -> Objection | None:
-    """Object if nearly all of the reaction is on one vertex, the same under every case."""
+    """Object if one vertex carries nearly all of the reaction, the same vertex under every case."""
     sizes = [np.linalg.norm(case.equilibrium.reaction, axis=1) for case in cases.values() if case.factors is None]
     shares = [size / size.sum() for size in sizes if size.any()]
     least = np.min(shares, axis=0) if shares else np.zeros(surface.n)

@@ -49,12 +49,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design:
-    """A preset and the results of its stages, computed on first access and held in `StageResults`; `dsfab.revise`
-    makes the next design.
+    """A preset and the results of its stages, computed on first access and held in `StageResults`.
 
     surface, statics, diffusion, pattern, slicing and solid each raise the DsfabError of their stage. `dsfab.run`
-    computes all of them, `dsfab.design.draft` those before the cut.
-    """
+    computes all of them, `dsfab.design.draft` the stages before the cut, and `dsfab.revise` makes the next design."""
 
     preset: Preset
     _log: Log = field(default_factory=lambda: Log(None))
@@ -64,7 +62,7 @@ class Design:
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
         """Return a design without results, except those of `earlier` before the first section that differs.
 
-        Raises PresetError for an argument that is no preset, for example a mesh; the message lists what is missing.
+        Raises PresetError for an argument that is not a preset, for example a mesh; the message lists the missing keys.
         """
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
@@ -87,9 +85,8 @@ class Design:
         return cls(preset, log or Log(None), StageResults(results))
 
     def until(self, stage: str) -> Self:
-        """Compute every stage up to `stage` and return the design itself. Raises the DsfabError of the stage that
-        refuses.
-        """
+        """Compute every stage up to `stage`, and return the design itself; raise the DsfabError of the stage that
+        fails."""
         before = STAGES[: STAGES.index(stage) + 1]
         for name in before:
             getattr(self, RESULT_NAMES.get(name, (name,))[0])
@@ -124,7 +121,6 @@ class Design:
         return to_build123d(self)
 
     def _repr_png_(self) -> bytes | None:
-        """Return a PNG for a notebook, or None if no picture can be rendered."""
         from dsfab.render.design_picture import inline_picture
 
         return inline_picture(self)
@@ -167,7 +163,7 @@ class Design:
         return pattern_stage(self.preset, self.analysis, self._log, self._stripe_method(self.analysis))
 
     def _stripe_method(self, analysis: StressedSurface) -> ChosenMethod:
-        """Return the method and course of the stripes, once for the sketch and the pattern after it."""
+        """Return the method and course of the stripes, computed once for both the sketch and the pattern."""
         return self._results.input_of("pattern", "method", lambda: self._chosen_method(analysis))
 
     def _chosen_method(self, analysis: StressedSurface) -> ChosenMethod:
@@ -179,7 +175,7 @@ class Design:
         return chosen_method(self.preset, analysis, self._log, self._results.existing_input("earlier stripes"))
 
     def _rough_design(self) -> "Design | None":
-        """Return a design with rough statics and a log of its own, for a sketch before better elements are solved.
+        """Return a design with rough statics and a separate log, for a sketch before better elements are solved.
 
         None if better elements are solved already, or if rough statics save no time.
         """
@@ -203,10 +199,10 @@ class Design:
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
         """Return a design with an approximate pattern in a tenth of the time, for a first picture.
 
-        modes   : whether its modes are needed; without, modes that evenly spaced stripes do not use are not computed.
-        answers : whether stress and energy must be those of the design; else rough ones suffice.
+        modes   : whether modes are needed. If false, modes that evenly spaced stripes do not use are not computed.
+        answers : whether stress and energy must be those of the design; otherwise rough values suffice.
 
-        None if the widths cannot be found by counting points: `pattern` raises the reason. Raises the DsfabError of the
+        None if counting points cannot give the widths: `pattern` raises the reason. Raises the DsfabError of the
         stage that refuses.
         """
         if answers:
@@ -237,7 +233,7 @@ class Design:
     def _slicing(self) -> SlicingResult:
         require_buildable(self.preset, self.statics)
         result = slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
-        if self.pattern.trial is not None:  # it is large, and no later stage reads it
+        if self.pattern.trial is not None:  # large, unused later
             self._results.replace("pattern", replace(self.pattern, trial=None))
         return result
 
@@ -249,7 +245,7 @@ class Design:
     @property
     def members(self) -> "MemberGraph":
         """The members of the sheet by name, and the nodes between them."""
-        from dsfab.members import member_graph  # takes half of the time of `import dsfab`; few designs need it
+        from dsfab.members import member_graph  # slow to import, and few designs need it
 
         return self.cached_result("slicing", "members", lambda: member_graph(self.surface, self.sheet, self.pattern))
 
@@ -301,7 +297,7 @@ class Design:
 
     @property
     def fields(self) -> Mapping[str, Floats] | None:
-        """Fields of the VTU file by name, (n, ...) or (m, ...), of a design read from a folder; None for a computed
+        """Fields of the VTU file by name, (n, ...) or (m, ...), if a folder held the design; None for a computed
         design.
         """
         return self._results.result("fields", lambda: None)
@@ -323,9 +319,7 @@ class Design:
 
     @property
     def file(self) -> FileRecord | None:
-        """The record of the surface file: data read, repaired and dropped; None before it is read and for other
-        surfaces.
-        """
+        """The record of the surface file: data read, repaired and dropped; None if no file is read, or not yet."""
         return self._log.file
 
     @property
@@ -381,7 +375,7 @@ class Design:
 
 
 def summary_lines(design: Design) -> Iterator[str]:
-    """Yield one line for the design and one for each result, for people."""
+    """Yield lines of text for a reader: one for the design and one for each result."""
     preset = design.preset
     yield f"Design {preset.name}" + (f": {preset.description}" if preset.description else "")
     if design.has("surface"):

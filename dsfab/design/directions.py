@@ -95,7 +95,7 @@ def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> D
 
 
 def _unclear_direction_message(share: float, labelling: Labelling) -> str:
-    """Return a note for a surface that has mostly no direction. Larger loads change nothing: all stress grows alike."""
+    """Return a note if most of the surface has no clear direction. Larger loads do not help: all stress grows alike."""
     alike = "as large" if labelling == "magnitude" else "nearly the same"
     hint = ', or labelling = "signed" where tension and compression are' if labelling == "magnitude" else ""
     return (
@@ -106,9 +106,8 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Steering:
-    """Rotation of the stripes from the stress, radians; guides; the symmetry that both leave; a note for the user,
-    or ''.
-    """
+    """Rotation of the stripes from the stress, radians; guides; the symmetry that remains; a note for the user, or
+    ''."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -171,7 +170,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
 
 
 def _keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return whether each image (g,) keeps the sense of rotation on the surface, on 90 % of its area because of the
+    """Return whether each image (g,) keeps the sense of rotation on the surface: 90 % of the area suffices on a
     mesh.
     """
     normal = surface.normals
@@ -196,7 +195,8 @@ def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, 
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the selected elements and their number, or None and 1 if they are no group beyond the identity."""
+    """Return the selected elements and their number; None and 1 if only the identity remains, or if they form no
+    group."""
     R, maps = (
         symmetry.R[selected],
         tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected),

@@ -39,15 +39,15 @@ from dsfab.statics import varying_thickness
 from dsfab.surface import Surface, link_components
 
 SLOPES = (0.6, 1.6)
-"""Bounds of the growth of a phase over the wanted growth; values beyond come from singular faces."""
+"""Bounds of the growth of a phase over the wanted growth; only singular faces exceed them."""
 
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
     """The lines of one family.
 
-    most, wish : largest number of halvings, and (m,) the number wanted on each face.    slope : (n,) periods per metre.
-    free       : (m,) number of halvings wanted without limits, also negative.
+    most, wish : largest number of halvings, and (m,) the wanted number on each face.    slope : (n,) periods per metre.
+    free       : (m,) wanted number of halvings without limits, also negative.
     grown      : total growth of the phase over the wanted growth.
     """
 
@@ -134,9 +134,10 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
 def _directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
-    """Return directions (n, 3) of the major stripes, smoothed over `length` metres, and vertices (n,) where they
-    continue as minor ones.
+    """Return directions (n, 3) of the major stripes, smoothed over `length` metres, and the vertices (n,) after an
+    exchange.
 
+    At these vertices the major stripes of the neighbouring region continue as minor stripes.
     The search for crossings of the two stresses comes before smoothing. From one side to the other the larger stress
     turns by a right angle; any direction between would be equally smooth and make singular points along the curve.
     """
@@ -146,7 +147,7 @@ def _directions(
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
-        # measured on eight plates: over 1 edge a face between both sides joins them, over .25 edges noise does
+        # measured on eight plates: over 1 edge a face joins both sides of a crossing, over .25 edges noise joins them
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
         # a smaller region has no room for two members: with 1.6 lengths, four members of a floor had loose ends
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
@@ -172,7 +173,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return vertices (n,) where the families exchange names: none if guides use the names, or if images disagree."""
+    """Return vertices (n,) where the families exchange names; none if guides use the names, or if images disagree."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -215,12 +216,13 @@ class FamilyCourse:
     def lines(self, spacing: float) -> FamilyLines:
         """Return the lines of the family, `spacing` metres apart on average.
 
-        Of two phases half a period apart, lines run where stressed places move: held places are stiff anyway.
-        """
+        Two phases differ by half a period. The chosen phase puts lines where stressed places move, because held places
+        are
+        stiff without a line."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)  # whole periods around loops stay whole after halving
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # loops keep whole periods after halving
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -275,10 +277,10 @@ def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return the statics with stresses of the stiffest sheet of varying thickness in place of the followed ones.
+    """Return the statics with stresses of the stiffest sheet of varying thickness in place of the followed stresses.
 
-    Stresses are times the thickness over that of the whole sheet. Raises PatternError if the pattern follows bending.
-    """
+    Each stress is multiplied by the local thickness over that of the whole sheet. Raises PatternError if the pattern
+    follows bending."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
             'pattern.forces = "optimal" seeks forces in the surface, and the pattern follows bending here: set '
@@ -300,7 +302,7 @@ def same_stripes(earlier: Pattern, current: Pattern) -> bool:
     """Return whether two [pattern] sections give the same centre lines: all keys are equal except widths and kept
     regions.
 
-    Keys that only stripes on modes use make no difference either. A new key does until this function names it. With
+    Keys that only stripes on modes use make no difference. A new key counts until this function names it. With
     rounds of weight, every key counts.
     """
     if current.rounds:
@@ -335,7 +337,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     courses = {k: FamilyCourse.for_family(directions, FAMILIES[k], options.may_halve) for k in drawn_families}
     families = [courses[k].lines(h) if k in courses else no_lines(surface, h) for k, h in enumerate(spacings)]
     for name, lines, spacing in zip(FAMILIES, families, spacings, strict=True):
-        if lines.grown < 0.5:  # the surface is too small for two stripes around it
+        if lines.grown < 0.5:  # two stripes do not fit around the surface
             raise _too_far_error(name, spacing, surface)
     divided = _redrawn_lines(directions, courses, families, spacings)
     stripes = divided.stripes(directions)
@@ -348,8 +350,8 @@ def _redrawn_lines(
 ) -> "_DividedFamilies":
     """Return both families of lines, redrawn if the spacing, metres, of the remaining lines is off by over 5 %.
 
-    Lines halved everywhere or nowhere may be half off at any spacing: a family still off by 30 % is not halved.
-    """
+    If all or none of its lines are halved, a family may miss any spacing by half. A family that is still off by 30 %
+    is drawn without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -357,7 +359,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:  # levels end at whole openings, so that the spacing follows from the drawn lines
+        for k in redo:  # only drawn lines show the spacing, because levels end at whole openings
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))
@@ -366,13 +368,12 @@ def _redrawn_lines(
 
 
 def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: list[float]) -> Floats:
-    """Return the logarithm (2,) of drawn over requested stripes per metre, on average."""
+    """Return the logarithms (2,) of drawn over requested stripes per metre, on average."""
     mean = surface.vertex_areas @ divided.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 
 
 def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
-    """Raise PatternError for a spacing, metres, that no phase can have."""
     if spacing < FINEST * surface.mean_edge:
         raise PatternError(
             f"pattern.{name}.spacing = {spacing:.4g} m is too fine for this mesh, whose edges are "
@@ -398,7 +399,6 @@ def _as_millimetres(spacing: float, surface: Surface) -> str:
 
 
 def _digits(length: float) -> str:
-    """Round up to two digits."""
     unit = 10.0 ** (np.floor(np.log10(length)) - 1)
     return f"{np.ceil(length / unit) * unit:.2g}"
 
@@ -407,7 +407,7 @@ def _digits(length: float) -> str:
 class _DividedFamilies:
     """Both families without the lines dropped where they crowd; density : (n, 2) remaining lines per metre.
 
-    The density is the mean over all images of a point, because widths follow it and faces are less symmetric than
+    The density is the mean over all images of a point, because widths follow it, and faces are less symmetric than
     vertices.
     """
 

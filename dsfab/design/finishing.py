@@ -18,8 +18,8 @@ from dsfab.slicing.finishing.finish import (
 from dsfab.surface import Surface
 
 SPECK = 0.15
-"""Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: the rest of an
-opening at the edge of the surface."""
+"""Openings between evenly spaced stripes that are smaller than this share of the spacing are filled.
+Such an opening is a rest at the edge of the surface."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
@@ -42,7 +42,7 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     """Return which members with a slit between them merge, in tidied patterns; see `merging_rule`.
 
-    Patterns without stripes keep their slits: a topology optimisation, cut by the same preset, meets its mass as it is.
+    Patterns without stripes keep their slits, so that a topology optimisation, cut by the same preset, keeps its mass.
     """
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
@@ -71,7 +71,8 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges, and with least widths if a workshop needs them; also the share that they add.
+    """Return a trial cut with bridges, and with least widths if a workshop needs them; also the share of added
+    material.
 
     Bridges fill gaps that are too narrow between rounded members.
     """
@@ -82,7 +83,7 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return the smallest openings and necks, metres: smaller ones are filled and bridged; 0 for none.
+    """Return the smallest openings and necks, metres, or 0: smaller openings are filled, and smaller necks bridged.
 
     Evenly spaced openings have necks about as wide as the sheet is thick.
     """
@@ -98,8 +99,7 @@ def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
 
 
 REQUESTED_SHARE = 0.95
-"""Members below the usual width are at least this share of the requested one: on flat triangles widths are right to a
-few percent."""
+"""Least width of a requested member over the request: on flat triangles widths are right to a few percent."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -112,8 +112,8 @@ class WorkshopWidths(NamedTuple):
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Return the least widths of a preset on a surface, by [slicing] or by default; none without `pattern.workshop`.
 
-    By default no member is narrower than half the thickness, about the width of a cutter. Members never have more than
-    that default: if [slicing] requests more, only members between openings with round corners are widened.
+    By default no member is narrower than half the thickness, about the width of a cutter. This default is also the
+    largest limit for members: if [slicing] requests more, only members between openings with round corners are widened.
     """
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
@@ -155,11 +155,11 @@ def least_member(options: Pattern, surface: Surface) -> float:
 def kept_to_least_widths(
     preset: Preset, cells: Sheet, surface: Surface, log: Log, options: FinishingOptions, trial: TrialCut | None = None
 ) -> Sheet:
-    """Return cells, cut from a surface, without narrow places, as far as added material can; note how many were
-    changed.
+    """Return cells, cut from a surface, without narrow places, as far as added material can; note the number of
+    changes.
 
-    Filled strips leave needles with edges of a micrometre, on which quadrature and sparse solvers lose digits: cells
-    are flipped and collapsed within the faces of the surface, which moves no edge of the material.
+    Filled strips leave needles with edges of a micrometre, on which quadrature and sparse solvers lose digits. So cells
+    are flipped and collapsed within the faces of the surface, without a move of the material's edges.
 
     trial : the trial cut of these cells: its steps are not repeated.
     """
@@ -187,7 +187,7 @@ def closed_share(
 
 
 def least_drawn_member(preset: Preset, surface: Surface) -> float:
-    """Return the least width, metres, of members in the pattern, so that few must be widened; 0 without
+    """Return the least width, metres, of members in the pattern, so that few need widening; 0 without
     `pattern.workshop`.
     """
     return _usual_widths(preset, surface).member / REQUESTED_SHARE

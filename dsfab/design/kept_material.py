@@ -27,8 +27,7 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
     """Return the layers that are material whatever the stripes are.
 
     With symmetric stripes, ragged patches (vertices picked to one edge) are united with their images. Regions of the
-    user stay where the user put them.
-    """
+    user keep their place."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -65,9 +64,8 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return faces (m,) where stripes on a mode run nearer to the other direction of the stress; None if they
-    cannot.
-    """
+    """Return faces (m,) where stripes on a mode run nearer to the second stress direction; None if no face is
+    possible."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -83,11 +81,11 @@ SHARE_TOLERANCE = 4e-4
 """Accuracy of pattern.width.solid_fraction, as a share of the surface."""
 
 UNREPORTED = 2 * SHARE_TOLERANCE
-"""A smaller miss of the solid fraction is not reported."""
+"""Smaller misses of the solid fraction are not reported."""
 
 
 class _ShareTrial(NamedTuple):
-    """A trial: the share that stripes should keep, the share added to it, the sum that both reach, and the stripes."""
+    """A trial: the share that stripes should keep, the added share, their sum, and the stripes."""
 
     aim: float
     added: float
@@ -102,17 +100,16 @@ def corrected_pattern(
     added_share: Callable[[PatternResult], float],
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
-    """Return stripes that keep the requested share together with round corners and filled openings, and the share
-    reached.
+    """Return stripes that, with round corners and filled openings, keep the requested share; and the share reached.
 
-    draw_pattern  : makes stripes for a share added to them, and a guess of their factor, 0 for none.
-    nearest_share : the share near a target that the latest stripes keep.    added_share : the share added to them.
+    draw_pattern  : makes stripes for an added share and a guess of their factor, 0 for none.
+    nearest_share : the share near a target that the latest stripes keep.    added_share : the share that finishing
+                    adds.
     bridged_share : the share that bridges add to the latest stripes. It takes long and is mostly 0: it is computed once
                     after the search without it, and in each further trial only if it is not 0.
 
     The added share changes little with the widths, so it is subtracted from the share of the stripes. It jumps if
-    openings close; then the search bisects between a trial that keeps less and one that keeps more.
-    """
+    openings close; then the search bisects between two trials, below and above the requested share."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -133,9 +130,9 @@ def corrected_pattern(
     latest = converge(attempt(0.0))
     if (bridges := bridged_share()) > SHARE_TOLERANCE:
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
-        trials[:-1] = []  # their bridges were not measured
+        trials[:-1] = []  # these trials lack bridges
         latest = converge(latest)
-    for k in range(8):  # the last five rounds accept the tolerance of the preset
+    for k in range(8):  # the last five rounds use the preset's tolerance
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
         if min(abs(trial.total - requested) for trial in trials) <= accepted or not (
             middle := _middle_target(trials, requested)
@@ -148,9 +145,8 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the next share to aim at: the middle of the nearest two trials around the requested share; 0 without
-    any.
-    """
+    """Return the next target: the middle of the nearest two trials around the requested share; 0 without such
+    trials."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0

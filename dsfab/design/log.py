@@ -32,7 +32,7 @@ def silent(_stage: str, _doing: str) -> None:
 
 @dataclass
 class Log:
-    """Progress, seconds and notes of a run. clock : measures its seconds."""
+    """Progress, seconds and notes of a run. clock : measures the seconds."""
 
     progress: Progress | None
     seconds: dict[str, float] = field(default_factory=dict)

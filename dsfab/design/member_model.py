@@ -92,7 +92,7 @@ PERMANENT = {"self_weight", "cladding"}
 
 
 class ActionCase(NamedTuple):
-    """Loads of one case that are one kind of action.
+    """Loads of one case that belong to one kind of action.
 
     case : its name in the preset.    action : permanent, snow, wind or variable.    load : on the uncut surface.
     """
@@ -105,7 +105,7 @@ class ActionCase(NamedTuple):
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
     """Return the cases of a preset by name, split so that each has one kind of action.
 
-    Frame programs combine cases by their kinds: weight in a case of snow would come and go with the snow. An entry of
+    Frame programs combine cases by their kinds: weight inside a snow case would wrongly vary with the snow. An entry of
     `surface.actions` holds for the whole case.
     """
     section, action_by_name = preset.surface, dict[str, ActionCase]()
@@ -131,7 +131,7 @@ def _load_action(load: Load) -> str:
 
 
 def _action_kind(kind: str | None) -> str:
-    """Return the action of a kind of EN 1990: snow at either altitude is snow; imposed loads and temperature are
+    """Return the action of a kind of EN 1990: snow at any altitude is snow; imposed loads and temperature are
     variable.
     """
     if kind is None or kind in ("permanent", "wind"):
@@ -170,10 +170,9 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """Compare beams with the sheet that they model, whose ribs twist as bars, case by case.
+    """Compare beams, case by case, with the sheet that they model, whose ribs twist as bars.
 
-    Raises StaticsError if either is not held.
-    """
+    Raises StaticsError if the supports hold neither the beams nor the sheet, or only one of the two."""
     from dsfab.members.frame import agreement, solve_frame
 
     answers, model, spread_faces = (

@@ -17,7 +17,7 @@ from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
 EXCHANGEABLE_RULES = ("constant", "graded")
-"""Width rules that the search may exchange, if one of them is requested with a solid fraction."""
+"""Width rules that the search may exchange, if the preset requests one of them with a solid fraction."""
 SPACINGS = (0.75, 1.25)
 """Factors for spacings that the preset leaves open. In a plane, closer stripes are mostly stiffer if the mesh resolves
 them: a plate with a hole at 30 % solid fraction has .86 times the compliance.
@@ -28,11 +28,10 @@ them: a plate with a hole at 30 % solid fraction has .86 times the compliance.
 class MethodCandidate:
     """A method of drawing stripes, with its worth.
 
-    preset  : without open choices.                      choice  : of its modes and phases, if these were `auto`.
+    preset  : without open choices.                      choice  : of modes and phases, if these were `auto`.
     even    : evenly spaced stripes; None for modes.     sheet   : after the cut; None if refused.
     grading : (n, f) relative half-widths by the rule `stressed`; None by other rules.     notes : for the design.
-    drawn   : its stripes, if they were drawn as built.
-    """
+    drawn   : the finished stripes, if they were drawn as for building."""
 
     preset: Preset
     attempt: Attempt
@@ -47,13 +46,11 @@ class MethodCandidate:
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes and the best modes, with widths by the rule `stressed`, if the search may
-    exchange width rules.
+    """Yield the best even stripes and the best modes, with widths by the rule `stressed`, if the search may exchange
+    rules.
 
-    Flat sheets gain most: other rules left 1.3 to 3.9 times the compliance of a topology optimisation, this one 1.2 to
-    1.7
-    times.
-    """
+    Flat sheets gain most: their compliance is 1.2 to 1.7 times that of a topology optimisation by this rule, and 1.3 to
+    3.9 times by other rules."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -84,7 +81,7 @@ def optimal_force_candidates(
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes, along the forces of the stiffest sheet of varying thickness.
 
-    They gain most if these forces differ from those of the uncut sheet: a plate with a hole has .87 times the
+    The gain is largest if these forces differ from those of the uncut sheet: a plate with a hole has .87 times the
     compliance.
     """
     options = preset.pattern
@@ -115,8 +112,7 @@ def respaced_candidates(
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes at other spacings, halved (if lines crowd) and not halved.
 
-    Only if the preset leaves the spacings open and requests a solid fraction.
-    """
+    There are candidates only if the preset leaves the spacings open and requests a solid fraction."""
     usable = [candidate for candidate in candidates if candidate.even and not candidate.attempt.refused]
     if not usable or not preset.pattern.width.solid_fraction:
         return
@@ -134,18 +130,16 @@ def respaced_candidates(
             except DsfabError as error:
                 yield MethodCandidate(variant_preset, Attempt(words, refused=str(error)))
                 continue
-            if any(even.wanted) or not halve:  # else halving drops no line, and the next candidate is the same
+            if any(even.wanted) or not halve:  # otherwise halving drops no line
                 yield _with_worth(
                     MethodCandidate(variant_preset, Attempt(words), None, even), analysis, replace(log, notes=[])
                 )
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return families with spacings scaled by `factor` to two digits, if the preset leaves these open, and them in
-    words.
+    """Return families with open spacings scaled by `factor` to two digits, and a text with these spacings.
 
-    No family if stripes would be less than two edges of the mesh apart: a member and an opening need one each.
-    """
+    No family if stripes would be less than two edges of the mesh apart: a member and an opening need one edge each."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
@@ -185,11 +179,9 @@ def method_candidates(
     title = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     variant_preset = preset.with_pattern(method=method, halve=halve, weight_rounds=0)
     if method == "modes":
-        variant_preset = variant_preset.with_pattern(
-            forces="uncut"
-        )  # modes are only defined for the uncut sheet's forces
+        variant_preset = variant_preset.with_pattern(forces="uncut")  # modes need the uncut sheet's forces
     if method == "modes" and preset.pattern.tidy is None and preset.pattern.families == "both":
-        variant_preset = variant_preset.with_pattern(tidy=True)  # loose ends are removed, as in evenly spaced stripes
+        variant_preset = variant_preset.with_pattern(tidy=True)  # modes leave loose ends
     if log.progress:
         log.progress("pattern", f"trying {title}: cutting and solving")
     scratch = replace(log, notes=[])
@@ -229,8 +221,7 @@ def _with_quality(
 ) -> MethodCandidate:
     """Return a candidate with its sheet, and the dead ends and slits of that sheet.
 
-    worth : joules, the same over those of the uncut sheet, and share of the surface, as in an `Attempt`.
-    """
+    worth : energy in joules, its ratio to that of the uncut sheet, and share of the surface, as in an `Attempt`."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     return replace(
@@ -245,9 +236,8 @@ def _exchangeable(width: Width) -> bool:
 def _width_variants(width: Width) -> dict[str, Width]:
     """Return width rules to try, by name.
 
-    A gentle grading, by half the power q, is among them: bars without bending are stiffest as wide as their force, but
-    members with little force still carry their own weight and brace others.
-    """
+    One of them is a gentle grading, by half the power q. Bars without bending are stiffest as wide as their force, but
+    members with little force still carry their own weight and brace other members."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -256,19 +246,17 @@ def _width_variants(width: Width) -> dict[str, Width]:
 
 
 NEAR_BEST = 0.1
-"""Candidates softer than the best by less than this share may be stiffer in truth, and are measured better.
-
-Trials count points and round no corners, so that their solid fraction is off by up to 8 %: on a bracket modes were 3 %
-worse than stripes by their trial, and 28 % better as built. Their quick elements are up to 26 % too stiff for members
-one triangle wide."""
+"""Candidates softer than the best by less than this share may really be stiffer, and are measured better.
+Trials count points and round no corners, so that their solid fraction is off by up to 8 %. On a bracket modes were 3 %
+worse than stripes in their trial, and 28 % better as built. The quick elements of trials are up to 26 % too stiff for
+members one triangle wide."""
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
     """Return the best method of drawing stripes, and all attempts, best first.
 
-    Best is: no dead ends, then no slits, then the stiffest per share of material (see `Attempt.rank`); better elements
-    decide between candidates that are close. Raises PatternError if none carries the loads.
-    """
+    The best method has the fewest dead ends, then the fewest slits, then the most stiffness per share of material (see
+    `Attempt.rank`); better elements decide between close candidates. Raises PatternError if none carries the loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
         with log.row("method"):
@@ -291,10 +279,9 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates, of which up to four near the best are replaced by candidates as built.
+    """Return the candidates; up to four near the best are now as built.
 
-    The likeliest is built last: slicing continues from its trial cut.
-    """
+    The likeliest is built last, because slicing continues from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [
@@ -309,9 +296,8 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
 
 
 def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, best first; better elements order the best and those that are nearly as stiff, without
-    more flaws.
-    """
+    """Return candidates, best first; better elements order the best and equally flawless ones that are nearly as
+    stiff."""
     ranked = sorted(candidates, key=lambda candidate: candidate.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     near_best = [candidate for candidate in ranked if candidate.sheet and list(candidate.attempt.rank[:-1]) == flaws]

@@ -28,7 +28,8 @@ SHARE_TOLERANCE = 2e-3
 
 
 class CarryingSheet(NamedTuple):
-    """Cells of a cut, the supported sheet, `kept`, `whole` and `pieces` as in a `Candidate`, and the removed ends."""
+    """Cells of a cut, the supported sheet, `kept`, `whole` and `pieces` as in a `Candidate`, and the number of
+    removed ends."""
 
     cells: Sheet
     sheet: Sheet
@@ -125,7 +126,7 @@ class Trial:
         return families, layers
 
     def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
-        """Return joules, the weighted sum over the loads that the pattern follows."""
+        """Return the weighted sum of compliances over the loads that the pattern follows, joules."""
         answers = solve_for(self.preset.statics.sheet().model_for(surface), loads, use)
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed_weights.items())
 
@@ -147,9 +148,8 @@ def stressed_step(
 ) -> Floats | None:
     """Return the best relative half-widths (n, 2) of both families from pattern.width.steps trials.
 
-    Best is the least compliance per share of material, by constant strain and mid-edge bending on the cut mesh. None if
-    the first sheet does not carry the loads: then the widths are those of the rule `graded`.
-    """
+    The best trial has the least compliance per share of material, by constant strain and mid-edge bending on the cut
+    mesh. None if the first sheet does not carry the loads: then the widths follow the rule `graded`."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
     if not steps:
         return None
@@ -165,11 +165,10 @@ def stressed_step(
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
     """Return the choice, beginning with the modes and phases that are stiffest after their widths even out the stress.
 
-    The best three pairs of modes are evened, and the lowest. Their order may change: on the cantilever at 30 % of the
-    material, modes 2 and 2 improve from 4.12 to 3.86 times the compliance of the uncut plate, and modes 1 and 1 from
-    4.40
-    to 3.01 times.
-    """
+    The search evens the best three pairs of modes, and the lowest pair. Their order may change: on the cantilever at
+    30 %
+    of the material, modes 2 and 2 improve from 4.12 to 3.86 times the compliance of the uncut plate, and modes 1 and 1
+    from 4.40 to 3.01 times."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
@@ -195,7 +194,7 @@ def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice:
 
 
 def _steps(trial: "StressedTrial", log: Log) -> list[WidthStep]:
-    """Return the steps of widths, as many as pattern.width.steps, or until one does not carry the loads."""
+    """Return the steps of widths: pattern.width.steps of them, or fewer if a sheet does not carry the loads."""
     steps: list[WidthStep] = []
     with log.row("widths"):
         grading = trial.start
@@ -231,7 +230,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # the count of points includes removed ends, which vary most here
+        if options.forces == "optimal":  # counted points include removed ends, and these vary most here
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
@@ -260,13 +259,14 @@ class StressedTrial(Trial):
 
 
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases of the first round if both modes are chosen too, the same in both families: all of them with a mode 1, else
-the first. A higher mode rises and falls more often, so that a shift moves some of its stripes one way and some the
-other: on the cantilever these phases differ by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4.
-"""
+"""Phases of the first round if the search chooses both modes, equal in both families: all with a mode 1, else the
+first.
+
+A higher mode rises and falls more often, so that a shift moves its stripes in both directions. On the cantilever these
+phases change the compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
 
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations: without a mode to choose, and with one."""
+"""Phases of the first round, in all combinations: first if no mode is open, then if one mode is open."""
 
 TOGETHER = ((1, 1), (-1, -1))
 """Moves of both phases along the line of the first round."""
@@ -278,7 +278,7 @@ ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
 """Later rounds: number of pairs of modes that continue, best first; step of phases, in periods; moves."""
 
 CONNECTED_SHARE = 0.98
-"""A design whose largest supported piece has a smaller share of its material ranks after connected ones."""
+"""A design is not connected if its largest supported piece has a smaller share of the material; it ranks last."""
 
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]
 """Modes and phases of both families."""
@@ -287,9 +287,10 @@ ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     """Return the candidates for modes and phases that are `auto`, best first.
 
-    Best is the smallest compliance per share of material, if every concentrated load stands on a supported piece. The
-    search tries at most 57, the steps of a topology optimisation. By the width rule `stressed`, candidates are tried
-    with widths as by `graded`, and the one of the best few that evening makes the stiffest is first.
+    The best candidate has the smallest compliance per share of material, and supports every concentrated load. The
+    search tries at most 57, the steps of a topology optimisation. For the width rule `stressed`, trials use the widths
+    of
+    `graded`. Then the widths of the best few are evened, and the stiffest of these comes first.
 
     Raises PatternError if no candidate carries the loads.
     """
@@ -326,9 +327,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key. Values are equal to three digits for mirror images; then lower numbers come first, not
-    rounding.
-    """
+    """Return the sort key. Only three digits count: so mirror images are equal, and lower numbers come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 
@@ -379,6 +378,5 @@ def _first_phases(
 
 
 def _moved_phase(phase: tuple[float, float], move: tuple[int, int], step: float) -> tuple[float, float]:
-    """Return phases after a move; a phase that does not move keeps its last bit."""
     p, q = ((x + direction * step) % 1 if direction else x for x, direction in zip(phase, move, strict=True))
     return p, q

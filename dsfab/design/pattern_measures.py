@@ -56,8 +56,9 @@ class DesignDraft(NamedTuple):
 def measured_pattern(
     design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
-    """Measure the quality of a pattern. After the cut, symmetry is measured on the cells, and dead ends and slits of
-    tidied patterns on the sheet.
+    """Measure the quality of a pattern; after the cut, measure symmetry on the cells.
+
+    For tidied patterns, dead ends and slits after the cut are those of the sheet.
 
     symmetry : whether the error of the pattern's own symmetry is measured too, which takes longest.
     cells    : all cells of the cut; None measures the stripes (see `Design.quality`).
@@ -68,7 +69,7 @@ def measured_pattern(
     followed = _followed_directions(design)
     try:
         confidence = followed.confidence(design.surface.areas)
-    except PatternError:  # nothing is stressed
+    except PatternError:  # the surface has no stress
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
@@ -100,7 +101,7 @@ def _sheet_quality(
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
     """Return the family without dead ends that the sheet does not have.
 
-    An end counts no more if its material was removed, or if the member continues, for example as a member of the other
+    An end does not count if its material was removed, or if the member continues, for example as a member of the other
     family around a singular point of the stress.
 
     reach      : metres; a dead end still exists if material is nearer than this.
@@ -154,7 +155,6 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def _followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the directions that both families follow, without guides."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -203,9 +203,9 @@ def _asymmetric_share(
 
     surface  : uncut; images are about its centroid.    faces : the chart or the cells. Each sample point stands for the
                same area; points spread evenly in their faces, so that no row lies along the edge of a member.
-    material : whether the places nearest to points (p, 3) are material, (p,).
-    samples  : about how many points and images. On a floor with eight images, 24,000 gave .40 % instead of .55 %.
-    """
+    material : returns whether the places nearest to points (p, 3) are material, (p,).
+    samples  : approximate number of points times images. On a floor with eight images, 24,000 gave .40 % instead of
+               .55 %."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)
@@ -214,7 +214,7 @@ def _asymmetric_share(
     uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
     weights = np.column_stack([1 - uv.sum(axis=1), uv])
     points_from_centre = np.einsum("pc,pcx->px", weights, faces.V[faces.F[face]]) - centre
-    points = [points_from_centre @ R.T + centre for R in symmetry.R]  # the first is the identity
+    points = [points_from_centre @ R.T + centre for R in symmetry.R]  # R[0] is the identity
     is_material = material(np.concatenate(points)).reshape(symmetry.order, -1)
     return float((is_material != is_material[0]).mean(axis=1).max())
 
@@ -228,18 +228,17 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 
 class FilledOpenings(NamedTuple):
-    """Neighbouring filled openings: their number, and the centre (3,) of their area, metres."""
+    """A group of filled openings side by side: their number, and the centre (3,) of their area, metres."""
 
     openings: int
     place: Floats
 
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
-    """Return the largest group of openings that finishing filled, each at most `apart` metres from the next; None
-    without any.
+    """Return the largest group of openings that finishing filled, at most `apart` metres from each other; None without
+    any.
 
-    samples : an opening counts as filled if all of this number of its largest cells are.
-    """
+    samples : an opening counts as filled if this number of its largest cells are filled."""
     openings = Openings.from_sheet(before)
     if openings is None:
         return None

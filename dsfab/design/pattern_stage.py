@@ -24,9 +24,7 @@ from dsfab.surface import LoadParts, Surface
 
 
 def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log) -> EvenStripes:
-    """Return evenly spaced stripes after the rounds of weight that [pattern] requests. Raises PatternError as
-    `even_stripes`.
-    """
+    """Return even stripes after the rounds of weight that [pattern] requests. Raises PatternError as `even_stripes`."""
     if log.progress:
         log.progress("pattern", "finding evenly spaced stripes along the stress")
     surface, statics = analysis.surface, analysis.statics
@@ -76,9 +74,8 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Return `statics` with a share (m,) of each face's weight in the cases that the pattern follows; stiffness is
-    unchanged.
-    """
+    """Return `statics` with a share (m,) of each face's weight in the cases that the pattern follows, at equal
+    stiffness."""
     layered = any(case.layered is not None for case in statics.cases.values())
     follow = "layers" if layered else "membrane"  # the first round, with the full weight, decided this
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
@@ -143,11 +140,10 @@ class ChosenMethod(NamedTuple):
 def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
-    """Choose the method, modes, phases and forces of the stripes: all but the width that a share of material
+    """Choose the method, modes, phases and forces of the stripes, but not the width that a share of material
     determines.
 
-    earlier : its stripes are reused if at most widths and kept regions have changed.
-    """
+    earlier : stripes of an earlier design, reused if at most widths and kept regions have changed."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
         message = (
@@ -171,19 +167,20 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the stripes by the chosen method; stripes that a search drew count in the seconds of `method`."""
+    """Return the stripes by the chosen method; the seconds of `method` include stripes that a search drew."""
     candidate = chosen.way
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(
         candidate.preset, analysis, log, candidate.choice, candidate.grading, candidate.even
     )
     resolved_options = None if candidate.preset is preset else candidate.preset.pattern
-    release_freed_memory(4e3 * analysis.surface.m)  # bytes that the solvers hold: drawing needs blocks of other sizes
+    release_freed_memory(4e3 * analysis.surface.m)  # bytes in blocks that drawing cannot use
     return replace(pattern, asked=resolved_options, attempts=chosen.attempts)
 
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
-    """Return stripes with widths by a count of points, in a tenth of the time, for a picture that another one replaces.
+    """Return stripes with widths by a count of points, in a tenth of the time, for a picture until the final stripes
+    exist.
 
     Round corners and filled openings are missing. Raises PatternError if no width gives the requested share.
     """
@@ -192,7 +189,7 @@ def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> Pattern
 
 
 def _idle_frequencies(options: Pattern, surface: Surface) -> list[str]:
-    """Return notes on frequencies that evenly spaced stripes ignore; every complete preset has the default."""
+    """Return notes on frequencies that evenly spaced stripes ignore; the default frequency gives no note."""
     families = [(name, getattr(options, name)) for name in options.family_names]
     return [
         f"pattern.{name}.frequency = {family.frequency:g} has no effect on evenly spaced stripes, which are "

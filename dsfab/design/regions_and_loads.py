@@ -29,8 +29,8 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest accepted difference of a region or a guide from its image, as a share of it: both follow edges of triangles.
-"""
+"""Largest accepted difference of a region or a guide from its image, as a share, because both follow edges of
+triangles."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
@@ -59,9 +59,9 @@ class Acting(NamedTuple):
 def acting_on(preset: Preset, surface: Surface) -> Acting:
     """Return the supports and the loads of a preset on its surface.
 
-    They are picked as if there were no voids: the edge of an oculus is no boundary, and the lowest vertices stay the
-    lowest ones. Raises SurfaceError for a picker of which nothing remains.
-    """
+    Pickers select on the surface without voids: the edge of an oculus is not a boundary, and the lowest vertices stay
+    the
+    lowest. Raises SurfaceError for a picker of which nothing remains."""
     section = preset.surface
     if not preset.pattern.voids:
         return Acting(section.support, section.load)
@@ -83,10 +83,10 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    """Return the surface before its voids were removed, and the number (n,) there of each vertex of `surface`."""
+    """Return the surface before its voids were removed, and the number (n,) on it of each vertex of `surface`."""
     results = derived_results(surface)
     if _before_voids not in results:
-        from dsfab.design.surface_and_statics import base_surface  # imported late, because that module imports this one
+        from dsfab.design.surface_and_statics import base_surface  # an import above would be circular
 
         cut = with_regions(base_surface(preset), preset.pattern.region)
         results[_before_voids] = cut.whole, cut.vertices
@@ -95,7 +95,7 @@ def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
 
 
 def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:
-    """Return a support or load on the remaining vertices (n,) and edges (e, 2) of those that it picks on a whole
+    """Return a support or load on the part of its pick that remains: vertices (n,) and edges (e, 2) of the whole
     surface.
     """
     picker = getattr(entry, "at", None)
@@ -115,7 +115,7 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
 
 
 def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
-    """Return a sentence on regions whose images under the symmetry are no regions; '' if there are none."""
+    """Return a sentence on regions whose images under the symmetry are not regions; '' if all images are regions."""
     if symmetry is None:
         return ""
     exceptions = []
@@ -140,7 +140,6 @@ def _void_names(preset: Preset) -> str:
 
 
 def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
-    """Raise SurfaceError if voids cut pieces off from all supports."""
     count, label = after.pieces
     supports = acting_on(preset, after).support
     if count == before.pieces[0] or not supports:

@@ -20,7 +20,7 @@ from dsfab.surface import LoadCase, LoadParts, Surface, link_components
 class CoveringLoads:
     """The material that carries loads on the covering of each face (m,) of an uncut surface.
 
-    to      : (m,) the face that carries the covering of each face; itself if it has material, -1 if none can.
+    to      : (m,) the face that carries the covering of each face: itself if it has material, -1 without such a face.
     area    : (m,) m2 of material in each face.         place : (m, 3) centre of that material, metres.
     opening : (m,) number of the opening that a face belongs to, -1 for faces that carry.
     """
@@ -70,7 +70,7 @@ class CoveringLoads:
         """Return forces (m, 3), N, of loads (m, 3), with the moment of each opening if its rim can take it."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
-        # a face of the rim may carry several openings, each with a part of its own
+        # a face of the rim may carry parts of several openings
         pair, pair_index = np.unique(
             np.stack([self.opening[loaded_faces], self.to[loaded_faces]]), axis=1, return_inverse=True
         )
@@ -89,9 +89,7 @@ class CoveringLoads:
 
 
 def nearest_faces(surface: Surface, marked: Bools) -> Ints:
-    """Return the marked face (m,) nearest to each face along the surface, over centres of faces and edges; -1 if
-    unreachable.
-    """
+    """Return the marked face (m,) nearest to each face along the surface, over centres of faces and edges; else -1."""
     f, g, length = _face_steps(surface)
     steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
     predecessor = dijkstra(
@@ -111,11 +109,9 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return forces (k, 3), N, at places (k, 3), that have no resultant and give each group (k,) its moment (g, 3), N
-    m.
+    """Return forces (k, 3), N, at places (k, 3), without resultant, that give each group (k,) its moment (g, 3), N m.
 
-    They act as bolts with sizes `weight` (k,) do. A group whose places lie on a line takes no moment about it.
-    """
+    They act like bolts with sizes `weight` (k,). A group whose places lie on a line takes no moment about this line."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -129,19 +125,17 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
 
 
 LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"
-"""Remedy for a load that nothing carries, for messages."""
+"""Remedy, in messages, for a load that nothing carries."""
 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
-    """Return a clause on the first load that stands on pieces without support; empty if these carry no concentrated
-    load.
+    """Return a clause on the first load that stands on pieces without support; empty if no piece carries such a load.
 
-    A load whose own material was cut away moves to the nearest material (`sheet_load`). A load that stands on a piece
-    without support is lost, however close the rest is; up to 1 % of a load may be.
+    A load moves to the nearest material (`sheet_load`) if its own material was cut away. A load that stands on a piece
+    without support is lost, however close the rest is. Up to 1 % of a load may be lost.
 
     material : all material, loose pieces included.    sheet : the part of it that remains.
-    loads : the first lost one is reported.
-    """
+    loads : the clause reports the first lost load."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
@@ -152,7 +146,8 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load. Raises StaticsError as it does, and for a lost load (see `lost_load`)."""
+    """Return the `sheet_load` of each load. Raises StaticsError as `sheet_load`, and for a lost load (see
+    `lost_load`)."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
@@ -170,11 +165,10 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
     A concentrated force on a vertex of the sheet stays there; any other moves to the nearest vertex of the sheet:
     resultants are exact, and moments change by the distance moved. Weight and loads on material act on the remaining
-    material. A load on a covering goes to the nearest material (see `CoveringLoads`), with resultant and moment.
-    `parts`
-    are those of the sheet's own vertices and cells.
+    material. A load on a covering goes to the nearest material (see `CoveringLoads`), with resultant and moment. The
+    `parts` refer to the sheet's own vertices and cells.
 
-    covering : of this sheet, if it exists.
+    covering : the `CoveringLoads` of this sheet, if it exists.
 
     Raises StaticsError as `sheet_supports` does, and if no material is near a concentrated force.
     """
@@ -220,7 +214,7 @@ def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
     if is_lost.any():
         nearest = cKDTree(sheet.surface.V).query(surface.V[acting[is_lost]])
         moved, target[is_lost] = np.asarray(nearest[0]), np.asarray(nearest[1])
-        if moved.max() > 0.1 * surface.size:  # further away nothing carries a concentrated load
+        if moved.max() > 0.1 * surface.size:  # material farther away cannot carry the load
             place = surface.V[acting[is_lost][moved.argmax()]].round(3).tolist()
             raise StaticsError(
                 f"the load at {place} m finds no material within {moved.max():.3g} m; set pattern.keep to protect loads"
@@ -237,7 +231,7 @@ def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
 
 
 def _edges_or_none(edges: Bools) -> Bools | None:
-    """Return held edges, or None if a load case defines none: its vertices decide then."""
+    """Return held edges; None if a load case defines no edges, because then its vertices decide."""
     return edges if len(edges) else None
 
 

@@ -21,13 +21,13 @@ from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, thicken, with_extras
 
 FILLED_PLATE = 5
-"""Filled openings side by side that make a plate, which a note reports; the ends of a member have up to three."""
+"""Number of filled openings side by side that count as a plate, for a note; the ends of a member have up to three."""
 
 
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    """Stage 5: cut the surface, and return the cells and the sheet that remains. Raises PatternError if nothing
+    """Stage 5: cut the surface, and return the cells and the sheet that remains; raise PatternError if nothing
     remains.
     """
     options = preset.slicing
@@ -185,14 +185,14 @@ def _note_slicing(
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """Note loads on the cut sheet that differ from those of the uncut sheet, which gave the directions."""
+    """Note loads that differ between the cut sheet and the uncut sheet, because the uncut sheet gave the directions."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
         uncut_weight, sheet_weight = (
             force(preset.statics.area_weight * area) for area in (surface.area, sheet.surface.area)
         )
         message = f"the cut sheet weighs {sheet_weight}, and is judged and compared with that"
-        if not preset.pattern.rounds:  # else the note of the pattern states this weight
+        if not preset.pattern.rounds:  # with rounds, the pattern's note states this weight
             message += f"; the directions were sought with {uncut_weight}, the weight of the uncut sheet"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):

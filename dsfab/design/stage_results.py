@@ -1,4 +1,4 @@
-"""The results of a design: what it holds, for how long, and what a revision and a pickled design receive."""
+"""The stored results of a design, how long they stay, and which of them a revision or a pickled design receives."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
-"""Names of the results of a stage, where they are not that of the stage."""
+"""Names of the results of a stage, where they differ from the name of the stage."""
 
 
 @dataclass
@@ -17,9 +17,9 @@ class StageResults:
     results : of the stages. They stay as long as the design, and a revision shares those before its first difference.
     derived : values that follow from a stage, with that stage. A revision shares them like results. A pickled design
               omits them, because another process can compute them again.
-    inputs  : intermediate results for one later stage, with that stage. They are large, and that stage drops them;
-              revisions and pickled designs omit them.
-    """
+    inputs  : intermediate results for one later stage, with that stage. They are large. The stage drops them when it
+              has
+              its result; revisions and pickled designs omit them."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
@@ -39,7 +39,7 @@ class StageResults:
         return result
 
     def replace(self, name: str, value: Any) -> None:
-        """Put a smaller value in place of a result, for example without what later stages do not need."""
+        """Put a smaller value in place of a result, for example without the parts that later stages do not need."""
         self.results[name] = value
 
     def derived_value(self, stage: str, name: str, compute: Callable[[], T]) -> T:

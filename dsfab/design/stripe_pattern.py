@@ -34,16 +34,15 @@ from dsfab.slicing import PolygonMesh, TrialCut, tidied_polygons
 from dsfab.surface import Surface
 
 EXACT = 1e-9
-"""Shares that differ by less are equal: rounding depends on the order of the sum."""
+"""Shares that differ by less are equal, because rounding depends on the order of the sum."""
 
 COUNTED = 2
 """Points along each side of a face for the rough count that begins a search."""
 
 
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Factors on the approximate widths that decide which openings of crowded members close. If widths vary much, closed
-openings alone may exceed the requested share, until fewer of them close.
-"""
+"""Factors on the approximate widths, which decide which openings of crowded members close.
+If widths vary much, closed openings alone may exceed the requested share, until fewer of them close."""
 
 SHARE_SNAP = 0.05
 """Snap fraction of measuring cuts: the default of slicing.snap, because no stage depends on a later section."""
@@ -55,8 +54,7 @@ class WidthSearch(NamedTuple):
     share     : measures the share of the surface that layers keep.
     tolerance : accuracy of the share.    guess : multiplier of a similar pattern, or 0; saves time.
     counted   : a quicker, rougher `share`, which begins the search.
-    added     : share that round corners add: stripes keep that much less than requested.
-    """
+    added     : share that round corners add: the stripes keep the requested share less this one."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -94,12 +92,12 @@ class _MeasuredShares:
         return min(self.reached, key=lambda one: abs(one - target))
 
     def added(self, pattern: PatternResult) -> float:
-        """Finish the latest layers as a trial cut, and return the share that this, mainly round corners, adds."""
+        """Finish the latest layers as a trial cut, and return the share that finishing, mainly round corners, adds."""
         self.trial = trial_cut(self.preset, self.given.surface, pattern, self.polygons)
         return self.trial.added_area / self.given.surface.area if self.trial else 0.0
 
     def bridged(self) -> float:
-        """Continue the latest trial cut with bridges and least widths, and return the share that these add."""
+        """Continue the latest trial cut with bridges and least widths, and return the share that they add."""
         if self.trial is None:
             return 0.0
         self.trial, share = with_bridges(self.preset, self.given.surface, self.trial)
@@ -118,9 +116,9 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern. Kept regions come first: the stripes do not cut a cell again that they make material.
+    """Return the pattern. Kept regions come first, because stripes do not cut the material of earlier layers.
 
-    preset  : with modes and phases chosen.    choice : of these, if they were `auto`.
+    preset  : with modes and phases chosen.    choice : of modes and phases, if they were `auto`.
     grading, even : (n, f), and evenly spaced stripes; see `drawable_families`.
     """
     options, surface = preset.pattern, analysis.surface
@@ -187,9 +185,9 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the least width, metres, of evenly spaced members of varying width, by default.
 
-    Graded members are at least as wide as the sheet is thick; stressed ones as wide as a workshop makes them. Otherwise
-    slicing would widen each of them, which is slow, and the added material would come off members with more force.
-    """
+    Graded members are at least as wide as the sheet is thick; stressed members as wide as a workshop makes them.
+    Without
+    this limit slicing would widen each of them slowly, and take the added material from members with more force."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -233,9 +231,9 @@ def solved_layers(
     share, tolerance, guess, counted, added = search
     if width.solid_fraction:
         requested = width.solid_fraction - added
-        slope = 0.85 * requested if guess else 0.0  # less than 1, because crossings belong to both families
+        slope = 0.85 * requested if guess else 0.0  # below 1, as crossings count once
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
-            counted = counted_share(surface, kept_layers, COUNTED)  # widths decide which openings close
+            counted = counted_share(surface, kept_layers, COUNTED)  # its widths decide which openings close
         if counted is not None:
             with suppress(PatternError):  # the search below has the better message
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
@@ -255,15 +253,13 @@ def _layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers with a requested share, and their factor, near the given factor, which decides the openings to
-    close.
+    """Return layers with a requested share, and their factor; the given factor, near it, decides which openings close.
 
     solve : returns the result of `solved_factor` for a share as a function of the factor over the given one.
 
     The search repeats with slightly more or fewer closed openings in two cases: if the share jumps because an opening
     is about to close, and if the widths are more than 2.5 times off those that decided the openings. Many closed
-    openings with thin stripes have the same share as few with thick ones.
-    """
+    openings with thin stripes have the same share as few closed openings with thick stripes."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -307,10 +303,10 @@ def drawable_families(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> Sequence[DrawableFamily]:
-    """Return the families of stripes; major stripes run along the primary stress, minor ones along the secondary.
+    """Return the families of stripes; major stripes run along the primary stress, minor stripes along the secondary.
 
     radius  : metres over which slopes are averaged, see `Widths.radius`.
-    grading : (n, f) relative half-widths for the rule `stressed`; without it those of `graded`.
+    grading : (n, f) relative half-widths for the rule `stressed`; by default those of the rule `graded`.
     even    : evenly spaced stripes; None for stripes on modes.
 
     Raises PatternError for a mode that was not computed.
@@ -376,7 +372,7 @@ def _even_families(
 
 
 def _solved_width_message(preset: Preset, widths: Widths, factor: float, share: float) -> str:
-    """Return a note on the widths for the requested share of material, and on the share if it was missed."""
+    """Return a note on the widths for the requested share of material, and on a share that was missed."""
     options = preset.pattern
     if widths.rule == "constant":
         became = f"members are {length(factor * widths.member)} wide"

@@ -48,10 +48,9 @@ class SolvedSheet:
     """The loadings of a preset, solved by one factorisation, then their combinations as sums.
 
     plane     : whether the sheet was solved in its plane, without bending.
-    made      : (N, N) stiffness, N/m, by the elements that solved it.
-    factor_of : makes the factor, and caches it if it is needed again.
-    answers   : equilibrium under each loading.    sigma : (m, 3, 3) Pa, of the middle surface, under each.
-    """
+    made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
+    factor_of : makes the factor, and caches it for repeated use.
+    answers   : equilibrium under each loading.    sigma : (m, 3, 3) Pa, of the middle surface, under each loading."""
 
     acting: Sequence[Loading]
     plane: bool
@@ -92,16 +91,15 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 
 MOST_VERTICES = 200_000
-"""Most vertices for which better elements replace hinges. Their factor takes 17 GB at 250,000 (hinges: 3.6 GB) and four
-times the time of the other stages: a design with a million vertices, which needs 16 GB, would never end.
-"""
+"""Most vertices for which better elements replace hinges.
+Their factor takes 17 GB at 250,000 vertices (hinges: 3.6 GB) and four times the time of the other stages. A design with
+a million vertices, which needs 16 GB, would never finish."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
     """Stress, energy, frequencies and buckling of a solved sheet, under each loading.
 
-    rough : stress and energy alone, by the elements that solved it.
-    """
+    rough : compute stress and energy alone, by the elements that solved the sheet."""
     sheet = preset.statics
     model, matrices = sheet.sheet().model_for(surface), dict(solved.made)
 
@@ -134,7 +132,8 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
 
 
 def _affordable_results(sheet: Statics, surface: Surface, log: Log) -> tuple[ResultRequest, tuple[str, ...]]:
-    """Return the results that a mesh of that size allows, and why modes are refused; note that stress is by hinges."""
+    """Return the results that a mesh of this size allows, and the reason if modes are refused; note that stress is
+    by hinges."""
     requested = sheet.analyses
     if surface.n <= MOST_VERTICES or requested.elements_for(sheet.elements) == sheet.elements:
         return requested, ()
@@ -245,7 +244,7 @@ def followed_layers(
 
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
-    """Return the share of strain energy that bending stores, 0 to 1, under the followed loads; 0 without any.
+    """Return the share of strain energy that bending stores, 0 to 1, under the followed loads; 0 without energy.
 
     `hinge` elements give a rough figure only (see `hinge_energy`).
     """
@@ -267,7 +266,8 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress under each loading. Hinge elements scatter too much: after them, solve the sheet again."""
+    """Return the stress under each loading; solve the sheet again after hinge elements, because they scatter too
+    much."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -296,19 +296,19 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
-"""Limits of a surface's size over its thickness; beyond them units are wrong, and the preset is refused."""
+"""Limits of a surface's size over its thickness; beyond them units are wrong, and the program refuses the preset."""
 
 USUAL_SLENDERNESS = (10.0, 5e3)
 """Usual range of the same ratio; a note reports values outside."""
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
-    """Refuse a ratio of size and thickness that no sheet has, and note an unusual one: units may be swapped."""
+    """Refuse an impossible ratio of size and thickness, and note an unusual ratio: units may be swapped."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
-        is_python_mesh = isinstance(preset.surface, MeshSurface)  # a mesh in Python has no key surface.unit
+        is_python_mesh = isinstance(preset.surface, MeshSurface)  # a Python mesh has no key surface.unit
         unit = (
             'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,'
             if is_python_mesh
@@ -355,14 +355,13 @@ def statics_step(
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
     """Return the statics without better elements, for a sketch.
 
-    None if there are no better elements to wait for, or if the stress to follow may depend on them.
-    """
+    None if the design needs no better elements, or if the stress to follow may depend on them."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None  # hinges give a rough share only
+        return None  # by hinges the share is only rough
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 

@@ -17,7 +17,8 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CLEAR_MOMENT = 1e-2
-"""Moments under this share of their natural size count as zero, and inertias this close as equal."""
+"""Moments under this share of their natural size count as zero; inertias that differ by a smaller share count as
+equal."""
 
 
 def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Sequence[Floats] = ()) -> Floats:
@@ -71,8 +72,8 @@ def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Fl
 
 
 def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
-    """Return the sign that turns an axis in a repeatable direction: by its third moment, or without a clear moment by
-    its first large coordinate."""
+    """Return the sign that turns an axis in a repeatable direction: by its third moment, else by its first large
+    coordinate."""
     if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
         return float(np.sign(third_moment))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
@@ -82,16 +83,17 @@ REPEATED = 1e-6
 """Eigenvalues that differ by less than this share are repeated."""
 
 VISIBLE = 1e-2
-"""Least share of a reference field in an eigenspace for it to fix a basis or a sign."""
+"""A reference field fixes a basis or a sign only if it has at least this share in an eigenspace."""
 
 SPARE = 2
-"""Pairs computed beyond those requested, so that a repeated last eigenvalue is mostly complete; else more follow."""
+"""Number of pairs computed beyond the requested pairs, so that a repeated last eigenvalue is mostly complete."""
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes of one diffusion operator, without the constant ones. lam : (k,) eigenvalues, per square metre, ascending.
-    X : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I."""
+    """Modes of one diffusion operator, without the constant modes.
+    lam : (k,) eigenvalues, per square metre, ascending. X : (n, k) values at the vertices, dimensionless:
+    X^T M X = (area / 4 pi) I."""
 
     lam: Floats
     X: Floats
@@ -101,7 +103,7 @@ class Modes:
         lock(self, "X", np.float64, (None, len(self.lam)))
 
     def mode(self, number: int) -> Floats:
-        """Return mode `number` (n,); 1 is the first that is not constant, as in the paper's figures.
+        """Return mode `number` (n,); mode 1 is the first that is not constant, as in the paper's figures.
         Raises PatternError for a number beyond the computed modes."""
         if not 1 <= number <= len(self.lam):
             raise PatternError(f"mode {number} does not exist; modes 1 to {len(self.lam)} were computed")
@@ -110,7 +112,6 @@ class Modes:
 
 @derived
 def _constant_modes(surface: Surface) -> int:
-    """Return the number of constant modes, one for each piece of the surface."""
     return pieces(surface.F, surface.edges)[0]
 
 
@@ -119,9 +120,9 @@ def diffusion_modes(
 ) -> Modes:
     """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
 
-    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. The scale is that of area 4 pi, so that frequencies mean the same
-    at any size: on the unit sphere modes are M-normalised. Signs and bases of repeated eigenvalues do not depend on the
-    solver (`_canonical`), and rotate with the surface if the axes do.
+    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi, so that frequencies
+    mean the same at any size: on the unit sphere modes are M-normalised. Signs and bases of repeated eigenvalues do not
+    depend on the solver (`_canonical`), and rotate with the surface if the axes do.
 
     axes     : (3, 3) rows, for signs and bases; by default those of the surface alone (`reference_axes`).
     symmetry : only modes that are equal at all of its images: more pairs are computed until k such modes exist.
@@ -137,8 +138,8 @@ def family_modes(
     axes: Floats | None = None,
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
-    """Return the modes of several operators (n, n) on one surface, each as by `diffusion_modes`, with the same axes (3,
-    3). Operators of one mesh have one pattern: one analysis serves all, and each costs one factorisation of values."""
+    """Return the modes of several operators (n, n) on one surface, as `diffusion_modes` does, with common axes (3, 3).
+    Operators of one mesh have one pattern: one analysis serves all, and each needs one factorisation of values."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None
@@ -186,11 +187,12 @@ def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """Factorise with PARDISO if installed: it takes half of SuperLU's time with one unknown per point. Both are faster
-    than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a surface."""
+    """Factorise with PARDISO if installed, which takes half of SuperLU's time with one unknown per point.
+    Both are faster than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a
+    surface."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
-    results = derived_results(surface)  # all operators of a surface have one pattern, and so one order of elimination
+    results = derived_results(surface)  # one order of elimination serves all operators of a surface
     solve = SuperLU(A, surface.V, np.arange(surface.n), order=results.get(SuperLU), definite=True)
     results[SuperLU] = solve.order
     return solve
@@ -198,10 +200,10 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
     """Return the smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b.
-    Four vectors for each pair give few restarts: 33 solves for five simple modes, 52 for pairs. Tolerance 0, because
-    copies of a repeated eigenvalue grow from rounding."""
+    Four vectors for each pair give few restarts: 33 solves for five simple modes, 52 for pairs. The tolerance is 0,
+    because copies of a repeated eigenvalue grow from rounding."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
-    start = 1 + 0.5 * np.sin(np.arange(n))  # fixed: the same surface gives the same modes
+    start = 1 + 0.5 * np.sin(np.arange(n))  # a fixed start gives repeatable modes
     try:
         with one_blas_thread():
             vectors = min(n, max(20, 4 * count))
@@ -217,9 +219,9 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Flo
 
     Symmetric surfaces repeat eigenvalues, and any rotation within such a space solves the equations. In each space the
     reference fields (x, y, z along the axes, then their products) are projected in turn and orthonormalised: the first
-    vector is the part of the space most like x, and so on. The sign of a single mode follows from its own third moment
-    if that is clear (it needs no axes), else from these fields.
-    """
+    vector is the part of the space most like x, and so on. The sign of a single mode follows from its third moment if
+    that
+    is clear, because the moment needs no axes; else from these fields."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0
@@ -249,7 +251,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """Return an M-orthonormal basis of `space` (n, c): reference fields minus their parts along earlier ones."""
+    """Return an M-orthonormal basis of `space` (n, c): reference fields minus their parts along earlier vectors."""
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

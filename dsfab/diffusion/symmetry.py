@@ -32,10 +32,10 @@ IMAGE_OFF_SURFACE = 0.25
 """Largest distance of images of vertices from the surface, as a share of the mean edge."""
 
 OFF_SUPPORT = 1.0
-"""Largest distance of images of held vertices from held ones, in mean edges: a region is picked to one edge."""
+"""Largest distance of images of held vertices from held vertices, in mean edges: a pick is accurate to one edge."""
 
 OFF_LOAD = (0.3, 0.02)
-"""Largest difference of loads from their images: smoothed over a few edges, newtons over newtons; and in resultants."""
+"""Largest difference of loads from their images, as shares of the load: of smoothed forces, then of resultants."""
 
 SAMPLE_POINTS = 100
 """Size of the sample of points that is checked before all points."""
@@ -47,8 +47,7 @@ class Symmetry:
 
     R     : (g, 3, 3) orthogonal, the first the identity.
     maps  : g sparse (n, n); maps[i] @ x reads a field x at the images R[i] V of the vertices.
-    faces : (g, m) the face that the image of each face's centroid lies on.
-    """
+    faces : (g, m) the face that contains the image of each face's centroid."""
 
     R: Floats
     maps: tuple[csr_array, ...]
@@ -84,11 +83,12 @@ class Symmetry:
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
         """Return the modes of X (n, k) that are equal at all images: eigenvalues, and M-orthonormal modes.
-        The means of the modes over the group span them: their singular values are 1 or 0 on a symmetric mesh. In that
-        space L is diagonalised again (Rayleigh and Ritz)."""
+        The means of the modes over the group span these modes: their singular values are 1 or 0 on a symmetric mesh.
+        In the
+        space of these modes L is diagonalised again (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
-        keep = share > 0.5**2  # squared singular values, near 0 or 1
+        keep = share > 0.5**2  # squared singular values are near 0 or 1
         B = Y @ (C[:, keep] / np.sqrt(share[keep]))
         lam, Q = np.linalg.eigh(B.T @ (L @ B))
         return lam, B @ Q
@@ -101,7 +101,7 @@ def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Sym
 
 
 def face_tree(surface: Surface) -> igl.AABB:
-    """Return the faces of a surface in a tree for fast searches of the nearest one."""
+    """Return the faces of a surface in a tree, for fast searches of the nearest face."""
     tree = igl.AABB()
     tree.init(surface.V, surface.F)
     return tree
@@ -112,7 +112,7 @@ def checked_symmetry(
 ) -> Symmetry:
     """Return the symmetry of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
     tree : `face_tree` of the surface, if it exists.
-    Raises PatternError, with `words` as their name, if the surface, its supports or one of the loads do not have it."""
+    Raises PatternError, with the name `words`, if the surface, its supports or one of the loads lack this symmetry."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // SAMPLE_POINTS, 1)]
@@ -157,7 +157,8 @@ def _generator(word: str) -> Floats:
 
 
 def symmetry_group(words: Sequence[str]) -> Floats:
-    """Return all products (g, 3, 3) of mirrors and rotations, the identity first. PatternError for other words."""
+    """Return all products (g, 3, 3) of mirrors and rotations, the identity first; raise PatternError for other
+    words."""
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
@@ -171,9 +172,11 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 
 def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
-    """Return the largest distance of points (p, 3) from the surface, and the interpolation (p, n) at the nearest ones.
-    Coordinates within a thousandth of a vertex are on it, because files round them: then fields of a symmetric mesh are
-    equal at all images to the last digit, and so are all decisions by them."""
+    """Return the largest distance of points (p, 3) from the surface, and the interpolation (p, n) at the nearest
+    points.
+    Points within a thousandth of a vertex count as the vertex, because files round coordinates. Then fields of a
+    symmetric
+    mesh are equal at all images to the last digit, and so are all decisions by these fields."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
@@ -186,7 +189,7 @@ def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float,
 
 
 def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: LoadCase, centre: Floats) -> None:
-    """Raise PatternError unless images of held vertices are held, along the same directions."""
+    """Raise PatternError unless the supports hold the images of held vertices, along the same directions."""
     kinds, kind = np.unique(load.fixed, axis=0, return_inverse=True)
     for R in symmetry.R[1:]:
         for i, holds in enumerate(kinds):
@@ -248,9 +251,9 @@ def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats
 
 
 TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
-"""Rotations about an axis that the search tries, as parts of a full one."""
+"""Rotations about an axis that the search tries, as fractions 1 / n of a full turn."""
 ROUND = (7, 5)
-"""A surface that is symmetric under both of these parts of a rotation counts as round."""
+"""A surface counts as round if it is symmetric under rotations by both of these fractions of a full turn."""
 LENIENT = 1.5
 """Factor on all tolerances in quick checks."""
 
@@ -260,9 +263,8 @@ def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) 
 
     axes : (3, 3) orthonormal rows that rotate with the surface, its supports and its loads.
 
-    A sample of points checks all candidates. The rest are checked everywhere together, and one by one only after a
-    fault.
-    """
+    A sample of points checks all candidates. The remaining candidates are checked at all points together, and after a
+    fault one by one."""
     glance = _QuickCheck(surface, tuple(loads))
     generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:
@@ -327,7 +329,8 @@ class _QuickCheck:
         return all(float(np.max(tree.query(P @ R.T)[0])) < reach for P, tree in self._held_points)
 
     def checked(self, group: Floats) -> Symmetry:
-        """Return the group after checks everywhere. Raises PatternError if the surface does not have it."""
+        """Return the group after checks at all points. Raises PatternError if the surface does not have this
+        symmetry."""
         return checked_symmetry(self.surface, group, self.loads, "found", self._tree)
 
 
@@ -350,8 +353,8 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the mirror, through one of the farthest points or across it, that suits the mesh best.
-    The surface is round, its mesh is not: this choice does not depend on the numbering. The best mirror maps vertices
-    best on vertices, by at least this number of outermost `samples`."""
+    The surface is round but its mesh is not, and this choice does not depend on the numbering. The best mirror maps
+    vertices best on vertices, judged by at least `samples` outermost points."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]
@@ -367,7 +370,7 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
 
 
 def _turn(axis: Floats, parts: int) -> Floats:
-    """Return the rotation (3, 3) by a part of a full one [Rodrigues 1840]."""
+    """Return the rotation (3, 3) by 1 / n of a full turn [Rodrigues 1840]."""
     angle = 2 * np.pi / parts
     x, y, z = axis
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

@@ -13,16 +13,14 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
-    """Return the root mean square of the layers' stress along two axes of least shear, (m, 3, 3) Pa, symmetric and
+    """Return the root mean square of the layers' stress along two axes of least shear: (m, 3, 3) Pa, symmetric and
     tangent.
 
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom, the side that normals point away from, Pa.
 
-    It rotates with the surface, scales with the stress and changes sign with it. Reversed normals change nothing but
-    its sign, and that only if the middle surface is unstressed. Faces without bending keep their membrane stress to the
-    bit.
-    """
+    It rotates with the surface, scales with the stress and changes sign with it. Reversed normals change only its sign,
+    and only if the middle surface is unstressed. Faces without bending keep their membrane stress exactly."""
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
     square = _deviator(flat) ** 2 + _deviator(bent) ** 2 / 3
@@ -51,7 +49,7 @@ def _deviator(planar: Floats) -> Floats:
 Labelling = Literal["signed", "magnitude"]
 
 ISOTROPY = 0.02
-"""Least relative difference of two principal stresses for a direction; with less a face is isotropic."""
+"""A face with a smaller relative difference of its principal stresses is isotropic: it has no direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +89,8 @@ def diffusion_tensors(
     gamma     : the paper's force magnitude: scales the stress before it is classified (statics are linear).
     labelling : `signed`, primary = algebraically larger (tension); `magnitude`, primary = larger absolute value (the
                 paper). On a sphere pressed at its pole, meridian compression and hoop tension have almost equal
-                magnitudes, so that rounding decides the labels of `magnitude`, and the structure falls apart. Of a
-                `combined_stress`, which is nowhere negative, both choose the larger value.
+                magnitudes, so that rounding decides the labels of `magnitude`, and the structure falls apart. For a
+                `combined_stress`, which is nowhere negative, both rules choose the larger value.
     isotropy  : tolerance of the classification, against a reference stress (RMS of the principal stresses over the
                 area, without gamma): `signed` gamma (s1 - s2) <= isotropy ref; `magnitude`
                 (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 + isotropy with eps = isotropy ref.
@@ -114,7 +112,7 @@ def diffusion_tensors(
 def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Sequence[float]) -> Floats:
     """Combine load cases to one tensor (m, 3, 3), Pa: the sum of weight |sigma|, |sigma| = sum |s_i| e_i e_i^T.
 
-    stresses : (m, 3, 3) each, Pa, tangent to the faces.     weights : one for each, 0 or more.
+    stresses : (m, 3, 3) each, Pa, tangent to the faces.     weights : 0 or more for each case.
 
     A direction counts by its stress in any case, tension or compression: cases of opposite sign (wind from two sides)
     add up, whereas a sum of the stresses would cancel. Cases are not normalised, so that a larger load counts more

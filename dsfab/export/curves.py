@@ -26,8 +26,7 @@ AT_ONCE = 5_000
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
 """Matrix that turns a cubic's values at thirds of a span into its coefficients of 1, x, x^2 and x^3, with x from 0
-to 1.
-"""
+to 1."""
 
 Refined = tuple[Floats, Floats, int, float]
 """Knots, poles, degree, and the largest distance from the polyline."""
@@ -128,8 +127,6 @@ def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
 
 
 class _SplineSystem:
-    """Cubic splines along several lines, with given span ends, solved in one system."""
-
     def __init__(self, runs: list[SampledLine], breaks: list[Floats]) -> None:
         self.runs, self.breaks = runs, breaks
         self.knots = np.concatenate(
@@ -189,10 +186,8 @@ class _SplineSystem:
 
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
         """Add the shared tangent d of each smooth line.
-
         This tangent couples the first and the last poles, which lie outside of the band of the matrix. So the system is
-        solved without the tangent first, and then for the tangent alone.
-        """
+        solved without the tangent first, and then for the tangent alone."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -233,8 +228,7 @@ SHARP = np.deg2rad(30.0)
 SPANS = 4
 """Largest number of spans of one edge of a plane face. CAD programs integrate volumes with a few points on each edge,
 however many spans the edge has. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %. With 4
-spans the volume changes by 6e-5.
-"""
+spans the volume changes by 6e-5."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,8 +251,7 @@ def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve]
 
     corner : (k,) vertices between two curves; the function adds sharp turns. A loop with at most one corner has one
              smooth curve, which is split in two.
-    Returns None if a spline misses the tolerance.
-    """
+    Returns None if a spline misses the tolerance."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
         ends = [*corners.tolist(), int(corners[0]) + len(loop)]
@@ -360,8 +353,7 @@ CLOSEST = 1e-3
 
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
 """Limits of the samples of a spline. A spline with more samples has more poles than the polyline has points, and takes
-long to fit.
-"""
+long to fit."""
 
 
 REMEMBERED = 4096
@@ -486,8 +478,7 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
 
 def check_length(part: Part, length_read: float) -> float:
     """Return the relative error of a length (mm) against the total length of the part's lines; ExportError if too
-    large.
-    """
+    large."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(

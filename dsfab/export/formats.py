@@ -44,8 +44,7 @@ class Format:
     encode  : returns the bytes.
     check   : reads the file back; raises ExportError if the content differs.
     prepare : returns the part, rounded as the format rounds.
-    ready   : raises ExportError if a library of the format is not installed.
-    """
+    ready   : raises ExportError if a library of the format is not installed."""
 
     encode: Callable[[Part], Iterator[bytes]]
     check: Callable[[Part, Path], ReadBack]
@@ -259,7 +258,6 @@ def holds_sheets(form: Format) -> bool:
 
 
 def _require_content(form: Format, part: Part, suffix: str) -> None:
-    """Raise ExportError if a part lacks the content of a format."""
     details = part.details
     if isinstance(form, SheetFormat) and form.content == "lines" and not details.lines:
         raise ExportError(f"a {suffix} file holds lines and {part.name!r} comes with none; give write() details")
@@ -272,7 +270,6 @@ def _require_content(form: Format, part: Part, suffix: str) -> None:
 
 
 def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: Path) -> tuple[str, ReadBack]:
-    """Write and check the alternatives until one passes; return the format's sentence and the content read back."""
     if not isinstance(form, MeshFormat):
         write_chunks(temporary, form.encode(part))
         readback = form.check(part, temporary)
@@ -295,8 +292,7 @@ def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: P
 
 def suffix_of(path: Path) -> str:
     """Return the suffix in lower case: two words if both name the format (`.lines.step`), and `members.json` for
-    that name.
-    """
+    that name."""
     double = "".join(path.suffixes[-2:]).lower()
     file_name = f".{path.name}".lower() if path.suffix else ""
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())
@@ -304,8 +300,7 @@ def suffix_of(path: Path) -> str:
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
     """Return the format of a suffix in any case; raises ExportError for an unknown suffix and names the most similar
-    one.
-    """
+    one."""
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]

@@ -316,8 +316,7 @@ def in_single_precision(part: Part) -> Part:
 def open_edges(F: Ints) -> int:
     """Return the number of edges of F (m, 3) whose two directions do not occur equally often.
 
-    The number is 0 for a closed, oriented mesh.
-    """
+    The number is 0 for a closed, oriented mesh."""
     a, b = half_edges(F)
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
     forward, backward = (np.sort(keys[mask]) for mask in (a < b, a > b))

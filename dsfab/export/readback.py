@@ -1,6 +1,5 @@
 """Comparison of a written file with its part: a second reader returns the mesh, the lines or the members of the
-file.
-"""
+file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -13,8 +13,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock
 @dataclass(frozen=True, eq=False)
 class Spline:
     """A clamped B-spline: ascending knots (p + degree + 1,), poles (p, d), degree 1, 2 or 3. A straight line has two
-    poles.
-    """
+    poles."""
 
     knots: Floats
     poles: Floats
@@ -45,16 +44,14 @@ def bernstein(x: Floats) -> Floats:
 
 def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
     """Return the number of the first of the four nonzero cubic basis functions at each x (k,), and their values (k,
-    4).
-    """
+    4)."""
     first_hats, values, _ = hats(x, knots)
     return first_hats, values
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
     """Return the first of the four nonzero cubic basis functions at each x (k,), their values and their slopes (k,
-    4).
-    """
+    4)."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -68,8 +65,7 @@ def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
     """Return (4, k) values of the cubic basis functions at x (k,) in spans from knots[span], and (3, k) shares [de Boor
     1978].
 
-    Basis function r of a degree combines the functions r and r - 1 of the degree below; the shares are the factors.
-    """
+    Basis function r of a degree combines the functions r and r - 1 of the degree below; the shares are the factors."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -138,7 +134,6 @@ class LeastSquares:
 
 
 def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints, n: int) -> Floats:
-    """(4, n) banded normal equations; rows of fixed poles are the identity."""
     band = np.zeros((4, n))
     for i in range(4):
         for j in range(i, 4):

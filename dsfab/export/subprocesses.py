@@ -26,8 +26,6 @@ class ProgramError(RuntimeError):
 
 
 class _Work:
-    """Work that is done once while a program runs."""
-
     def __init__(self, work: Callable[[], None]) -> None:
         self._work, self._done = work, False
         self._error: Exception | None = None

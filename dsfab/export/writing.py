@@ -112,7 +112,6 @@ def _host() -> str:
 
 
 def _alive(pid: int, began: int) -> bool:
-    """Return True if the process exists, or if the system cannot tell."""
     if os.name == "nt":  # on Windows a signal would end the process
         return True
     try:
@@ -188,7 +187,6 @@ def _refusal(path: Path, error: OSError) -> ExportError:
 
 
 def _try_file(target: Path, temporary: Path) -> None:
-    """Raise OSError if no file, or none of that name, can be created."""
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     with open(temporary, "xb"):
@@ -225,8 +223,7 @@ def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Pa
 
     outdated : function that selects old files to remove. The default selects the files of the old manifest if there is
                a new one.
-    Raises ExportError if the folder cannot be written.
-    """
+    Raises ExportError if the folder cannot be written."""
     target = Path(os.path.realpath(folder))  # a link remains, its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
     try:
@@ -253,8 +250,7 @@ def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Pa
                 parent.rmdir()
 
 
-class _TriedError(Exception):
-    """Exception that ends a trial, so that the folder does not change."""
+class _TriedError(Exception): ...
 
 
 def require_writable(folder: Path) -> None:
@@ -316,7 +312,6 @@ def _put_in_place(partial: Path, target: Path, outdated: Outdated) -> None:
 
 
 def _follow_journal(partial: Path, target: Path) -> None:
-    """Do the remaining moves and removals that a journal lists."""
     journal = json.loads((partial / JOURNAL).read_bytes())
     for name in journal["move"]:
         with suppress(FileNotFoundError):  # an earlier run moved the file
@@ -340,9 +335,6 @@ def _exchangeable(target: Path) -> bool:
 
 
 def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
-    """Exchange the folders in one step, with the user's own files in both; return False if the system cannot do
-    this.
-    """
     fresh = {path.name for path in partial.iterdir()}
     old_names = {path.name for path in target.iterdir()}
     user_names = old_names - fresh - outdated

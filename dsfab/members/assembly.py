@@ -18,15 +18,16 @@ from dsfab.surface import Surface
 TIE = 1e-3
 """Positions along the structure are equal if they differ by less than this share of its size."""
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if their centroids spread in a second direction by more than ROUND times the first, and none is
-nearer to the middle than HOLLOW times the farthest."""
+"""Members form a ring if their centroids spread by more than ROUND times the first direction in a second direction.
+The nearest to the middle must also be farther than HOLLOW times the farthest."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
-    """(k,) order for naming members with centroids (k, 3) and lengths (k,), metres, on a structure of a size.
+    """Return the order (k,) for naming members with centroids (k, 3) and lengths (k,), metres, on a structure of a
+    size.
 
     A ring is ordered counter-clockwise from the x axis, seen from above. Other members follow the direction of their
-    largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the one
+    largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the member
     with the smaller x, y, z.
     """
     if len(places) < 2:
@@ -69,8 +70,8 @@ KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
 
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
-    """Return names, part numbers and components in the order of their names: "A01", "A02a", "A02b", ..., "B01", "rim
-    1". surface : its cells are those of the components."""
+    """Return names, part numbers and components, sorted by names: "A01", "A02a", "A02b", ..., "B01", "rim 1".
+    surface : its cells are those of the components."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
         groups = _groups(same_kind) if len(letter) == 1 else [[c] for c in same_kind]
@@ -130,7 +131,7 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 def spherical_normals(surface: Surface) -> Floats:
     """(n, 3) unit normals at the vertices, exact on a sphere [Max 1999].
     Each face counts by the cross product of its two edges over their squared lengths. Area-weighted normals have an
-    error of first order where edges differ in length, and so have the twists of members."""
+    error of first order where edges differ in length, and members would twist by this error."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

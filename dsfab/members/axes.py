@@ -24,8 +24,9 @@ SPECK = 1.0
 
 @dataclass(frozen=True, eq=False)
 class MiddleLine:
-    """A polyline on a surface. points : (k, 3) metres; a closed line repeats its first point. normals : (k, 3) unit
-    normals there. cells : (k - 1,) cell of each segment."""
+    """A polyline on a surface.
+    points : (k, 3) metres; a closed line repeats its first point. normals : (k, 3) unit normals at the points.
+    cells : (k - 1,) cell of each segment."""
 
     points: Floats
     normals: Floats
@@ -73,8 +74,8 @@ class MiddleLine:
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the lines along which an offset (m, 3) of field k at the corners of cells is 0, by stripe, the longest
-    first.
+    """Return the lines of each stripe, the longest first, on which an offset (m, 3) of field k at corners of cells is
+    0.
 
     normals : (n, 3) unit normals at the vertices of the overlay.
     An offset is never exactly 0. Its signs at an edge agree in both cells, or all are opposite.
@@ -167,8 +168,8 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
-    """Angles (radians) between the steps (k - 1, 3) of a line in the planes across its normals (k, 3): (k - 2,) at the
-    inner points, or (k - 1,) for a closed line."""
+    """Angles (radians) between the steps (k - 1, 3) of a line in the planes across its normals (k, 3).
+    The result is (k - 2,) at the inner points, or (k - 1,) for a closed line."""
     a, b = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
     a, b = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (a, b))
@@ -206,8 +207,7 @@ class MemberAxis:
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
     kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
     closed  : True if the last station equals the first.
-    traced  : (k,) length of the line on the mesh up to there.    strayed : largest distance between axis and line.
-    """
+    traced  : (k,) length of the mesh line up to each station.    strayed : largest distance between axis and line."""
 
     s: Floats
     P: Floats
@@ -249,7 +249,7 @@ class MemberAxis:
 def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
     """Fit an axis to the middle line of a member of a width (m), on a mesh with a mean edge (m)."""
     step = max(KNOTS * width, COARSE * edge)
-    # on meshes finer than the member is wide the tolerance shrinks, as the mesh's own error does with edge^2
+    # on fine meshes the tolerance shrinks with edge^2, because the error of the mesh does too
     axis, tolerance = _axis_with_knots(line, step), 0.05 * edge * edge / max(edge, width)
     while axis.strayed > tolerance and step >= 2 * edge:
         step /= 2
@@ -281,7 +281,7 @@ def _axis_with_knots(line: MiddleLine, step: float) -> MemberAxis:
 
 def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpline:
     """Penalised spline through values y (q, d) at x (q,), 0 to spans x step, with knots a step apart."""
-    degree, penalty = 3, 1e-3  # weight of the third differences of the coefficients
+    degree, penalty = 3, 1e-3  # the penalty weighs third differences
     t = step * np.arange(-degree, spans + degree + 1)
     design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, degree))
     count = design.shape[1]

@@ -18,7 +18,7 @@ Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 FAMILIES = {"major": "A", "minor": "B"}
 """Letters of the families of stripes."""
 NOWHERE = 10.0
-"""Offset of the middle line of a region without a middle line: larger than any of its values."""
+"""Offset in a region without a middle line: larger than any real offset."""
 
 
 class NamedBand(NamedTuple):
@@ -52,7 +52,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
     if field.ndim == 2:
         return DrawnBand(name, sheet.carry(field), levels)
     which, d = list(FAMILIES).index(name), pattern.half_widths[k]
-    if (d >= 0.5).all():  # stripes touch: the sheet has no members
+    if (d >= 0.5).all():  # if stripes touch, the sheet has no members
         return DrawnBand(name, np.tile([1.0, -1.0], (sheet.surface.n, 1)), np.zeros(1), NOWHERE)
     z = pattern.frequency[which] * field + pattern.phase[which]
     whole_numbers = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
@@ -60,8 +60,8 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """The band of kept material from values at the vertices, and its shape: within "reach" of a place (n,), a "plate"
-    (n,), or a "band" along an outline (n, 2)."""
+    """The band of kept material from values at the vertices, and its shape.
+    The shape is "reach" around a place (n,), a "plate" (n,), or a "band" along an outline (n, 2)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # column 0 is positive in the region, column 1 is minus the width at its outline
         width = -float(x[:, 1].min())
@@ -76,7 +76,7 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
 DISC = 0.4
 """Kept material with more than this share of the area of a circle of equal outline is a disc."""
 HIDDEN, COVERED = 0.05, 0.3
-"""A strip (HIDDEN) or kept material (COVERED) that is on top in less than this share of its cells is no member."""
+"""A strip (HIDDEN) or kept material (COVERED) is not a member if it is on top in less than this share of its cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Component:
 
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : of the pattern, or "".
     stripe : number of its stripe for most of its cells; 0 without a stripe.
-    cells  : (c,) of the overlay, ascending.    core : (c,) cells that define its width; fillets do not.
+    cells  : (c,) of the overlay, ascending.    core : (c,) cells that define its width, without fillets.
     line   : along its middle, or None.         field : of the pattern; -1 for none.
     group  : connected stripe that it is a part of, a number of the overlay; -1 for none.
     """
@@ -113,7 +113,8 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return the components of all stripes; cells at crossings are in several, cells of slivers may be in none.
+    """Return the components of all stripes; a cell at a crossing is in several components, a cell of a sliver may be
+    in none.
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
@@ -132,8 +133,8 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """The middle lines of the stripes of a field. Where the middle is outside of the sheet, as for half a stripe along
-    its edge, the line runs at the mean offset."""
+    """The middle lines of the stripes of a field.
+    If the middle is outside of the sheet, as for half a stripe along its edge, the line runs at the mean offset."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -242,8 +243,9 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 
 class CellsByStripes(NamedTuple):
-    """Cells labelled by their stripes. sheet : m cells, divided along hidden edges too. label : (m,) equal for cells of
-    the same stripes. loose : (m,) cells outside of all stripes."""
+    """Cells labelled by their stripes.
+    sheet : m cells, divided along hidden edges too. label : (m,) equal for cells of the same stripes.
+    loose : (m,) cells outside of all stripes."""
 
     sheet: Sheet
     label: Ints
@@ -265,8 +267,8 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 
 def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
-    """Give connected loose cells the label of their neighbours, if the neighbours have a single label. Fairing of walls
-    leaves such cells."""
+    """Give connected loose cells the label of their neighbours, if the neighbours have a single label.
+    Fairing of walls leaves such cells."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

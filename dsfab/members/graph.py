@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 EXACT = 2.0**-30
-"""Smaller offsets (periods or metres) count as this much, with the sign at the edge's first end, so that a crossing on
-an edge is in exactly one of its two cells."""
+"""Smaller offsets (periods or metres) count as this much, with the sign at the edge's first end.
+Then a crossing on an edge is in exactly one of its two cells."""
 
 
 class SharedPatch(NamedTuple):
-    """Connected cells (c,) that members a, b share; points (k, 3) at which their middle lines cross there, metres, and
-    the cell of each (k,)."""
+    """Connected cells (c,) that members a, b share.
+    points : (k, 3) at which the members' middle lines cross in these cells, metres, and (k,) the cell of each."""
 
     a: int
     b: int
@@ -34,7 +34,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) that fields `one` and `two` share, the members a, b (c,) there, and the patch (c,) of each."""
+    """Cells (c,) that fields `one` and `two` share, the members a, b (c,) of each cell, and its patch (c,)."""
 
     one: int
     two: int
@@ -108,8 +108,8 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
-    """(q, 2) corners at the ends of two sides (q, 2) of cells F (q, 3), the lower vertex number first, and (q, 2)
-    shares between them at which offsets (q, 3) are 0; equal from both cells at an edge."""
+    """Ends of two sides (q, 2) of cells F (q, 3) by corners (q, 2), the lower vertex number first, and shares (q, 2).
+    At these shares between the ends offsets (q, 3) are 0; both cells at an edge give equal shares."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -131,8 +131,8 @@ class Member:
              kept places; plate and fill without an axis.
     family : of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
     stripe : number in the phase of the family, for most of its cells.    part : 1, 2, ... of one stripe.
-    cells  : (c,) of the graph's sheet, those below other members included.
-    area   : of these, square metres.
+    cells  : (c,) of the graph's sheet, including cells below other members.
+    area   : of these cells, square metres.
     axis   : along its middle, or None.
     sides  : (k, 2) widths (m) to the left and right of each station of the axis; (0, 2) without an axis.
     ends   : name of a node, "edge" of the surface, or "free", at its begin and end; empty if closed.
@@ -155,7 +155,7 @@ class Member:
 
     @property
     def length(self) -> float:
-        """Length of its axis, metres; 0 without."""
+        """Length of its axis, metres; 0 without an axis."""
         return self.axis.length if self.axis else 0.0
 
     @property
@@ -175,7 +175,7 @@ class Node:
 
     kind    : crossing, both continue; branch, one ends; end, both end; grazing, they share material but their middles
               do not meet.
-    members : their names.    at : (2,) arc length along the axis of each, metres; NaN without an axis.
+    members : their names.    at : (2,) arc length along the axis of each member, metres; NaN without an axis.
     angle   : between them, degrees, 0 to 90; NaN if a member has no axis.
     point   : (3,) metres, and normal : (3,) of the surface there.    area : of the overlap, square metres.
     """
@@ -196,8 +196,10 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
-    """Members and nodes of a design. sheet : the kept sheet, its cells divided along the edges of hidden members too.
-    Every cell is in at least one member. source : (m,) cell of the design's sheet that contains each cell."""
+    """Members and nodes of a design.
+    sheet : the kept sheet, its cells divided along the edges of hidden members too. Every cell is in at least one
+            member.
+    source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
     source: Ints
@@ -214,7 +216,7 @@ class MemberGraph:
 
     @cached_property
     def nodes_along(self) -> dict[str, tuple[Node, ...]]:
-        """Nodes of each member along its axis, by the member's name, without grazing ones."""
+        """Nodes of each member along its axis, by the member's name, without grazing nodes."""
         nodes: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in self.members}
         for node in self.nodes:
             if node.kind != "grazing":
@@ -224,15 +226,15 @@ class MemberGraph:
 
     @cached_property
     def owner(self) -> Ints:
-        """(m,) number of the member that each cell is counted with: the widest of its members, then the first. The
-        areas of all members add up to that of the sheet."""
+        """(m,) number of the member that counts each cell: the widest of its members, then the first.
+        So the areas of all members add up to that of the sheet."""
         numbers = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
             numbers[self.members[k].cells] = k
         return numbers
 
     def bays(self, name: str) -> Floats:
-        """Return arc lengths (b,) from node to node along a member (m); a closed one ends at its first node."""
+        """Return arc lengths (b,) from node to node along a member (m); a closed member ends at its first node."""
         axis, nodes = self.by_id[name].axis, self.nodes_along[name]
         if axis is None or not nodes:
             return np.empty(0)
@@ -241,7 +243,9 @@ class MemberGraph:
 
     def to_compas(self) -> "compas.datastructures.Graph":
         """Return nodes with x, y, z, metres, and an edge for each bay with its `member` and its `length` along the
-        axis. Raises SurfaceError if compas is not installed."""
+        axis.
+
+        Raises SurfaceError if compas is not installed."""
         return _compas_graph(self)
 
     @cached_property
@@ -267,7 +271,6 @@ class MemberGraph:
 
 
 def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
-    """A graph has one edge between two nodes: that of the shortest bay."""
     require_compas()
     from compas.datastructures import Graph
 
@@ -291,7 +294,7 @@ def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
 
 
 ENDS = 1.0
-"""A member ends at a node if its length beyond the node is less than this share of the other member's width."""
+"""A member ends at a node if its length beyond the node is less than this share of the crossing member's width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,8 +330,8 @@ class Joints:
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """(k, 3) end of a line inside of the material shared with another member, and (k,) its cell: there the members
-        meet, as two edges of a surface do at its corner."""
+        """Ends (k, 3) of lines inside of the material shared with another member, and the cell (k,) of each end.
+        At such an end the members meet, as two edges of a surface do at its corner."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:

@@ -22,7 +22,7 @@ def owners(overlay: Overlay, components: list[Component]) -> Ints:
 
 
 def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return the components with all loose cells; together they have every cell."""
+    """Return the components extended by all loose cells, so that together they have every cell."""
     surface, member = overlay.sheet.surface, owners(overlay, components)
     loose = np.asarray((member < 0).all(axis=1))
     if not loose.any():
@@ -81,12 +81,13 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 
 FOLLOWS, INTO = 3.0, 1.5
-"""A line follows kept material if it runs inside of it over more than FOLLOWS widths of that; a crossing at 20 degrees
-takes 2.9. It ends INTO widths after it enters, beyond the middle, so that both meet."""
+"""A line follows kept material if it runs inside over more than FOLLOWS widths of the material.
+A crossing at 20 degrees takes 2.9. A line that follows ends INTO widths after its entry, beyond the middle, so that
+both meet."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return the components. Where a strip runs along another component, that component takes over the cells."""
+    """Return the components; where a strip runs along another component, that component takes over the cells."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)

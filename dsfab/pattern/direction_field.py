@@ -15,7 +15,7 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Stripes run along the boundary if the cosine between it and their gradient is less: within 17 degrees."""
+"""Stripes run along the boundary if the cosine between the boundary and their gradient is less: within 17 degrees."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
@@ -39,9 +39,10 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
-    """Return vertices (n,) where the other family continues in the direction along (n, 3), a unit tangent up to sign.
-    In a region the direction rotates by less than 45 degrees from vertex to vertex. The largest region keeps its name,
-    and its neighbours change theirs. A curve that ends inside the surface bounds no region."""
+    """Return vertices (n,) where the second family continues in the direction along (n, 3), a unit tangent up to sign.
+    In a region the direction rotates by less than 45 degrees from vertex to vertex. The families keep their names in
+    the
+    largest region, and exchange them in its neighbours. A curve that ends inside the surface bounds no region."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -58,9 +59,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(
-            np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1))
-        )  # a millionth of the surface decides nothing
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # so small an area must not decide
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():
@@ -123,7 +122,7 @@ def _path_ends(surface: Surface, singular: Bools) -> Ints:
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
-    half_edge = edges.order[edges.start[:-1][edges.boundary]]  # half-edges
+    half_edge = edges.order[edges.start[:-1][edges.boundary]]
     name[half_edge // 3] = 1 + loop[edges.ends[edges.boundary, 0]]
     name[singular] = 1 + count + np.arange(singular.sum())
     return np.unique(np.append(name, 0), return_inverse=True)[1][:-1].astype(np.int64)
@@ -157,13 +156,14 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
 
 
 FLOOR = 1e-6
-"""Least weight of the stress, which keeps the field unique on an unstressed surface."""
+"""Least weight of the stress, so that the field is unique on an unstressed surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class StressDirections:
-    """Stresses that the field follows, on the faces. stress : (m, 2) principal stresses, any unit; major stripes run
-    along the first. direction : (m, 2, 3) their unit directions."""
+    """Stresses that the field follows, on the faces.
+    stress : (m, 2) principal stresses, any unit; major stripes run along the first. direction : (m, 2, 3) their unit
+    directions."""
 
     stress: Floats
     direction: Floats
@@ -201,16 +201,16 @@ def cross_field(
     for guide in guidance:
         right += surface.vertex_areas * guide.square
         weight += surface.vertex_areas * guide.weight
-    weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
+    weight[weight == 0] = FLOOR * surface.mean_edge**2  # these vertices have no face
     x = frames.twisted_factors.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
-    # a smaller number is rounding, as at the pole of a symmetric mesh: an edge is a direction that follows the surface
+    # a smaller number is rounding, as at the pole of a symmetric mesh: there an edge of the mesh gives the direction
     angle = np.where(size > 1e-6 * size.max(), np.angle(x) / 2, _first_edge_angles(frames))
     return frames.direction(angle)
 
 
 def _first_edge_angles(frames: Frames) -> Floats:
-    """Return the angle (n,) of the edge from each vertex to its lowest neighbour; 0 without any."""
+    """Return the angle (n,) of the edge from each vertex to its lowest neighbour; 0 without neighbours."""
     ends = np.concatenate([frames.ends, frames.ends[:, ::-1]])
     ends = ends[np.lexsort((ends[:, 1], ends[:, 0]))]
     vertices, begins = np.unique(ends[:, 0], return_index=True)

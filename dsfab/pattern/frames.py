@@ -14,8 +14,8 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Most vertices at reversed edges that are eliminated separately: each costs one solve for every factor. At 10,000
-points, twice as many take as long as the real matrix of twice the size."""
+"""Most vertices at reversed edges that are eliminated separately, because each costs one solve for every factor.
+At 10,000 points, twice as many take as long as the real matrix of twice the size."""
 
 Solve = Callable[[Complexes], Complexes]
 
@@ -42,7 +42,8 @@ class TwistedFactors:
         return _corrected_solver(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
-        """Return the same for a matrix with coupling (e,) from each edge's second end to the first, diagonal (n,)."""
+        """Return the solver for a matrix with coupling (e,) from each edge's second end to the first, and diagonal
+        (n,)."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
         )
@@ -103,7 +104,7 @@ def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
 
     def solve_corrected(b: Complexes) -> Complexes:
         x = solve(b)
-        with one_blas_thread():  # a few columns: two threads took a hundred times as long on a busy machine
+        with one_blas_thread():  # with few columns two threads took a hundred times as long
             real, imaginary = np.split(inverse @ np.concatenate([x[across].real, x[across].imag]), 2)
             return np.asarray(x + Z @ (real - 1j * imaginary))
 
@@ -137,7 +138,7 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """Angle r (e,): a direction at angle a in the second end's frame is at angle a + r in the first's."""
+        """Angle r (e,): a direction at angle a in the second end's frame is at angle a + r in the first end's frame."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]
@@ -146,8 +147,10 @@ class Frames:
         return np.arctan2(dots(y, self.t2[i]), dots(y, self.t1[i]))
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
-        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point the same way, -1 if one is reversed.
-        If they are perpendicular, the surface's sense of rotation decides: rounding would depend on the coordinates."""
+        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point the same way, -1 if one of them is
+        reversed.
+        If they are perpendicular, the surface's sense of rotation decides, because rounding would depend on the
+        coordinates."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 
@@ -178,7 +181,7 @@ def corner_sums(surface: Surface, x: Floats) -> Floats:
 def _cotangents(surface: Surface) -> Floats:
     g = hat_gradients(surface)
     after, before = np.roll(g, -1, axis=1), np.roll(g, -2, axis=1)
-    opposite = -np.einsum("mci,mci->mc", after, before) * surface.areas[:, None]  # of the edge from corner c + 1
+    opposite = -np.einsum("mci,mci->mc", after, before) * surface.areas[:, None]  # edge from corner c + 1
     per_edge = np.bincount(np.roll(surface.edges.of, -1, axis=1).ravel(), opposite.ravel(), len(surface.edges.ends))
     # negative weights of obtuse triangles would reverse phases
     return np.asarray(np.maximum(per_edge, 0.05 * np.median(per_edge)))

@@ -18,7 +18,7 @@ from dsfab.surface.mesh import Surface
 
 
 class GuideError(PatternError, ValueError):
-    """A guide that contradicts itself; as a ValueError, pydantic reports it with its key."""
+    """A guide that contradicts itself; the error is a ValueError, so that pydantic reports it with its key."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Guide:
                 the smaller spacing of the stripes.
     at        : the region, instead of a curve.    direction : of the stripes in it; its tangential part counts.
     weight    : 1 counts as much as clear stress; 0 not at all; 100 and more overrules stress.
-    family    : whose stripes run along it; those of the other family run across.
+    family    : the family whose stripes run along the guide; stripes of the second family run across it.
     member    : whether a member runs on the curve itself, whatever the weight.
     Raises GuideError unless there is either a curve or a region, for either without a direction, and for a member in a
     region.
@@ -61,15 +61,15 @@ class Guide:
 
     @property
     def pull(self) -> float:
-        """The weight; that of a member is at least 100."""
+        """The weight of the guide; at least 100 for a member."""
         return max(self.weight, 100.0) if self.member else self.weight
 
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
     """The term of a guide in the minimisation of a cross field z: weight |z^2 - square / weight|^2.
-    weight : (n,) at the vertices.    square : (n,) complex, in their frames: weight times the square of the direction
-    of the major stripes."""
+    weight : (n,) at the vertices.    square : (n,) complex, in the vertices' frames: weight times the square of the
+    direction of the major stripes."""
 
     weight: Floats
     square: Complexes
@@ -84,7 +84,7 @@ class Guidance:
 
     def tensors(self, frames: Frames) -> Floats:
         """Return symmetric tensors (n, 3, 3) in space, of trace 0, to compare vertices that lie apart.
-        Their size is 1 for a guide that overrules stress: twice the weight then changes the field little."""
+        Their size is 1 for a guide that overrules stress: doubling the weight then changes the field little."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
@@ -121,7 +121,7 @@ def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> C
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
     square, nearest = np.zeros(surface.n, dtype=np.complex128), np.inf
-    chunk = max(1_000_000 // len(step), 1)  # bounds the memory
+    chunk = max(1_000_000 // len(step), 1)  # chunks bound the memory
     for start_row in range(0, surface.n, chunk):
         rows = np.arange(start_row, min(start_row + chunk, surface.n))
         distances = distances_from_segments(surface.V[rows, None], start, start + step)
@@ -155,7 +155,7 @@ ON_EDGE = 1e-9
 @dataclass(frozen=True, eq=False)
 class GuideLine:
     """Points (k, 3) of a curve on a surface, metres, in order, and their faces (k,).
-    number : of the guide.    family : that gets the member."""
+    number : of the guide.    family : the family that gets the member."""
 
     number: int
     family: str
@@ -181,7 +181,8 @@ class GuideLine:
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
         """Return vertices (v,) of faces that the curve passes, and target phases (v,) there, in periods, -1/2 to 1/2.
-        g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre."""
+        g : (n, 3) unit direction of the phase's gradient at the vertices, up to sign.    density : (n,) periods per
+            metre."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
         begin = np.arange(len(self.points) - 1)
@@ -219,13 +220,13 @@ def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density:
 
 def _points_on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
     """Return points (k, 3) along a polyline, moved onto the surface, and their faces."""
-    step = surface.mean_edge / 8  # fine enough to miss few faces, at corners only
+    step = surface.mean_edge / 8  # such steps miss few faces, at corners only
     points = [curve[:1]]
     for begin, end in pairwise(curve):
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)
         points.append(begin + np.linspace(0, 1, count + 1)[1:, None] * (end - begin))
     projection = nearest_places(np.concatenate(points), surface.V, surface.F)
-    edge = np.zeros((surface.m, 3), dtype=bool)  # by the corner that is across from it
+    edge = np.zeros((surface.m, 3), dtype=bool)  # column c: opposite corner c
     edge[:, [2, 0, 1]] = surface.edges.boundary[surface.edges.of]
     beyond = (
         (_barycentric(surface.V[surface.F[projection.simplex]], projection.place) < ON_EDGE) & edge[projection.simplex]

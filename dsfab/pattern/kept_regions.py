@@ -17,23 +17,27 @@ EVEN = 0.01
 
 
 SNAP = 0.05
-"""The usual `slicing.snap`: a cut moves vertices onto the edge of a region if they are nearer than this share of the
-growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are halved."""
+"""The usual `slicing.snap`: a cut moves vertices onto the edge of a region if they are nearer than this share.
+It is a share of the growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are
+halved."""
 
 SHORT = 1 / 16
-"""Shorter edges, as a share of the reach, are not halved: two parts of the boundary are equally near there."""
+"""Shorter edges, as a share of the reach, are not halved, because they are equally near to two parts of the
+boundary."""
 
 FINEST = 1 / 16
-"""Edges shorter than this share of their face's longest side are not halved: much smaller parts make the cut sheet hard
-to solve. Corners of a region are blunt by at most half of this share of a side."""
+"""Edges shorter than this share of their face's longest side are not halved.
+Much smaller parts make the cut sheet hard to solve. Corners of a region are blunt by at most half of this share."""
 
 NEAR = 0.3
-"""Values within this share of the growth of the distance along one of a vertex's edges move onto the edge of the
-region, unless by more than `EVEN`: lines that pass close by a vertex leave needles."""
+"""Values near the edge of a region move onto it, unless by more than `EVEN`, because lines close to a vertex leave
+needles.
+
+Near means: less than this share of the growth of the distance along one of the vertex's edges."""
 
 ASIDE = 0.1
-"""Edges are divided at the edge of a region if this crosses them less than this share off their middle; otherwise it
-would pass close by the new vertex."""
+"""An edge is divided where the edge of a region crosses it, if that is less than this share off its middle.
+Otherwise the edge of the region would pass close by the new vertex."""
 
 
 def curve_fields(
@@ -64,7 +68,7 @@ def curve_fields(
 
 
 def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Bools:
-    """Return edges (e',) to halve for one of the regions, except in regions before it."""
+    """Return edges (e',) to halve for one of the regions, except in regions earlier in the list."""
     parts, uncut = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
     finest, longest = np.zeros(len(size)), uncut.edge_lengths[uncut.edges.of].max(axis=1)
@@ -80,7 +84,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
     """Return where to divide edges (e,), from 0 at their first end to 1.
-    At the edge of a region if that crosses near the middle (see `ASIDE`), else in the middle; also if several cross."""
+    This is the edge of a region if one region crosses the edge near its middle (see `ASIDE`), else the middle."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -132,7 +136,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    deviation[farthest == 0] = reach  # all sides are on the boundary: the middle has no distance
+    deviation[farthest == 0] = reach  # if all sides are on the boundary, the middle has no distance
     is_uneven = np.zeros(len(ends), dtype=bool)
     is_uneven[sides[(deviation > EVEN * reach) & (farthest + deviation.max(axis=1) >= reach)[:, None]]] = True
     finite = _finite_distances(vertex, reach)
@@ -143,7 +147,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
 
 
 def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
-    """Return the straight distance (n,), metres, to the nearest face, edge or vertex, given by corners."""
+    """Return the straight distances (n,), metres, to the nearest of faces, edges or vertices with these corners."""
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -153,8 +157,9 @@ def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RegionBand:
-    """A band along the outline of a region, on its inside. outline : the edges between faces in the region and outside,
-    as origins of distances. width : metres. inside : (n,) 1 in the region, 0 on its outline, -1 outside."""
+    """A band along the outline of a region, on its inside.
+    outline : the edges between faces in the region and outside, as origins of distances. width : metres.
+    inside : (n,) 1 in the region, 0 on its outline, -1 outside."""
 
     outline: Origins
     width: float
@@ -162,8 +167,9 @@ class RegionBand:
 
     def layer(self, field: Floats | DividedField) -> Layer:
         """Return the layer of minus the distance (n,) from the outline, metres: the region without its middle.
-        Two fields with a level at 0: material is where the first exceeds it and the second does not (see
-        `dsfab.slicing.cutting.cut`)."""
+        The layer has two fields with a level at 0. Material is where the first field exceeds the level and the second
+        does not
+        (see `dsfab.slicing.cutting.cut`)."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -173,7 +179,8 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return solid regions, each as a field (n,), 0 along its outline. Raises PatternError for one off the surface."""
+    """Return solid regions, each as a field (n,), 0 along its outline. Raises PatternError for a region off the
+    surface."""
     half_width = np.full(surface.n, np.inf)
     return [
         Layer("keep", region_sides(surface, faces), np.zeros(1), half_width)
@@ -183,7 +190,7 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
     """Return the bands of regions, by default as wide as the `rim`, metres, or a quarter of half the region's width.
-    Raises PatternError for a region off the surface, and for one that covers a piece of it wholly."""
+    Raises PatternError for a region off the surface, and for a region that covers a piece of the surface wholly."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
@@ -214,14 +221,14 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
 
 
 def region_sides(surface: Surface, faces: Bools) -> Floats:
-    """Return 1 (n,) at vertices of marked faces (m,), -1 at those of unmarked faces, 0 at those of both."""
+    """Return 1 (n,) at vertices of marked faces (m,), -1 at vertices of unmarked faces, 0 where both meet."""
     is_side = np.zeros((2, surface.n), dtype=bool)
     is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
     return np.asarray(is_side[0].astype(np.float64) - is_side[1])
 
 
 def outline_edges(surface: Surface, faces: Bools) -> Bools:
-    """Return the edges (e,) between marked faces (m,) and unmarked ones."""
+    """Return the edges (e,) between marked faces (m,) and unmarked faces."""
     marked = np.bincount(surface.edges.of[faces].ravel(), minlength=len(surface.edges.ends))
     return np.asarray((marked > 0) & (marked < surface.edges.count))
 
@@ -233,7 +240,7 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
     """Return the distance (n,), metres, to the span of marked vertices.
-    To patches it is straight, to points and curves along the surface, as in `distance_to_boundary`."""
+    To patches it is straight. To points and curves it is measured along the surface, as in `distance_to_boundary`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
@@ -241,8 +248,9 @@ def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.in
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
     """Return the marked vertices (n,) that faces connect; the rest are points and curves.
-    Three vertices of the boundary mark no face, and two of them no inner edge: only the mesh decides how far these
-    extend beyond the intended curve."""
+    Three vertices of the boundary mark no face, and two boundary vertices mark no inner edge: only the mesh decides
+    how far
+    such faces and edges extend beyond the intended curve."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))
@@ -284,12 +292,12 @@ def _edge_ends(surface: Surface, edges: Bools) -> Bools:
 def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
-    """Return the layers of kept material: regions of the user, within `keep` metres of marked vertices (n,), and within
-    `rim` metres of the boundary.
+    """Return the layers of kept material: user regions, `keep` metres around marked vertices (n,), `rim` metres at the
+    boundary.
 
-    Around patches the edge of a region is straight on each face; such a patch is ragged itself. Around points and along
-    curves it is smooth: see `curve_fields`. Regions of the user end at edges of the surface, which was cut for them.
-    """
+    Around patches the edge of a region is straight on each face; the patch itself is ragged. Around points and along
+    curves it is smooth: see `curve_fields`. Regions of the user end at edges of the surface, because it was cut for
+    them."""
     patch = patches(surface, marked)
     regions = []
     if keep and (marked & ~patch).any():

@@ -23,8 +23,7 @@ class Layer(NamedTuple):
     The field may be at corners, or on parts of faces.
 
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) openings with a mean over 0 are material, whatever their own width; None: none.
-    """
+    closed     : (n,) openings with a mean over 0 are material, whatever their own width; None closes none."""
 
     name: str
     field: Floats | CornerField | DividedField
@@ -77,8 +76,9 @@ class ModeFamily:
 
 
 class DrawableFamily(Protocol):
-    """A family of stripes, on a mode or evenly spaced. density : (n,) stripes per metre. stress : (n,) size of the
-    stress along the stripes; any unit. adds : order of families in which finer stripes are added."""
+    """A family of stripes, on a mode or evenly spaced.
+    density : (n,) stripes per metre. stress : (n,) size of the stress along the stripes; any unit.
+    adds : order of families in which finer stripes are added."""
 
     @property
     def adds(self) -> int: ...
@@ -104,9 +104,10 @@ class DrawableFamily(Protocol):
         ...
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the layers: first stripes that run everywhere, then finer ones in the openings between them.
+        """Return the layers: first stripes that run everywhere, then finer stripes in the openings between them.
 
-        closing : factor that decides which openings close as a whole, by default `factor`: with a fixed one the share
+        closing : factor that decides which openings close as a whole, by default `factor`: with a fixed `closing` the
+                  share
                   of material does not jump as `factor` grows.
         """
         ...
@@ -115,7 +116,7 @@ class DrawableFamily(Protocol):
 def stripe_layers(
     families: Sequence[DrawableFamily], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """Return the layers of all families: stripes that run everywhere, then finer ones, in the order of `adds`."""
+    """Return the layers of all families: stripes that run everywhere, then finer stripes, in the order of `adds`."""
     family_layers = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in family_layers] + [
         layer for _, layers in sorted(family_layers, key=itemgetter(0)) for layer in layers[1:]
@@ -124,8 +125,8 @@ def stripe_layers(
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
     """Return the factor at which families of graded width keep the mean duty of their thresholds.
-    One factor for all: the family with the larger stress gets the larger share. Bounds in metres apply afterwards.
-    Raises PatternError if too little of the surface is stressed for that."""
+    All families have the same factor: the family with the larger stress gets the larger share. Bounds in metres apply
+    afterwards. Raises PatternError if too little of the surface is stressed for that."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
@@ -136,15 +137,16 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Widths over the crowded width between which an opening closes gradually: members crowd around a load. Up to the
-first, members become thinner; from the second on they merge. Only for openings that do not close as a whole
-(`Layer.closed`)."""
+"""Widths over the crowded width between which an opening closes gradually, because members crowd around a load.
+Up to the first width, members become thinner; from the second on they merge. The limits apply only to openings that do
+not close as a whole (`Layer.closed`)."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""The same if widths follow the stress, which needs material there: with `CLOSING_WIDTHS` a dome at half of its
-material is 5 % softer."""
+"""`CLOSING_WIDTHS` for widths that follow the stress, which needs material there.
+With `CLOSING_WIDTHS` a dome at half of its material is 5 % softer."""
 WHOLE = 1.3
-"""Mean width over the crowded width at which an opening closes as a whole; the mean of `FOLLOWING_WIDTHS` if widths
-follow the stress. With 1.5 the crown of a dome under a point load stays open, and it is 2 % softer."""
+"""Mean width over the crowded width at which an opening closes as a whole.
+If widths follow the stress, it is the mean of `FOLLOWING_WIDTHS`. With 1.5 the crown of a dome under a point load stays
+open, and the dome is 2 % softer."""
 
 WIDTH_RULES = {
     "solid": SOLID,
@@ -158,12 +160,12 @@ WIDTH_RULES = {
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """Stripes with centre lines at integers of a phase; with halvings, on a part of these, see `wanted`.
+    """Stripes with centre lines at integers of a phase; with halvings, on a part of these integers, see `wanted`.
 
     phase   : at the corners, with all possible lines.
     wanted  : for each level of halving, the finest first, (m,) the share of each face with its lines. Lines at
               multiples of 2^len(wanted) run everywhere.
-    slope   : (n,) lines per metre of the phase.    density : (n,) the same of the drawn lines.
+    slope   : (n,) lines per metre of the phase.    density : (n,) drawn lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
     whole   : whether an opening between crowded members closes as a whole, or at each vertex.
     """
@@ -183,12 +185,14 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return d (n,), in periods of the drawn lines. Except by the rule `plain`, members that would leave a slit are
-        thinner, or merge if they crowd more or have more stress."""
+        """Return d (n,), in periods of the drawn lines.
+        Except by the rule `plain`, members that would leave a slit are thinner, or merge if they crowd more or have
+        more
+        stress."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the coarse stripes, which run everywhere, then finer and finer ones."""
+        """Return the coarse stripes, which run everywhere, then finer and finer stripes."""
         requested = self._requested_half_widths(widths, factor)
         local = self._closed_half_widths(requested, widths)
         opened, closed = local, None
@@ -216,12 +220,12 @@ class EvenFamily:
         return max(SLIT, CROWDING * float(np.median(requested)))
 
     def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return half-widths (n,) without slits, except if widths.min_gap closes these."""
+        """Return half-widths (n,) without slits, unless widths.min_gap closes the slits."""
         d = np.minimum(requested, self._crowded_half_width(requested))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
     def _closed_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return the same, with crowded members merged."""
+        """Return half-widths (n,) with crowded members merged."""
         if widths.rule == "plain":
             return requested
         crowded = self._crowded_half_width(requested)
@@ -244,7 +248,7 @@ def _closing_limits(widths: Widths) -> tuple[float, float]:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half-widths (n,) in periods of the finest lines, from local ones in periods of the drawn lines.
+    """Return half-widths (n,) in periods of the finest lines, from local half-widths in periods of the drawn lines.
     If drawn neighbours touch, all space between the coarsest lines is material."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
@@ -270,7 +274,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # point by point: only the cut knows whole openings
+            if layer.closed is not None:  # single points, as only the cut knows whole openings
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -293,18 +297,20 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return faces (m,) where a field is drawn, up to a face: the cut is more accurate."""
+    """Return faces (m,) where a field is drawn, exact to one face; the cut is more accurate."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
-    """Return a function that counts points to estimate which share of the surface layers cover; layers begin with the
-    kept layers. It is off by a few thousandths, at a tenth of the time of a cut; kept layers are counted once."""
+    """Return a function that estimates, by counting points, the share of the surface that layers cover.
+    Layers begin with the kept layers, which are counted once. The estimate is off by a few thousandths, and takes a
+    tenth
+    of the time of a cut."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 
     def share(layers: Sequence[Layer]) -> float:
-        with one_blas_thread():  # thin products: on a busy machine two threads take sixty times as long
+        with one_blas_thread():  # with thin products two threads took sixty times as long
             stripes = material_points(surface, layers[len(kept_layers) :], points)
         return float((kept_points | stripes).mean(axis=1) @ surface.areas / surface.area)
 

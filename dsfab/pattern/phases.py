@@ -16,11 +16,11 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, over the squared spacing: makes the matrix definite and changes no eigenvector."""
+"""Shift of the inverse iteration, over the squared spacing: it makes the matrix definite and changes no eigenvector."""
 FLOW = 0.25
-"""Length of a round: 1 / tau, tau = this share of (2 pi / spacing)^2."""
+"""Length 1 / tau of a round of diffusion, where tau is this share of (2 pi / spacing)^2."""
 LOCKED_PHASE = 0.05
-"""Largest miss, in periods, of a locked phase that is rounded to its target: edges get straight members."""
+"""Largest miss, in periods, of a locked phase that is rounded to its target, so that edges get straight members."""
 LOCK = 3.0
 """Weight of a locked phase, over (2 pi / spacing)^2."""
 
@@ -28,7 +28,7 @@ LOCK = 3.0
 @dataclass(frozen=True, eq=False)
 class Flow:
     """Gradient that the phase of a family follows.
-    g : (n, 3) unit direction of its gradient at the vertices, up to sign. density : (n,) periods per metre."""
+    g : (n, 3) unit direction of the gradient at the vertices, up to sign. density : (n,) periods per metre."""
 
     frames: Frames
     g: Floats
@@ -42,7 +42,8 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """Growth of the phase (e,), periods, from the first end of an edge to the second, as the first sees it."""
+        """Growth of the phase (e,), periods, from the first end of an edge to the second, in the sign of the first
+        end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -71,7 +72,7 @@ class Flow:
         start : (n,) begin of the iteration; a line runs through its peak if nothing else decides.
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; 0 by default.
-        free  : begin without locked vertices: phases that start from them may meet out of step in between.
+        free  : begin without locked vertices, because phases that start from them may meet out of step in between.
         rounds : of diffusion and normalisation, in which pairs of dislocations meet and vanish.
         """
         surface, n = self.frames.surface, self.frames.surface.n
@@ -115,16 +116,17 @@ def _complex_numbers(x: Floats) -> Complexes:
     return np.ascontiguousarray(x).view(np.complex128)
 
 
-@one_blas_thread()  # hundreds of products of vectors: on two busy cores, threads took three times as long
+@one_blas_thread()  # on two busy cores, threads took three times as long for products of vectors
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """Return B^power x, of length 1 in the mass (N,), from the Krylov space of `products` products with a linear B.
-    Arnoldi's method [Saad 1992]: B as a small matrix H on an orthonormal basis of B x, B B x, ..., and powers of that.
-    With as many products as powers it is exact."""
+    Arnoldi's method [Saad 1992] writes B as a small matrix H on an orthonormal basis of B x, B B x, ..., and takes
+    powers
+    of H. With as many products as powers it is exact."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
         rest = B(basis[k])
-        for _ in range(2):  # the second pass removes rounding errors of the first
+        for _ in range(2):  # the second pass removes rounding errors
             for j, q in enumerate(basis):
                 share = q @ (mass * rest)
                 H[j, k] += share
@@ -148,8 +150,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
     """Return phases (n,), in periods, shifted by half a period if more weight (n,) is then on lines.
-    `Flow.solve` does not distinguish the two, nor do signs and images of phases: 1/2 and -1/2 are equal. A mean cosine
-    within 2 % of 0 does not decide."""
+    `Flow.solve` does not distinguish the two phases, nor do signs and images of phases: 1/2 and -1/2 are equal. A mean
+    cosine within 2 % of 0 does not decide."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -195,7 +197,7 @@ class CornerPhase:
         return np.asarray(np.einsum("mcx,mc->mx", hat_gradients(surface), self.corners(surface)))
 
     def times(self, factor: int) -> "CornerPhase":
-        """Return the phase with `factor` stripes for each one; factor is an integer."""
+        """Return the phase with `factor` stripes in place of each stripe; factor is an integer."""
         return replace(self, value=factor * self.value, shift=factor * self.shift)
 
     @cached_property
@@ -205,8 +207,10 @@ class CornerPhase:
 
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
-    """Return the phases (n,), in periods, of `Flow.solve` as the faces see them. alternative : makes other phases (n,),
-    used if they break off on fewer faces; called if the first break off at all."""
+    """Return the phases (n,), in periods, of `Flow.solve` as the faces see them.
+    alternative : makes other phases (n,), which replace the first phases if they break off on fewer faces. The
+                  function is
+    called only if the first phases break off."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -214,15 +218,17 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases (n,) as each face sees them by itself. From corner to corner a phase grows by the value nearest to
-    `flow.turn`; the face is singular if it does not return to its start, or to its own sign."""
+    """Return phases (n,) as each face sees them without its neighbours.
+    From corner to corner a phase grows by the value nearest to `flow.turn`; the face is singular if it does not return
+    to
+    its start, or to its own sign."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
-    forward = i[edge] == F  # half-edges that run along their edge
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # by the corner that each starts from
+    forward = i[edge] == F  # these half-edges run along their edge
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # at the starting corner
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -244,9 +250,7 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
     starts_at_h0 = surface.F.ravel()[h0] != surface.F.ravel()[h1]
-    corner_g = np.where(
-        starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1
-    )  # the corner of g at the vertex that h0 starts from
+    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # this is the corner of g where h0 starts
     s = sign[h0] * sign[corner_g]  # z_f = s z_g + q
     q = shift[h0] - s * shift[corner_g]
     is_regular = ~(phase.singular[f] | phase.singular[g])
@@ -268,8 +272,8 @@ def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
     """Set signs and shifts (m,) of the faces in the order of a search, each from the face before it.
-    Each face has its step from an earlier one, and in every round the earlier one's step is put before it: paths to the
-    root are halved."""
+    Each face has a step from an earlier face. Every round puts the step of the earlier face before it, so that paths to
+    the first face are halved."""
     child = order[1:]
     if not len(child):
         return

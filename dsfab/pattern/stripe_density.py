@@ -1,9 +1,8 @@
 """Stripes per metre, as even as possible for stripes with a given direction.
 
-Stripes with the direction of their gradient g have a density e^u with curl(e^u g) = 0, or they must end: they part
-where rays fan out, and crowd where rays meet. This determines only the derivative of u along the stripes [cf. the
-curl-free frame fields of Diamanti et al. 2015; least squares here].
-"""
+Stripes with the direction of their gradient g have a density e^u with curl(e^u g) = 0, or they must end. They spread
+where directions fan out, and crowd where directions meet. This determines only the derivative of u along the stripes
+[cf. the curl-free frame fields of Diamanti et al. 2015; least squares here]."""
 
 from typing import NamedTuple
 
@@ -17,18 +16,18 @@ from dsfab.surface.mesh import Surface
 SMOOTH = 0.02
 """Weight of |grad u|^2, which fills regions of unclear direction."""
 EVEN = 0.3
-"""Weight of u^2, over the area of the surface: selects the constant nearest to an even spacing."""
+"""Weight of u^2, over the area of the surface, to select the constant nearest to an even spacing."""
 RANGE = (-2.0, 1.5)
-"""Bounds of u without halving: it diverges at singular points of the field."""
+"""Bounds of u without halving, because u diverges at singular points of the field."""
 COARSE_RANGE = (-1.0, 3.0)
-"""Bounds of u with halving, which takes up all but the last power of two."""
+"""Bounds of u with halving, because halving takes up all but the last power of two."""
 MOST_HALVINGS = 3
 
 
 def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     """Return u (n,), the logarithm of the relative density of stripes with gradients along g (n, 3), median 0.
     On each face, with signs of g aligned at its corners, p . grad u = curl g / |mean g| along the stripe, p = n x g.
-    confidence : (m,) weight of that, 0 to 1."""
+    confidence : (m,) weight of this equation, 0 to 1."""
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]
@@ -50,14 +49,15 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
     diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
-    # complex numbers reuse the analysis of the phases, which costs more than products with zeros
+    # complex numbers reuse the analysis of the phases; a new analysis costs more than products with zeros
     u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
 class Halving(NamedTuple):
-    """Number of halvings: at most `most`, and at each vertex the integer below `wish` (n,). wish : in powers of two, 0
-    to `most`. free : also under 0 and over `most`. limits : bounds of the logarithm of the density of all lines."""
+    """Number of halvings: at most `most`, and at each vertex the integer below `wish` (n,).
+    wish : in powers of two, 0 to `most`. free : `wish` without these bounds. limits : bounds of the logarithm of the
+    density of all lines."""
 
     most: int
     wish: Floats
@@ -71,17 +71,16 @@ class Halving(NamedTuple):
 
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
-    """Return where stripes are halved, from the logarithm u (n,) of their density, so that the rest is as even as
-    possible.
+    """Return where stripes are halved, from the logarithm u (n,) of their density, for the most even remaining spacing.
 
-    The density from which stripes are halved is searched in steps of 1/20 of a power of two, up to two powers under the
-    median. Best is the smallest ratio of the spacings that 5 % of the surface exceed and fall below. Each halving must
-    lower it by 5 %, because it ends members; halvings on the densest 2 % of the surface do not count.
-    """
+    The search for the least density of halved stripes has steps of 1/20 of a power of two, up to two powers under the
+    median. The best density has the smallest ratio of the spacings that 5 % of the surface exceed and fall below. Each
+    halving must lower this ratio by 5 %, because it ends members; halvings on the densest 2 % of the surface do not
+    count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
 
-    ascending = np.argsort(u, kind="stable")  # few runs are left to be merged for each limit
+    ascending = np.argsort(u, kind="stable")  # sorted values merge fast for each limit
     sorted_u, sorted_mass = u[ascending], mass[ascending]
 
     def ratio(limit: float) -> float:

@@ -29,7 +29,7 @@ class Stripes:
 
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
-    threshold : -1 (everything is material) to 1 (nothing is); half the length of a gradient line at 0.
+    threshold : -1 (everything is material) to 1 (everything is void); 0 makes half of a gradient line material.
     Raises PatternError for other values.
     """
 
@@ -52,7 +52,7 @@ class Stripes:
 
     def with_width_factor(self, factor: float) -> "Stripes":
         """Return stripes whose half-width is `factor` times as large, up to 0.5."""
-        if factor == 1:  # to the last bit
+        if factor == 1:  # equal to the last bit
             return self
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 
@@ -82,7 +82,7 @@ class Stripes:
         if d == 0:
             return np.empty(0)
         z = self.frequency * x + self.phase
-        if d >= 0.5:  # stripes touch: the only edge lies below all values
+        if d >= 0.5:  # if stripes touch, the only edge lies below all values
             return np.array([x.min() - 1.0 / self.frequency])
         k = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
@@ -96,7 +96,7 @@ def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
     PatternError for a constant mode.
     """
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
-    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres of them, per unit of frequency
+    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres of lines per unit of frequency
     if not lines * spacing > 0:
         raise PatternError("spacing needs a mode that is not constant, and a positive length in metres")
     return surface.area / (spacing * lines)

@@ -20,8 +20,7 @@ class Images:
 
     R     : (g, 3, 3) orthogonal, the first the identity.
     maps  : g sparse (n, n); maps[i] @ x reads a field x at the images of the vertices.
-    faces : (g, m) the face that the image of each face's centroid lies on; None if not needed.
-    """
+    faces : (g, m) the face that contains the image of each face's centroid; None if not needed."""
 
     R: Floats
     maps: tuple[csr_array, ...]
@@ -37,15 +36,16 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return faces (m,) with a marked image, because a singular point at a vertex lies in one of its faces by
-        chance.
-        On a mesh that is less symmetric than its surface, images of faces are no faces, and marks stay unchanged."""
+        """Return faces (m,) with a marked image, because chance decides in which face a singular point at a vertex
+        lies.
+
+        On a mesh that is less symmetric than its surface, images of faces are not faces, and marks stay unchanged."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
         """Return unit tangents (n, 3), up to sign, of the symmetric field nearest to the given tangents.
-        The products v v^T of the coordinates, which do not depend on signs, are averaged."""
+        The method averages the products v v^T of the coordinates, because they do not depend on signs."""
         if len(self.maps) == 1:
             return along
         n = len(along)
@@ -62,10 +62,9 @@ class Images:
         """Return the projection of phases at vertices V (n, 3) that grow along g (n, 3) by density (n,) periods per
         metre.
 
-        An image that sees g reversed has the conjugate. An image of a vertex may lie between other vertices: their
-        phases are first carried to it by the growth in between, because the plain mean would lag with few edges in a
-        period.
-        """
+        An image that sees g reversed has the conjugate. An image of a vertex may lie between other vertices. Their
+        phases
+        first grow along the way to the image, because the plain mean would lag with few edges in a period."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -84,7 +83,7 @@ class Images:
         turned = dots(growth_there, growth_here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # by the mean growth of both ends
+        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # mean growth of both ends
         value = T.data * np.exp(1j * turn)
         direct, conjugate = (
             csr_array((value * selected, column, T.indptr), shape=T.shape) for selected in (~turned, turned)

@@ -14,7 +14,7 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 _End = tuple[float, float]
-"""End of an interval: a factor, and its share minus the wanted one."""
+"""End of an interval: a factor, and its share minus the wanted share."""
 Rule = Literal["plain", "constant", "graded", "stressed"]
 
 SOLID = 0.5
@@ -22,11 +22,11 @@ SOLID = 0.5
 ROUNDS = (2, 60)
 """Fewest and most rounds of averaging."""
 JUMP = 5e-3
-"""Largest accepted jump of a share past its target, as tidied ends appear and vanish: the nearest suffices."""
+"""Largest accepted jump of a share past its target when tidied ends appear and vanish; the nearest share suffices."""
 
 
 class ShareJumpError(PatternError):
-    """The share jumps past the wanted one: values exist on both sides, but none near it."""
+    """The share jumps past the wanted share: values exist on both sides, but no value near it."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Widths:
 
     @property
     def radius(self) -> float:
-        """Radius, metres, for averages of slopes: half the width of a member if the rule sets it."""
+        """Radius, metres, for averages of slopes: half the width of a member if the rule sets this width."""
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
@@ -84,7 +84,7 @@ class Widths:
         return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
-        """Return d (n,) in periods, 0 (no material) to 0.5 (no gap), never less for a larger `factor`.
+        """Return d (n,) in periods, 0 (no material) to 0.5 (no gap); a larger `factor` never gives a smaller d.
 
         base   : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
         stress : (n,) for "graded" the size of the stress along the stripes, any unit; for "stressed" the relative
@@ -107,22 +107,23 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
 
     The length of the mean gradient would vanish on ridges of z, and open a slit along the middle of a member. Half the
-    range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2 on it, equal to the mean of |grad z|
-    over
-    the disc. So means extend over `radius`, metres, half the width of a member, and at least over two rings of faces,
-    or
-    members would fray on ridges.
-    """
+    range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2 on a ridge, equal to the mean of |grad
+    z|
+    over the disc. So means extend over `radius`, metres, half the width of a member, and at least over two rings of
+    faces,
+    because otherwise members would fray on ridges."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
     """Return means (n, ...) of values x (m, ...) of the faces over about a disc of that radius, metres, around each
-    vertex. They extend over at least two rings of faces, and along the surface, not through a gap between sheets."""
+    vertex.
+
+    They extend over at least two rings of faces, and along the surface, not through a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
-    # the variance of a round is h^2 / 3 on a regular mesh of width h; that of a disc is R^2 / 4
+    # the variance of a round is h^2 / 3 on a regular mesh of width h; the variance of a disc is R^2 / 4
     for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
         means = average @ means[surface.F].mean(axis=1)
     return np.asarray(means)
@@ -157,9 +158,12 @@ def solved_factor(
 ) -> float:
     """Return the factor at which share(factor), which never falls, is `target` to `tolerance`.
 
-    slope    : approximate derivative, if the factor may be about 1: then that and one step of Newton's come first.
+    slope    : approximate derivative, if the factor may be about 1: the search then begins with the factor 1 and one
+               step
+               of Newton's.
     near_one : whether the factor is about 1: then secants start there.
-    jump     : accepted miss if the share jumps past the target: the factor of the nearest share is returned then.
+    jump     : accepted miss if the share jumps past the target: the function then returns the factor of the nearest
+               share.
     steepest : no share without jumps grows faster than this, relative to its factor.
 
     Secants of an interval around the solution, with the value at an end halved after it stays twice (Illinois rule of
@@ -175,7 +179,7 @@ def solved_factor(
         evaluate, target, tolerance
     )
     best_end, kept_side = min(low, high, key=_miss), 0
-    for _ in range(30):  # several times the need of a share without jumps
+    for _ in range(30):  # a share without jumps needs far fewer rounds
         if _miss(best_end) <= tolerance:
             return best_end[0]
         if high[0] - low[0] < tolerance / steepest * high[0]:
@@ -220,7 +224,7 @@ def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float)
         if low[1] > tolerance:
             raise _unreachable_error(target, f"at least {low[1] + target:.1%}")
         return low, start
-    widest = evaluate(1e9)  # no wider stripes reach more
+    widest = evaluate(1e9)  # wider stripes have no larger share
     if widest[1] < -tolerance:
         raise _unreachable_error(target, f"at most {widest[1] + target:.1%}")
     low = start
@@ -244,14 +248,14 @@ def evened_grading(
 ) -> Floats:
     """Return relative half-widths (n, k) for the next step, from those of k families, (n, k), that were cut and solved.
 
-    work     : (m, k) energy, joules, of each family in each face.    material : (m, k) its area, m2.
+    work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
     spacing  : metres from stripe to stripe; energies are averaged over 0.4 of it, less than the distance of neighbours.
     limit    : largest factor of a step.
 
-    Widths grow with the root of the energy density: in a member with a fixed force it falls with the square of the
-    width. Redistributed forces need several steps. Widths stay where material is missing. The geometric mean of the
-    densities stays, so that an evenly stressed sheet is unchanged.
-    """
+    Widths grow with the root of the energy density, because in a member with a fixed force the density falls with the
+    square of the width. Redistributed forces need several steps. Widths stay where material is missing. The geometric
+    mean
+    of the densities stays, so that an evenly stressed sheet is unchanged."""
     densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
     mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)
     has_material = (share > 1e-9) & (mean_work > 0)

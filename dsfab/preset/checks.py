@@ -31,7 +31,6 @@ def mistakes(error: ValidationError, model: type[BaseModel]) -> str:
 
 
 def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
-    """One mistake as 'key = value: allowed values'."""
     words, kind = _key(detail["loc"]), detail["type"]
     key = ".".join(words)
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
@@ -60,7 +59,6 @@ def _short_repr(value: Any) -> str:
 
 
 def _key(loc: tuple[int | str, ...]) -> list[str]:
-    """The dotted key as in the file: pydantic adds the tag of each choice (shape, kind of load, picker)."""
     return [str(part) for i, part in enumerate(loc) if not _is_tag(loc, i)]
 
 
@@ -125,9 +123,7 @@ def follow_weights(
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
     """Return the names that a combined pattern follows: the combinations, or the cases if there are no combinations.
-
-    Combinations for displacements alone (SLS) are left out, unless all are of this kind.
-    """
+    Combinations for displacements alone (SLS) are left out, unless all are of this kind."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 

@@ -40,7 +40,6 @@ def load_preset(
 
 
 def _find_files(values: Any, folder: Path, key: str = "") -> None:
-    """Resolve the paths of the surface's mesh and of pickers' drawings against a folder, in place."""
     for below, part in values.items() if isinstance(values, dict) else ():
         for entry in part if isinstance(part, list) else [part]:
             _find_files(entry, folder, below)

@@ -186,7 +186,6 @@ LeastWidth = Annotated[
 
 
 def _is_nonzero(value: Any) -> bool:
-    """True for values other than 0; unchecked values may be text ("0")."""
     try:
         return float(value) != 0
     except (TypeError, ValueError, OverflowError):
@@ -294,7 +293,6 @@ class Width(Section):
 
 
 def _with_curves(thing: Any) -> Any:
-    """Return the support, load or guide with the curves of the drawing that its picker names."""
     picker = getattr(thing, "at", None)
     complete = self_contained(picker)
     return thing if complete is picker else replace(thing, at=complete)
@@ -614,9 +612,7 @@ class Preset(Section):
 
     def judged_in(self, state: LimitState, names: Iterable[str]) -> list[str]:
         """Return the cases and combinations for stress and buckling (`ULS`) or for displacements (`SLS`).
-
-        They are all cases if no combination has a limit state.
-        """
+        They are all cases if no combination has a limit state."""
         return judged_names(names, self.surface.sums, state)
 
     @property
@@ -656,10 +652,8 @@ class Preset(Section):
 
     def first_difference(self, other: "Preset") -> str | None:
         """Return the first stage whose section differs, or None; name and description make no difference.
-
         The outlines of regions belong to the surface here, because they cut it. So does the section [statics] if the
-        mesh follows the stress.
-        """
+        mesh follows the stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

@@ -65,10 +65,8 @@ class Section(BaseModel):
 
 class SurfaceSection(Section):
     """Keys of every surface.
-
     pydantic builds the checks on first use, because a preset would build those of all kinds of surfaces at once.
-    Separate checks of supports and loads took half of the time of starting dsfab.
-    """
+    Separate checks of supports and loads took half of the time of starting dsfab."""
 
     model_config = ConfigDict(defer_build=True)
 
@@ -146,9 +144,7 @@ class OwnSurface(SurfaceSection):
 
     def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
         """Return the surface, with edges of these sizes if it gets a new mesh; raises SurfaceError.
-
-        base : result of `base_surface()`, if the caller has it.
-        """
+        base : result of `base_surface()`, if the caller has it."""
         base = base or self.base_surface()
         if not self.edge:
             return refined_surface(base, self.refine, self.smooth) if self.refine else base
@@ -202,7 +198,6 @@ class FileSurface(OwnSurface):
 
 
 def _mesh_from(value: Any) -> Surface:
-    """A mesh of any library, (V, F), or a text of `_mesh_text`."""
     if not isinstance(value, str):
         V_F = isinstance(value, tuple | list) and len(value) == 2
         return normalized_surface(Surface.from_mesh(*value) if V_F else Surface.of(value))
@@ -226,9 +221,7 @@ Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text
 
 class MeshSurface(OwnSurface):
     """A surface from a mesh in Python. `dsfab.save` writes the mesh beside the preset, and the preset names this file.
-
-    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces.
-    """
+    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces."""
 
     mesh: Annotated[Mesh, Field(repr=False)]
 
@@ -291,10 +284,8 @@ def plain(value: Any) -> Any:
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
     """Return the argument `surface` of Python code as a table, with `lists` in place of its own lists.
-
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
-    Raises SurfaceError for an invalid mesh.
-    """
+    Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
     elif isinstance(surface, SurfaceSection | Mapping):

@@ -43,7 +43,7 @@ STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "bucklin
 DEFORMED = ("displacement", "buckling", "frequency")
 """Results that are drawn as a deformed shape."""
 MODE_FIELDS = ("major_mode", "minor_mode")
-"""Fields along whose values stripes run."""
+"""Names of the modes; stripes are level lines of a mode."""
 WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)
 """Pictures of the sheet before stripes."""
 COLOUR_PERCENTILE = 98.0
@@ -55,7 +55,7 @@ _DIVERGING = np.array(
     dtype=np.float64,
 )
 
-# values below and above zero other than stress: teal and ochre
+# teal and ochre show negative and positive values that are not stress
 _SIGNED = np.array(
     [(0, 84, 82), (53, 151, 143), (160, 209, 200), (244, 241, 234), (223, 194, 125), (184, 122, 44), (112, 62, 8)],
     dtype=np.float64,
@@ -70,9 +70,8 @@ _RISING = np.array(
 @dataclass(frozen=True, eq=False)
 class ColourBar:
     """Colour scale.
-
-    limit   : value at its end, at both ends with a middle.
-    labels  : below its left end, middle and right end.        names : above its left and right end.
+    limit   : value at its end, at both ends if the scale has a middle.
+    labels  : labels below its left end, middle and right end.        names : labels above its left and right end.
     colours : (k, 3) from left to right.                       bands: number of steps; 0 for a smooth scale.
     """
 
@@ -86,7 +85,8 @@ class ColourBar:
 @dataclass(frozen=True, eq=False)
 class Colouring:
     """Face colours (m, 3) bytes, with their bar if they need it.
-    V : (n, 3) vertices to draw in place of the surface's (m); None for these.    words : for the caption."""
+    V : (n, 3) vertices (m) in place of those of the surface; None for the surface.    words : text for the caption.
+    """
 
     face: Bytes
     bar: ColourBar | None = None
@@ -137,7 +137,6 @@ def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
 
 
 def _mode_colouring(design: "Design", show: str) -> Colouring:
-    """Return the colours of a stripe mode. Raises DsfabError for stripes without modes."""
     if design.pattern.even:
         raise DsfabError("evenly spaced stripes run along no mode; show structure, families or directions instead")
     name = show.removesuffix("_mode")
@@ -178,7 +177,7 @@ def rising_colours(share: Floats, bands: int = 0) -> Bytes:
 
 
 def signed_colours(share: Floats) -> Bytes:
-    """Return colours (k, 3) for shares from -1 to 1 of values other than stress."""
+    """Return colours (k, 3) for shares from -1 to 1 of signed values that are not stress."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
 
@@ -191,14 +190,14 @@ def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
 
 
 def stress_label(pascals: float) -> str:
-    """Return "12 MPa", "350 kPa", "0 Pa", with three digits."""
+    """Return a stress in words with three digits: "12 MPa", "350 kPa", "0 Pa"."""
     size = abs(pascals)
     factor, unit = next(((f, u) for f, u in ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa")) if size >= f), (1.0, "Pa"))
     return f"{pascals / factor:.3g} {unit}"
 
 
 def force_label(newtons: float) -> str:
-    """Return "1.2 kN", "350 N", with three digits; 999.9 N are 1 kN."""
+    """Return a force in words with three digits: "1.2 kN", "350 N"; 999.9 N are 1 kN."""
     newtons = float(f"{newtons:.3g}")
     factor, unit = next(((f, u) for f, u in ((1e6, "MN"), (1e3, "kN"), (1.0, "N")) if newtons >= f), (1e-3, "mN"))
     return f"{newtons / factor:.3g} {unit}"
@@ -264,7 +263,7 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
 
 
 def energy_label(joules: float) -> str:
-    """Return "12 J/m2", "3.1 kJ/m2", "40 mJ/m2"."""
+    """Return an energy in words: "12 J/m2", "3.1 kJ/m2", "40 mJ/m2"."""
     factor, unit = next(
         ((f, u) for f, u in ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ")) if abs(joules) >= f), (1e-6, "uJ")
     )
@@ -290,7 +289,6 @@ def _displacement_colouring(design: "Design") -> Colouring:
 
 
 def _elements_text(design: "Design") -> str:
-    """Return the elements of a result, because elements differ by more than a picture shows."""
     elements = design.statics.answers.elements
     return f"by {elements}" if elements.bending else f"by {elements.membrane} strain in its plane"
 
@@ -303,7 +301,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # the way the load pushes
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # in the direction of the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

@@ -37,7 +37,7 @@ def caption(design: Design) -> str:
 
 
 SECONDS = 600.0
-"""Time limit for the other process, from the beginning of the wait."""
+"""Time limit for the drawing process, from the moment at which the caller waits for it."""
 
 
 def write_picture(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> None:
@@ -56,7 +56,7 @@ def structure_picture(
     """Return the finished structure in the style of `Previewer`, (height, width, 3) bytes; 4 channels on transparent
     ground.
 
-    Unlike a preview it has loose ends removed, corners rounded and openings filled.
+    Unlike a preview, it has no loose ends, and has round corners and filled openings.
     view, marks, ground, size : as for `Previewer`. Raises DsfabError if the design or its picture is impossible.
     """
     drawing = structure_drawing(design, view=view, marks=marks, ground=ground, size=size)
@@ -109,9 +109,10 @@ def start_picture_program() -> Iterator[None]:
 
 @contextmanager
 def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> Iterator[Callable[[], None]]:
-    """Draw the picture of `write_picture` in another process inside the context; the yielded function waits for it.
-    With one core, or if the other process fails, that function draws the picture itself.
-    Raises DsfabError if this machine cannot draw."""
+    """Draw the picture of `write_picture` in a second process inside the context; the yielded function waits for it.
+    With one core, or if the second process fails, that function draws the picture itself.
+    Raises DsfabError if this machine cannot draw.
+    """
     if (os.cpu_count() or 1) == 1:
         yield lambda: write_picture(design, path, look)
         return
@@ -139,7 +140,7 @@ NOTEBOOK_SIZE = (800, 600)
 
 
 def inline_picture(design: Design) -> bytes | None:
-    """Return PNG bytes of a design's solid, or of its draft; None, with a warning, if this machine cannot draw."""
+    """Return PNG bytes of a design's solid, or of its draft. If this machine cannot draw, warn and return None."""
     try:
         if design.has("thickening"):
             solid = design.solid

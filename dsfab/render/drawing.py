@@ -35,8 +35,7 @@ PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0
 @dataclass(frozen=True, eq=False)
 class Annotations:
     """Marks beside a structure.
-
-    surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither of them.
     reaction      : (n, 3) forces of the supports on the structure (N).
     gradient      : (m, 3) on each face; only its direction and relative size are visible.
     layers        : names from `EVERY_LAYER`; a person needs a structure of fitting size.
@@ -51,7 +50,9 @@ class Annotations:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Bodies, camera and floor of a picture; `level` is that of the floor along `view.floor`, None without a floor."""
+    """Bodies, camera and floor of a picture; `level` is the height of the floor along `view.floor`, None without a
+    floor.
+    """
 
     bodies: list[Body]
     view: View
@@ -69,7 +70,9 @@ def set_stage(
     palette: Palette,
     size: tuple[int, int],
 ) -> Stage:
-    """Place the camera, the marks and the ground; half : half the structure's thickness (m); up : (3,) unit vector."""
+    """Place the camera, the marks and the ground; half : half of the structure's thickness (m); up : (3,) unit
+    vector.
+    """
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
@@ -80,7 +83,7 @@ def set_stage(
         bodies += [Body(*mesh, palette.colour_bytes(name)) for name, mesh in mark_meshes.items() if len(mesh[1])]
         stands = _stands_on_ground(surface, load, V, up, reach)
         if stands and "supports" in annotations.layers:
-            # the ground is at the feet of the support cones; arrows that hang lower pass through it
+            # the ground is at the feet of the support cones; lower arrows pass through the ground
             level -= marks.CONE_HEIGHT * reach
     if side.front:
         level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a board behind the plate
@@ -162,7 +165,7 @@ def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Float
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return caption and scale; pixels per metre are those at the structure's middle."""
+    """Return caption and scale; the scale holds at the structure's middle."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     names = [
@@ -187,7 +190,7 @@ def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
     return foot + flat[:, :1] * right + flat[:, 1:] * up, np.concatenate(faces)
 
 
-# half width and height (m) down the middle of a standing figure; then middle, half width and height of its limbs
+# body: half width and height (m) from top to bottom; limbs: middle, half width and height (m)
 _BODY = [
     (0.002, 1.75), (0.040, 1.743), (0.064, 1.720), (0.077, 1.680), (0.078, 1.640), (0.070, 1.590), (0.053, 1.545),
     (0.047, 1.515), (0.052, 1.490), (0.090, 1.467), (0.145, 1.447), (0.188, 1.420), (0.200, 1.385), (0.180, 1.280),
@@ -206,11 +209,11 @@ _LEG = [
 GroundKind = Literal["paper", "white", "transparent"]
 """Ground of a picture."""
 FINER = light.FINE.finer
-"""Size of a fine picture before averaging, over its final size."""
+"""Side of a fine picture before its pixels are averaged, over the final side."""
 
 
 EDGE_COSINE = np.float32(0.87)
-"""Cosine of the angle between faces from which their edge is visible as a line."""
+"""Largest cosine of the angle between two faces at which their edge is a visible line."""
 
 
 def check_ground(ground: str) -> None:
@@ -244,7 +247,7 @@ def render_stage(
     lines = edge_strengths(pixels, 2.5 * pixel)
     covered = np.flatnonzero(np.isfinite(pixels.depth))
     inked, flat = _shaded_colours(pixels, covered, brightness, lines, palette), canvas.reshape(-1, canvas.shape[2])
-    for channel in range(canvas.shape[2]):  # a mask for all channels takes six times as long
+    for channel in range(canvas.shape[2]):  # one mask for all channels would take six times as long
         flat[covered, channel] = inked[:, channel] if channel < 3 else 255
     return Image.fromarray(canvas).reduce(finer)
 
@@ -279,7 +282,6 @@ def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: i
 
 
 def _shaded_colours(pixels: Pixels, numbers: Ints, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
-    """Return colours (k, 3) of pixels (k,): light on colour, darker at edges; marks keep the colour of the legend."""
     colours, lines = pixels.colour.reshape(-1, 3).take(numbers, axis=0), lines.ravel().take(numbers)
     marks = (palette.load, palette.support, palette.reaction, palette.person, palette.tension, palette.compression)
     fixed = _codes(np.array(marks, dtype=np.uint8))
@@ -302,7 +304,8 @@ def _codes(colours: Bytes) -> Ints:
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
     """Return line strengths (h, w) 0..1 where depth jumps by more than `jump` (radii), or where normals turn.
-    Lines lie on the nearer of two pixels, and so on the body that they bound (Saito and Takahashi 1990)."""
+    Lines lie on the nearer of two pixels, and so on the body whose edge they show (Saito and Takahashi 1990).
+    """
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows bound the memory
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))
@@ -327,7 +330,7 @@ def _strip_edge_strengths(depth: Floats32, normal: Bytes, jump: float) -> Floats
         inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(2))
         head_depth, tail_depth = flat[head], flat[tail]
         step = np.abs(head_depth - tail_depth)
-        # depth also changes along a slanted face: a jump is a change that the pixels on either side do not continue
+        # depth also changes along a slanted face; at a jump, the pixels on both sides do not continue the change
         steady = np.full_like(flat, np.inf)
         steady[inner] = np.minimum(step[head], step[tail])
         excess = step - 2 * np.minimum(steady[head], steady[tail])

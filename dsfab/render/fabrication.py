@@ -28,7 +28,7 @@ LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edg
 
 @dataclass(frozen=True, eq=False)
 class Callout:
-    """Place (3,) in metres, text in two lines, and the colour of both."""
+    """A note at a place (3,) in metres: text in two lines, and the colour of place and text."""
 
     place: Floats
     lines: tuple[str, str]
@@ -56,7 +56,7 @@ def workshop_picture(
     half = design.preset.statics.thickness / 2
     stage = set_stage(body, side, up, half, Annotations(design.surface, design.load, layers=()), palette, size)
     aspect = size[0] / size[1]
-    stage = replace(stage, view=fit_view(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # words stand above
+    stage = replace(stage, view=fit_view(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # the text is above
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
         image = render_stage(scene, stage, palette, size, transparent=ground == "transparent")
     box = " x ".join(length(x) for x in measures.box)

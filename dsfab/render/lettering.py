@@ -19,8 +19,10 @@ MarkName = Literal["load", "support", "reaction", "person", "tension", "compress
 
 @dataclass(frozen=True)
 class Palette:
-    """Colours, red green blue in 0..255. families : of members by family (major, minor, kept). tints : of the same in
-    pictures of families. ink : darkness of edge lines, 0..1."""
+    """Colours, red green blue in 0..255. families : colours of members by family (major, minor, kept). tints : the
+    families'
+    colours in pictures of families. ink : darkness of edge lines, 0..1.
+    """
 
     paper: Colour = (253, 252, 249)
     shadow: Colour = (118, 112, 110)
@@ -49,7 +51,7 @@ PAPER = Palette()
 
 @dataclass(frozen=True)
 class Legend:
-    """Caption, names of marks, pixels per metre for the scale bar, and swatches (name, colour) of other colours."""
+    """Caption, names of marks, pixels per metre for the scale bar, and swatches (name, colour) of further colours."""
 
     caption: str
     names: list[MarkName]
@@ -58,18 +60,20 @@ class Legend:
 
 
 def round_length(longest: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten up to `longest` metres."""
+    """Return the largest round length up to `longest` metres: 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(longest))
     return float(max(step * power for step in (1, 2, 5) if step * power <= longest * (1 + 1e-9)))
 
 
 def length_label(length: float) -> str:
-    """Return "20 m", "0.5 m", "50 mm"."""
+    """Return a length in words: "20 m", "0.5 m", "50 mm"."""
     return f"{length:g} m" if length >= 0.1 else f"{length * MM_PER_M:g} mm"
 
 
 def with_legend(image: "Image", legend: Legend, palette: Palette, larger: float = 1.0) -> "Image":
-    """Return the picture with words below the structure; larger : letters over those of a build's preview."""
+    """Return the picture with words below the structure; larger : size of the letters over those of a build's
+    preview.
+    """
     from PIL import ImageDraw, ImageFont
 
     width, height = image.size
@@ -117,7 +121,6 @@ def _shortened_caption(words: str, room: float, draw: "ImageDraw", letter: float
 def _scale_bar(
     draw: "ImageDraw", legend: Legend, palette: Palette, end: tuple[float, float], letter: float, longest: float
 ) -> float:
-    """Draw a bar of a round length that ends at `end`, with its length above, and return its pixels."""
     from PIL import ImageFont
 
     length = round_length(longest / legend.pixels_per_metre)
@@ -192,7 +195,9 @@ class PlacedName:
 
 
 def place_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
-    """Place names on a picture, with a letter height (pixels): on their members if possible, else on short lines."""
+    """Place names on a picture, with a letter height (pixels): on their members if possible, else beside them with
+    a line.
+    """
     taken = np.zeros((size[1] // GRID_PIXELS + 2, size[0] // GRID_PIXELS + 2), dtype=bool)
     names = []
     for plate in sorted(plates, key=lambda one: (int(one.visible.sum()), len(one.places))):

@@ -12,9 +12,11 @@ from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
 GRAIN = 1.2
-"""Radius in map pixels of the random places at which a map is sampled, so that its steps become a fine grain."""
+"""Radius (map pixels) of the random offsets at which a map is read, so that the steps of the map become a fine grain.
+"""
 SURFACE_LIFT = 2.5
-"""Height of lit points above their surface, over the pixels of a map's side (radii), against shadows of its steps."""
+"""Height of lit points above their surface, over the side of a map pixel (radii). The lift avoids shadows of map steps.
+"""
 LARGEST_DEPTH = np.float32(0.9999)
 """Largest depth that counts as a body; empty pixels have depth 1."""
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
@@ -29,8 +31,7 @@ def frame_towards(towards: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Maps of several lamps, which are evaluated together because single products of vectors are slow.
-
+    """Maps of several lamps, evaluated together because single products of vectors are slow.
     maps    : (b, s, s) depth from each lamp, see `Scene.lamp`.
     placing : (3 b, 6) from a point, its grain and 1 to map columns, map rows, and depths that must be free.
     towards : (b, 3) unit vectors times the strengths of the lamps.
@@ -62,7 +63,7 @@ class ShadowMaps:
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
         queries[3:5] = grain[:, : points.shape[1]]
-        # points outside all maps are lit: the ground far out, and marks beside the structure
+        # points outside all maps are lit, such as the distant ground and marks beside the structure
         reach = np.einsum("ik,ik->k", queries[:3], queries[:3]).max()
         leaves_maps = reach >= (1 - 2 * (GRAIN + 1) / side) ** 2
         column, row, depth = (self.placing @ queries).reshape(3, count, -1)
@@ -84,21 +85,20 @@ class ShadowMaps:
 
 
 LIGHT_SHARES = (0.60, 0.44, 0.14)
-"""Light of the sun, the sky and the floor on a surface that faces each."""
+"""Light of the sun, the sky and the floor on a surface that faces the light."""
 AMBIENT = 0.10
 """Light at every point."""
 CHUNK = 1 << 15
-"""Points coloured together, as many as fit the cache."""
+"""Number of points coloured together, so that they fit the cache."""
 TILE = 1 << 10
-"""Points lit together by twenty lamps, as many as fit the cache."""
+"""Number of points lit together by twenty lamps, so that they fit the cache."""
 
 
 @dataclass(frozen=True)
 class LightQuality:
     """Number of lamps in the sun, in the sky and below, and side of their maps (pixels).
-
-    sharp : side of the sun's maps, whose shadows are sharper; coarse : of the others.
-    blur  : of the floor's shadows, by the sun and by the others, over the picture's height.
+    sharp : side of the sun's maps, whose shadows are sharper; coarse : side of all other maps.
+    blur  : blur of the floor's shadows over the picture's height: first by the sun, second by all other lamps.
     finer : size of the drawing over that of the picture, for smooth edges.
     """
 
@@ -116,15 +116,15 @@ class LightQuality:
         return 4 * (self.sun * self.sharp**2 + (self.sky + self.below) * self.coarse**2)
 
     def fitting(self, height: int) -> "LightQuality":
-        """Return the quality for a number of rows: maps need not be finer than the picture."""
+        """Return the quality for a picture with a number of rows; maps need not be finer than the picture."""
         sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))
         return replace(self, sharp=min(self.sharp, sharp), coarse=min(self.coarse, coarse))
 
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
-"""Quality of a single picture, and of one of a hundred."""
+"""Quality of a single picture, and of a picture among a hundred."""
 ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)
-"""Quality of a picture that another picture soon replaces."""
+"""Quality of a picture that the next picture soon replaces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,9 @@ class Lamps:
 
 
 def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
-    """Return the lamps of a view: the sun over the eye's left shoulder, the sky over a floor with a normal (3,)."""
+    """Return the lamps of a view: the sun behind the viewer's left shoulder, the sky over a floor with a normal
+    (3,).
+    """
     back = -view.forward
     level = back - (back @ floor) * floor
     level /= max(float(np.linalg.norm(level)), 0.2)
@@ -174,9 +176,9 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k) of the sun and of all other lamps on points with normals (3, k), in radii.
-
-    paired : number of first points in neighbouring pairs. Each point of a pair evaluates half of the lamps except the
-             sun, for both, because they lie within a pixel of the averaged picture.
+    paired : number of first points that form neighbouring pairs. Both points of a pair lie within a pixel of the
+             averaged
+    picture. So each point evaluates the sun and half of the remaining lamps, for both points.
     """
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
@@ -218,14 +220,15 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """Return the light (k,) on the drawn pixels, and the floor's coarse (h, w) share of its unshaded light.
-    The floor is the plane at `level` along `floor`, in scene units; None without a level."""
+    """Return the light (k,) on the drawn pixels, and the share (h, w) of its unshaded light on the floor, coarsely.
+    The floor is the plane at `level` along `floor`, in scene units; None without a level.
+    """
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:
         points, N = _points(scene, view, pixels, hit)
         return _in_row_order(lamp_light(scene, all_lamps, points, N, paired * points.shape[1]).sum(axis=0), hit), None
-    coarse = (height // 6, width // 6)  # shadows on the floor are soft
+    coarse = (height // 6, width // 6)  # suffices, because shadows on the floor are soft
     spots, floor_pixels = _floor_points(scene, view, floor, level, coarse)
     points, N = _points(scene, view, pixels, hit, spare=spots.shape[1])
     count = points.shape[1] - spots.shape[1]
@@ -245,14 +248,12 @@ def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0
 
 
 def _strips(hit: Bools, rows: int = 64) -> Iterator[tuple[slice, slice]]:
-    """Yield slices of rows, which bound the memory, and the slice of their drawn pixels."""
     ends = np.concatenate([[0], np.cumsum(hit.sum(axis=1))])
     for top in range(0, len(hit), rows):
         yield slice(top, top + rows), slice(ends[top], ends[min(top + rows, len(hit))])
 
 
 def _in_row_order(values: Floats32, hit: Bools) -> Floats32:
-    """Return values (k,) in the order of `_points` row by row."""
     for rows, pixel_range in _strips(hit):
         strip = np.empty(hit[rows].shape, dtype=np.float32)
         strip.T[hit[rows].T] = values[pixel_range]

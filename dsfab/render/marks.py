@@ -22,7 +22,9 @@ MarkMesh = tuple[Floats, Ints]
 
 @dataclass(frozen=True)
 class Spacing:
-    """Thinning of marks: at least `apart` from each other, over the structure's size, and at most `most`."""
+    """Limits on the number of marks: their least distance `apart`, over the structure's size, and their number
+    `most`.
+    """
 
     apart: float
     most: int
@@ -36,12 +38,13 @@ GRADIENT_SPACING = Spacing(0.055, 160)
 CONE_HEIGHT = 0.026
 """Height of a support cone over the structure's size."""
 LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
-"""Longest arrow of a point load, a spread load and a gradient, over the structure's size."""
+"""Length of the longest arrow of a point load, a spread load and a gradient, over the structure's size."""
 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
     """Return indices of a few of the points (k, 3), evenly apart, each in the middle of its neighbourhood.
-    Farthest points first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982)."""
+    The farthest points come first (Gonzalez 1985) and move to the middle of their patches (Lloyd 1982).
+    """
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
     while len(chosen_list) < spacing.most:
@@ -60,7 +63,7 @@ def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class ForceArrows:
-    """Arrows at vertices (k,) for forces `pull` (k, 3) in newtons, `long` (k,) in metres."""
+    """Arrows at vertices (k,) for forces `pull` (k, 3) in newtons; `long` (k,) is their length in metres."""
 
     at: Ints
     pull: Floats
@@ -68,9 +71,8 @@ class ForceArrows:
 
 
 def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats, up: Floats) -> MarkMesh:
-    """Return slim arrows for the loads, thinned: each stands for the force on the vertices nearest to it.
-
-    size : of the structure (m).   lift : half its thickness (m): arrows start or end on the solid's skin.
+    """Return a few slim arrows for the loads: each shows the force on the vertices nearest to it.
+    size : size of the structure (m).   lift : half its thickness (m): arrows start or end on the solid's skin.
     eye  : (3,) unit vector towards the eye: arrows along the surface lie on its visible side.
     up   : (3,) unit vector: the outer side of an open sheet is its upper side, for both face directions.
     """
@@ -84,7 +86,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
     normal = surface.vertex_normals[vertices] * _outer(surface, up)
     out = np.einsum("ki,ki->k", along, normal)
-    # the tip of pressure touches the surface, and the tail of suction; arrows along the surface lie just above it
+    # an arrow touches the surface with its tip (pressure) or its tail (suction); arrows along the surface lie above
     level = np.abs(out) < 0.3
     away = np.where(level, np.where(normal @ eye < 0, -1.0, 1.0), -np.sign(out))[:, None] * normal
     away[out > 0.3] *= -1
@@ -94,7 +96,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
 
 
 def _outer(surface: Surface, up: Floats) -> float:
-    """Return 1, or -1 if the faces of an open sheet look down in the mean, because loads press on a roof."""
+    """Return 1; or -1 if the faces of an open sheet look down on average, because loads press on a roof from above."""
     return -1.0 if not surface.is_closed and float(surface.areas @ (surface.normals @ up)) < 0 else 1.0
 
 
@@ -115,7 +117,7 @@ def _gathered_forces(
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> MarkMesh:
-    """Return small cones that touch the supported vertices, thinned, on the side of the supports; up : (3,)."""
+    """Return a few small cones that touch the supported vertices, on the side of the supports; up : (3,)."""
     vertices = np.flatnonzero(load.supported)
     if not len(vertices):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -155,9 +157,13 @@ def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float
 
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
-    """Return the unit vector (3,) along an axis from the structure to its supports; down if they are on all sides."""
+    """Return the unit vector (3,) along an axis from the structure to its supports; down if supports are on all
+    sides.
+    """
     offsets = surface.V[load.supported] - centroid(surface)
-    offset = offsets[thin_points(offsets, size, SUPPORT_SPACING)].mean(axis=0)  # independent of mesh density
+    offset = offsets[thin_points(offsets, size, SUPPORT_SPACING)].mean(
+        axis=0
+    )  # thin_points makes the mean independent of the mesh density
     axis = int(np.argmax(np.abs(offset)))
     side = np.sign(offset[axis])
     if np.linalg.norm(offset) < 0.08 * size or (side * offsets[:, axis]).min() < 0:
@@ -170,7 +176,6 @@ def _nearest(points: Floats, centres: Floats) -> Ints:
 
 
 def _body_of_revolution(profile: list[tuple[float, float]], sides: int = 16) -> MarkMesh:
-    """Return a body of revolution about x from (x, radius) pairs; radius 0 at both ends closes it."""
     turn = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     rings = [np.stack([np.full(sides, x), r * np.cos(turn), r * np.sin(turn)], axis=1) for x, r in profile]
     low = np.arange(sides)
@@ -193,7 +198,6 @@ def _cone() -> MarkMesh:
 
 
 def _ball() -> MarkMesh:
-    """Return a ball of diameter 1 with its lowest point at the origin."""
     around = np.linspace(0, np.pi, 9)
     return _body_of_revolution(
         [((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in enumerate(around)]
@@ -202,7 +206,7 @@ def _ball() -> MarkMesh:
 
 _CROWN = ((0.0, 0.0, 0.3, 0.5), (0.15, 0.05, 0.42, 0.36), (-0.13, 0.11, 0.46, 0.34), (-0.02, -0.12, 0.55, 0.34),
     (0.03, 0.04, 0.64, 0.36))  # fmt: skip
-"""Balls of foliage of a tree of height 1: right, back and height of their lowest points, and diameters."""
+"""Balls of foliage of a tree of height 1: lowest point of each ball (right, back, height), and its diameter."""
 
 
 def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
@@ -233,7 +237,7 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
 
 
 CROSS_SPACING = Spacing(0.034, 500)
-"""Thinning of crosses, whose number limits the time."""
+"""Limits on the number of crosses, because many crosses take long to draw."""
 BAR_LENGTH, BAR_WIDTH = 0.8, 0.09
 """Length and width of a bar over the distance of neighbouring crosses."""
 
@@ -241,7 +245,8 @@ BAR_LENGTH, BAR_WIDTH = 0.8, 0.09
 def crosses(design: "Design", palette: Palette) -> Body:
     """Return bars along the two directions of diffusion at evenly spaced places, except in isotropic faces.
     Blue and red are compression and tension. For combined cases, whose stress has no sign, red is the first direction.
-    Raises DsfabError if no face has a direction: at r = 1, or without a stress."""
+    Raises DsfabError if no face has a direction: at r = 1, or without a stress.
+    """
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"
@@ -249,7 +254,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
     places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
     apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance of evenly spread places
     places = places[~tensors.isotropic[places]]
-    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # r along the first direction, 1 and 0 across
+    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # eigenvalue r; across it the eigenvalues are 1 and 0
     normal = surface.normals[places]
     directions = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)

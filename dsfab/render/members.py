@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
-    """Return names, lengths, widths (m), largest curvatures (1/m) and places of all members, ready for JSON.
+    """Return names, lengths, widths (m), largest curvatures (1/m) and places of all members, ready for JSON. `members`
+    have `places` [x, y, z, ...] (m) from the middle of the structure's box, as on the page. `reach` is their extent
+    around these places. `nearest` is the number of the nearest member at each vertex of the page's mesh.
 
-    `members` have `places` [x, y, z, ...] (m) from the middle of the structure's box, as on the page. `reach` is their
-    extent around these. `nearest` is the number of the nearest member at each vertex of the page's mesh.
-
-    judged : adds `utilisation`, None for members without a check. Raises DsfabError if the strength is missing, nothing
-    carries the loads, or the pattern leaves no material.
+    judged : whether to add `utilisation`, None for members without a check. Raises DsfabError if the strength is
+             missing,
+    nothing carries the loads, or the pattern leaves no material.
     """
     graph, V = draft.members, draft.surface.V
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
@@ -58,7 +58,6 @@ def _places(member: "Member", centroids: Floats) -> tuple[Floats, float]:
 
 
 def _curvature(member: "Member") -> float | None:
-    """Return the largest curvature of the axis, except near its ends (1/m); None without an axis."""
     axis = member.axis
     if axis is None:
         return None
@@ -85,8 +84,9 @@ def members_picture(
     ground: GroundKind = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
-    """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes.
-    Names of wholly hidden members are pale; another view shows them. Raises DsfabError if this machine cannot draw."""
+    """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes. Names of hidden members
+    are pale; a view from the opposite side shows them. Raises DsfabError if this machine cannot draw.
+    """
     graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
     names = {member.id: _colour(member.kind, member.family, palette) for member in graph.members}
@@ -168,7 +168,6 @@ def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour
 def _plates(
     graph: "MemberGraph", stage: Stage, depth: np.ndarray, look: tuple[tuple[int, int], Mapping[str, Colour], Palette]
 ) -> Iterator[Nameplate]:
-    """Yield names with their possible places, best first; look : size, colours by name, and palette."""
     size, names, palette = look
     for member in (member for member in graph.members if member.id in names):
         seen = stage.view.page_coordinates(_points(graph, member, stage.view))
@@ -183,7 +182,7 @@ def _plates(
 
 
 def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41) -> Floats:
-    """Return places (k, 3) on a member: between nodes first, then from the middle, or a ring's near side, outwards."""
+    """Return places (k, 3) on a member: between nodes first, then from the middle outwards."""
     if member.axis is None or member.kind == "disc":
         places = graph.sheet.surface.centroids[member.cells]
         return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:count]])

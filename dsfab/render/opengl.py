@@ -1,4 +1,4 @@
-"""Test whether this machine can draw off screen, in a process of its own because VTK crashes if it cannot."""
+"""Test whether this machine can draw off screen, in a process of its own because VTK may crash."""
 
 import os
 import subprocess
@@ -13,7 +13,7 @@ WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
 SECONDS = 120
 """Time limit of the test, which takes half a second on an idle machine."""
 
-# Importing VTK proves nothing, because it opens libraries at the first frame. So the test draws and reads a red frame.
+# VTK opens its libraries at the first frame, not at the import. So the test draws and reads a red frame.
 PROBE = """
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
@@ -116,7 +116,7 @@ _ADVICE = {
     "darwin": "on macOS run in a session with a screen, since OpenGL comes with the system",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }
-"""Advice for each system, by its name in `sys.platform`; the message begins with that of this machine."""
+"""Advice for each system, by its name in `sys.platform`; the message begins with the advice for this machine."""
 
 
 def _advice_text(chosen: str) -> str:

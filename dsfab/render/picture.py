@@ -19,7 +19,8 @@ from dsfab.surface import LoadCase, Surface
 
 def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
     """Write a picture, whole or not at all, and return its path. Raises ExportError if the file is not writable.
-    effort : of compression, 1 to 9; 6 saves a twentieth of the bytes of 4 in twice the time."""
+    effort : compression effort, 1 to 9; effort 6 saves a twentieth of the bytes of effort 4 in twice the time.
+    """
     from PIL import Image
 
     from dsfab.export.writing import atomic_file
@@ -40,8 +41,10 @@ def png_bytes(pixels: Bytes) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Style of a picture. size : (width, height) in pixels. up : (3,) of any length; None derives it. letters : size
-    over that of a build's preview."""
+    """Style of a picture. size : (width, height) in pixels. up : (3,) of any length; None derives the direction.
+    letters :
+    size over that of a build's preview.
+    """
 
     size: tuple[int, int] = (1600, 1200)
     up: ArrayLike | None = None
@@ -86,7 +89,7 @@ def render_picture(
     caption: str = "",
     look: Look = DEFAULT_LOOK,
 ) -> Bytes:
-    """Return `picture` without the test of this machine: VTK ends the process if it cannot draw."""
+    """Return `picture` without the test of this machine: if VTK cannot draw, it ends the process."""
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
     if not len(faces):
         raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
@@ -105,8 +108,7 @@ def render_picture(
 
 @dataclass(frozen=True, eq=False)
 class StructurePicture:
-    """Data of a picture of a finished structure from a chosen side, which another process can draw.
-
+    """Data of a picture of a finished structure from a chosen side, which a second process can draw.
     V, F    : (n, 3) metres and (m, 3), outward oriented.    half : half its thickness (m).
     side, up: view side, and (3,) unit vector up.
     annotations : marks beside the structure.    caption : line below the picture.
@@ -124,11 +126,13 @@ class StructurePicture:
     clear: bool
 
     def render(self) -> Bytes:
-        """Return (height, width, 3 or 4) bytes, without a test of this machine: VTK ends the process on failure."""
+        """Return (height, width, 3 or 4) bytes without a test of this machine: if VTK cannot draw, it ends the
+        process.
+        """
         palette, size = self.look.palette, self.look.size
         body = Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)
         stage = set_stage(body, self.side, self.up, self.half, self.annotations, palette, size)
-        if self.side.towards @ self.up < 0:  # no ground in views from below
+        if self.side.towards @ self.up < 0:  # views from below have no ground
             stage = replace(stage, level=None)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, transparent=self.clear)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 def main() -> None:
     """Draw the request of standard input."""
-    sys.path.append(str(Path(__file__).parents[2]))  # where dsfab is, if it is not installed
+    sys.path.append(str(Path(__file__).parents[2]))  # finds dsfab if it is not installed
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 
     from dsfab.render.picture import render_picture, write_png

@@ -111,7 +111,7 @@ class Previewer:
         reaction = design.statics.equilibrium.reaction
         self._arrows = show in MODE_FIELDS and "gradients" in layers
         gradient = mode_gradient(design, show) if self._arrows else None
-        blue = show in ("stress", "directions")  # in these pictures blue is compression
+        blue = show in ("stress", "directions")  # blue means compression in these pictures
         mark_palette = replace(palette, load=palette.text) if blue else palette
         self._palette = mark_palette
         present = ("kept", *design.preset.pattern.family_names)
@@ -121,7 +121,7 @@ class Previewer:
         self._stage = set_stage(body, self._side, up, half, annotations, mark_palette, DEFAULT_SIZE)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
-        if self._side.towards @ up < 0:  # no ground in views from below
+        if self._side.towards @ up < 0:  # views from below have no ground
             self._stage = replace(self._stage, level=None)
         self._scene = Scene(self._stage.bodies, self._stage.centre, self._stage.radius)
         try:
@@ -161,7 +161,7 @@ class Previewer:
         self.display(with_overrides(self._preset, changes))
 
     def can_display(self, preset: Preset) -> bool:
-        """Return whether `display` can draw a preset: the same geometry under the same loads."""
+        """Return whether `display` can draw a preset: it needs the geometry and the loads of the current preset."""
         old, shown = self._preset, self._show
         same_shape = preset.first_difference(old) != "surface" and (
             (shown not in (*DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
@@ -171,11 +171,10 @@ class Previewer:
         return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == old.diffusion)
 
     def display(self, preset: Preset) -> None:
-        """Draw another preset of the same surface from now on.
-
-        Frequencies, phases and thresholds of plain stripes and reaches around supports are a few numbers. Other keys of
-        [pattern] send values per vertex to the graphics side; r and gamma solve for modes again.
-        Raises DsfabError for another [surface] and for an invalid preset; the old preset stays then.
+        """Draw a preset of the same surface from now on. Frequencies, phases and thresholds of plain stripes and
+        reaches around supports are a few numbers. Other keys of [pattern] send values per vertex to the graphics side;
+        r and gamma need new modes. Raises DsfabError for a different [surface] and for an invalid preset; in this case
+        the old preset stays.
         """
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
@@ -223,7 +222,7 @@ class Previewer:
         stage = replace(self._stage, view=self._view(size, words))
         image = render_stage(self._scene, stage, self._palette, size, quality, self._clear)
         release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
-        alone = len(stage.bodies) == 1  # then the eye's picture shows whether material is left
+        alone = len(stage.bodies) == 1  # without marks, the picture itself shows whether material is left
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         if words:
@@ -233,7 +232,9 @@ class Previewer:
         return np.asarray(image)
 
     def frame(self, size: tuple[int, int] = DEFAULT_SIZE) -> None:
-        """Draw the current preset without the light of a `picture`, and wait for it; editors show such frames."""
+        """Draw the current preset without the light of a `picture`, and wait until the frame is complete, for
+        editors.
+        """
         self._scene.frame(self._view(size, False), *size)
 
     @property
@@ -310,8 +311,9 @@ def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
 
 
 class Previewers:
-    """Previewers for presets that follow each other; use as `with Previewers(view=..., ...) as previewers`.
-    sketched : called with a sketch of each new design (see `Design.sketch`).    options : of `Previewer`, for all."""
+    """Previewers for a sequence of presets; use as `with Previewers(view=..., ...) as previewers`.
+    sketched : called with a sketch of each new design (see `Design.sketch`).    options : options of every `Previewer`.
+    """
 
     def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
         self._sketched, self._options = sketched, options
@@ -359,7 +361,7 @@ def panel_columns(count: int) -> int:
 
 
 class PanelsPicture(NamedTuple):
-    """Picture of several pictures, and the names of omitted ones with the reason."""
+    """A picture made of several pictures, and the names of omitted pictures with the reason."""
 
     pixels: Bytes
     left_out: tuple[str, ...]
@@ -374,8 +376,9 @@ def panels(
     **options: Any,
 ) -> PanelsPicture:
     """Return one picture with those of all `names`, each of a size in pixels; `options` are those of `Previewer`.
-    If loads have their own picture, the others have no arrows, unless the options have `marks`.
-    A picture without a result in this design is omitted and reported. Raises DsfabError if none is left."""
+    If loads have their own picture, the remaining pictures have no arrows, unless the options have `marks`.
+    A picture without a result in this design is omitted and reported. Raises DsfabError if none is left.
+    """
     pictures, refused = [], []
     alone = "marks" not in options and "loads" in names
     for name in names:

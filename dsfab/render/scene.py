@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 NORMAL_STEPS = 1 << 10
-"""Steps from -1 to 1 in which normals count as different: finer than a picture's bytes."""
+"""Number of steps from -1 to 1 by which normals are compared; the steps are finer than those of a picture's bytes."""
 
 
 class Window:
@@ -129,7 +129,8 @@ def load_renderer() -> bool:
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
     """Return a mesh of points (n, 3) and faces (m, 3), split at edges sharper than `split` degrees.
-    It comes with normals (k, 3) of its points, and the input point (k,) of each."""
+    The result includes normals (k, 3) of the new points, and the number (k,) of the old point of each.
+    """
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
     source_mesh = _polydata(points, F)
@@ -142,7 +143,7 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
     mesh = normals_filter.GetOutput()
     attributes = mesh.GetPointData()
     normals, source = _numbers(attributes.GetNormals()).copy(), _numbers(attributes.GetArray("vertex")).copy()
-    for name in (attributes.GetNormals().GetName(), "vertex"):  # so that they are not sent to the graphics side
+    for name in (attributes.GetNormals().GetName(), "vertex"):  # VTK need not send these arrays to the graphics side
         attributes.RemoveArray(name)
     return mesh, normals, source
 
@@ -154,7 +155,7 @@ def corner_normals(points: Floats, F: Ints, split: float) -> NDArray[np.float32]
 
 
 def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return `split_mesh` for given normals (m, 3, 3) at corners of faces: split where normals differ."""
+    """Return a mesh like `split_mesh` for normals (m, 3, 3) at corners of faces; it is split where normals differ."""
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
     _, first_corner, corner = np.unique(key, return_index=True, return_inverse=True)
@@ -183,7 +184,6 @@ def _polydata(points: Floats, F: Ints) -> Any:
 
 
 def _numbers(array: Any) -> NDArray[Any]:
-    """Return VTK's memory itself, which lives as long as the array."""
     return np.asarray(_support().vtk_to_numpy(array))
 
 
@@ -202,14 +202,13 @@ SHARP_DEGREES = 35.0
 
 
 LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)
-"""Distance from a lamp to the middle of the scene, and its nearest and farthest depth (radii)."""
+"""Distance from a lamp to the middle of the scene, and the nearest and farthest depth that the lamp sees (radii)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """Mesh of vertices V (n, 3) in metres and faces F (m, 3), with a colour (3,) or (m, 3) in 0..255.
-
-    casts  : whether it throws shadows.    shader : discards material outside a pattern.
+    casts  : whether it throws shadows.    shader : shader that discards material outside a pattern.
     half   : half the thickness of the shader's walls (m).    normals: (m, 3, 3) at corners of faces; None computes
              them.
     """
@@ -232,7 +231,7 @@ class Body:
 
 
 def shading(V: Floats, F: Ints) -> Floats32:
-    """Return shading normals (m, 3, 3) of a body, for another division of the same surface."""
+    """Return shading normals (m, 3, 3) of a body, for a second mesh of the same surface."""
     return corner_normals(V, F, SHARP_DEGREES)
 
 
@@ -248,8 +247,9 @@ class Pixels:
 
 class Scene:
     """Bodies on the graphics side, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
-    Inside, `centre` is the origin and `radius` (of a ball around all shadow-casting bodies) the unit of length, so that
-    millimetres and kilometres look alike. Create, use and close it in one thread."""
+    Inside, `centre` is the origin, and `radius` is the unit of length: that of a ball around all shadow-casting bodies.
+    So millimetres and kilometres look alike. Create, use and close a scene in one thread.
+    """
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius
@@ -336,8 +336,8 @@ class Scene:
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
-            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # depth needs no colour: a tenth of the time
-            if casts and body.shader is None:  # hidden backs would take three times as long
+            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # depth alone takes a tenth of the time
+            if casts and body.shader is None:  # with hidden back faces it would take three times as long
                 actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield
         for actor in self.actors:
@@ -347,8 +347,9 @@ class Scene:
 
     def lamp(self, frame: Floats, side: int) -> Floats32:
         """Return the depth (s, s) of the first body seen by a lamp, with s = `side`.
-        It is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, 1 where it is empty.
-        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i)."""
+        The depth is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, and 1 where the picture is empty.
+        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
+        """
         self.window.resize(side, side)
         camera = self.window.camera
         camera.SetParallelProjection(True)

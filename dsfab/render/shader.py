@@ -1,8 +1,7 @@
 """Shader that draws an uncut surface as if it were cut: it discards pixels outside stripes and kept regions.
 
-Material is |z - k| < d for an integer k, the rule of slicing, from the same linear fields at every pixel. So a change
-of
-pattern changes a few numbers on the graphics side.
+Material is |z - k| < d for an integer k, as in slicing; z and d are linear on each face. So a new pattern changes only
+a few numbers on the graphics side.
 """
 
 from dataclasses import dataclass, field, replace
@@ -15,20 +14,20 @@ from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 INFINITE_DISTANCE = 1e30
-"""Distance to absent things, finite because infinity times a weight of zero is not a number."""
+"""Distance to a load or support that does not exist. It is finite, because infinity times 0 is not a number."""
 NO_REACH = -INFINITE_DISTANCE
-"""Reach that keeps nothing; a reach of 0 would keep values interpolated to just below 0 at the silhouette."""
+"""Reach that keeps no material. With a reach of 0, values just below 0 at the outline would keep material."""
 BY_VERTEX = -1.0
-"""Half-width uniform that makes the shader read half-widths at the vertices."""
+"""Value of the half-width at which the shader reads half-widths at the vertices."""
 
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")
-"""Fields that may vary over the surface, two numbers a vertex each, in the order of `StripeShader.fields`."""
+"""Fields that may vary over the surface, with two numbers at each vertex, in the order of `StripeShader.fields`."""
 TIE = 2e-6
-"""Margin beyond rounding (periods) that makes widths of 0 and 1/2 empty and full on the graphics side."""
+"""Margin (periods) over rounding errors, by which widths of 0 and 1/2 become exactly empty and full."""
 
 # |t - nearest integer + 1/2| is (wave(t) + 1) / 4: material is where it exceeds 1/2 - d. Vertices compute the linear
 # part, because software rendering pays for each uniform at each pixel
@@ -57,7 +56,7 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 """
 
-# a slab: the ray passes through the linear fields and ends in a face or a wall. It is a separate program, because
+# the ray passes through a slab with linear fields and ends in a face or a wall. This is a separate program, because
 # software rendering runs both sides of every `if`
 _WALLS = """
   vec3 dsWall = vec3(0.0);
@@ -93,7 +92,8 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 class StripeSettings:
     """Numbers of a pattern for the major and the minor family.
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
-    reach      : distances around loads and supports, and at the rim, that stay material (m), or `NO_REACH`."""
+    reach      : distances around loads and supports, and at the rim, within which material stays (m), or `NO_REACH`.
+    """
 
     frequency: tuple[float, float] = (1.0, 1.0)
     phase: tuple[float, float] = (0.0, 0.0)
@@ -108,9 +108,11 @@ ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.
 
 @dataclass(frozen=True)
 class ShaderProgram:
-    """Parts of the shader's program; software rendering pays for each further number per triangle.
-    vary : names of `FIELDS` that it reads at the vertices, with modes.
-    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints."""
+    """Parts of the shader's program. Each is optional, because in software rendering every number per triangle takes
+    time.
+    vary : names of `FIELDS` that the program reads at the vertices, with modes.
+    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints.
+    """
 
     vary: tuple[str, ...] = ("modes",)
     walls: bool = False
@@ -172,7 +174,7 @@ class StripeShader:
         self.set(ALL_MATERIAL)
         self.show_walls(None, 0.0)
         for uniforms in self._uniforms():
-            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # seen edge on, a wall shows four half thicknesses at most
+            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # a wall seen edge on is at most four half thicknesses wide
             uniforms.SetUniformf("dsShade", 0.82)  # walls are darker than faces
             for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])
@@ -206,8 +208,9 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
-        """Show walls of a sheet with half its thickness from `eye` (3,), both in scene units, or none without an eye.
-        Walls are only a hint: those of a slab in the plane of each triangle, without the surface's rim."""
+        """Show walls of a sheet with half its thickness from `eye` (3,), both in scene units; without an eye, hide
+        them. The walls are approximate: those of a slab in the plane of each triangle, without the surface's rim.
+        """
         walls = eye is not None and half > 0
         self._change_program(walls=walls)
         for uniforms in self._uniforms():
@@ -219,7 +222,6 @@ class StripeShader:
         self._change_program(normals=name == "normal")
 
     def _change_program(self, **changes: Any) -> None:
-        """Compose the program again if it changes; VTK keeps compiled programs."""
         self.program = replace(self.program, tinted=self.tints is not None, **changes)
         for part in self._parts:
             if part["program"] == self.program:

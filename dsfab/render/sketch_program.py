@@ -64,7 +64,7 @@ def _print_line(line: str) -> None:
 
 
 def _read_requests(requests: "SimpleQueue[bytes]") -> None:
-    """Read requests while a picture is drawn, and end the process with its input."""
+    """Read requests during drawing, and end the process when its input closes."""
     source = sys.stdin.buffer
     while len(head := source.read(8)) == 8:
         requests.put(source.read(int.from_bytes(head, "little")))

@@ -1,7 +1,7 @@
 """The mesh on which a pattern is drawn, values at its vertices, and the settings of its shader.
 
-Stripes on modes are drawn on the surface. Evenly spaced stripes have consistent phases on a chart only (see
-`dsfab.slicing.Chart`): they are drawn on it, as if on two modes at frequency 1 and phase 0.
+Stripes on modes are drawn on the surface. Evenly spaced stripes have consistent phases only on a chart (see
+`dsfab.slicing.Chart`): they are drawn on the chart, as if on two modes at frequency 1 and phase 0.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
 EXACT_REACH_SHARE = 1 / 8
-"""Largest reach with exact distances for all presets, over the size of the surface."""
+"""Largest reach, over the size of the surface, for which distances are exact in all presets."""
 
 
 REGION_FACTOR = 1e33
@@ -46,7 +46,7 @@ class StripedMesh:
 
     @property
     def surface(self) -> Surface:
-        """(n', m') mesh to draw; the same sheet as the uncut surface."""
+        """Mesh (n', m') for the drawing; it has the same shape as the uncut surface."""
         return self.even.chart.surface if self.even else self.uncut
 
     def is_same_mesh(self, mesh: "StripedMesh") -> bool:
@@ -88,7 +88,7 @@ class StripedMesh:
 
     @cached_property
     def normals(self) -> Floats:
-        """(n', 3) unit normals of the uncut surface, so that light does not show its division."""
+        """Unit normals (n', 3) of the uncut surface, which hide the borders of the chart in the light."""
         return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
@@ -100,7 +100,9 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """(n', 2) half-widths on one side of a vertex over `PatternResult.half_widths`, its mean; 0 without a phase."""
+        """Half-widths (n', 2) on one side of a vertex, over their mean `PatternResult.half_widths`; 0 without a
+        phase.
+        """
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
@@ -118,7 +120,8 @@ class StripedMesh:
 
 def distances(design: Design) -> tuple[Floats, Floats]:
     """Return distances (n,) to loads and supports, and to the boundary (m), as far as a slider or the preset reaches.
-    With drawn regions the first is the distance outside of them and of kept material, times `REGION_FACTOR`."""
+    With drawn regions, the first is the distance to these regions and to kept material, times `REGION_FACTOR`.
+    """
     return _distances(design)
 
 
@@ -133,14 +136,14 @@ def _distances(design: Design) -> tuple[Floats, Floats]:
 
 
 def _distances_outside(design: Design, to_held: Floats) -> Floats:
-    """Return distances (n,) outside of kept material and drawn regions (m), roughly; 0 along their outlines."""
+    """Return approximate distances (n,) to kept material and drawn regions (m); 0 along their outlines."""
     surface, pattern = design.surface, design.preset.pattern
     outside = np.where(np.isfinite(to_held) & (pattern.keep > 0), to_held - pattern.keep, surface.size)
     for field in design.pattern.fields[: pattern.drawn_regions]:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
-            # vertices on the outline of a solid region lie a little outside of it
+            # vertices on the outline of a solid region count as a little outside
             region = np.where(x > 0, -surface.mean_edge, 1e-3 * surface.mean_edge)
             outside = np.where(x >= 0, np.minimum(outside, region), outside)
         else:
@@ -161,7 +164,7 @@ def finite_distances(distances: tuple[Floats, Floats], limit: float = INFINITE_D
 
 
 def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
-    """Return whether a preset differs from the drawn preset in numbers of the shader only."""
+    """Return whether two presets differ only in numbers of the shader."""
     old_pattern, new_pattern = drawn_preset.pattern, preset.pattern
     first_section = preset.first_difference(drawn_preset)
     if first_section is None or STAGES.index(first_section) > STAGES.index("pattern"):
@@ -178,15 +181,14 @@ def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
         return False
     if new_pattern.method != "modes":
         return new_pattern.method == "stripes" and _without_reaches(old_pattern) == _without_reaches(new_pattern)
-    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # these depend on every number
+    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # such widths depend on every number
         return False
-    if new_pattern.major.spacing or new_pattern.minor.spacing:  # frequencies are solved for
+    if new_pattern.major.spacing or new_pattern.minor.spacing:  # a solver sets the frequencies
         return False
     return (old_pattern.major.mode, old_pattern.minor.mode) == (new_pattern.major.mode, new_pattern.minor.mode)
 
 
 def _without_reaches(pattern: Pattern) -> dict[str, object]:
-    """Return the pattern without the numbers of the shader for even stripes, whose widths vary at vertices."""
     return pattern.model_dump(exclude={"keep", "rim", "fillet", "tidy"})
 
 

@@ -9,13 +9,14 @@ from dsfab.core.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
 VIEW_DEGREES = 24.0
-"""Vertical view angle (degrees): a long lens, so that near members are no larger than far members."""
+"""Vertical view angle (degrees): as small as with a long lens, so that near and far members look equally large."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera at `eye` along `forward`; `right` and `up` span the picture; `slope` is tan(half its angle).
-    floor : unit normal of the floor. A plate seen face on (`front`) has a board behind it as its floor."""
+    """Camera at `eye` along `forward`; `right` and `up` span the picture; `slope` is tan(half the view angle).
+    floor : unit normal of the floor. Behind a plate that is seen face on (`front`), the floor is an upright board.
+    """
 
     eye: Floats
     right: Floats
@@ -34,8 +35,9 @@ class View:
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
     """Return the unit vector (3,) that points up for V (n, 3): z, unless the loads point along -y.
-    It is y if the whole load presses along -y and the supports are low in y, as for figures. It is also y if the load
-    lies in the plane of a plate and z is normal to it."""
+    Up is y if the whole load presses along -y and the supports are low in y, as for figures. Up is also y if the load
+    lies in the plane of a plate and z is normal to it.
+    """
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
         return z
@@ -79,7 +81,7 @@ def best_side(V: Floats, up: Floats) -> ViewSide:
         return _face_on(_normal(V), up)
     front, right = _plan_axes(V, up)
     depth, width, height = np.ptp(V @ np.stack([front, right, up], axis=1), axis=0)
-    # low structures are seen from higher up, towers almost from eye level
+    # the eye looks down on low structures, and almost horizontally at towers
     lift = np.radians(np.interp(height / max(width, depth), [0.0, 0.15, 0.35, 1.0, 2.0], [40.0, 32.0, 24.0, 17.0, 9.0]))
     turn = np.radians(32.0)
     level = np.cos(turn) * front + np.sin(turn) * right
@@ -118,7 +120,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view beside and above the normal of a plate, from -y for plates in xz, else from the positive side."""
+    """Return a view beside and above the normal of a plate, from the side with positive axes (for xz, from -y)."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up

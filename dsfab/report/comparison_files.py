@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
-    """Write results.csv and results.json, and return the latter's text; `verdict` is the design's full check."""
+    """Write results.csv and results.json, and return the text of results.json; `verdict` is the design's full check."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]
@@ -42,7 +42,6 @@ def write_results(
 
 
 def _verdict_facts(comparisons: "Sequence[tuple[float | None, Comparison]]") -> dict[str, Any]:
-    """Full check of the design as its preset draws it, or the reason of its failure; empty after one solve."""
     for share, compared in comparisons:
         if share is None:
             if compared.design.judgement is None:
@@ -67,7 +66,7 @@ def _cell(value: Any) -> Any:
 
 
 def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
-    """Return a document on several designs. rows : see `dsfab.app.compare.SummaryRow`. folder : of the page."""
+    """Return a document on several designs. rows : see `dsfab.app.compare.SummaryRow`. folder : folder of the page."""
     compared = [row for row in rows if not row["error"]]
     blocks: list[Block] = [Paragraph(_verdict_counts(rows), "lead")]
     if compared:

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104
-"""Pixels between tiles, around the sheet, below each tile for its label, and above all for the title."""
+"""Distances in pixels: between tiles, around the sheet, below a tile for its label, above all tiles for the title."""
 
 MAX_COLUMNS = 8
-"""Tiles in a row, at most."""
+"""Largest number of tiles in a row."""
 
 PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
@@ -75,7 +75,7 @@ def contact_sheet(
     aspect: float,
     palette: Palette,
 ) -> "Image":
-    """Return a sheet of tiles, `tile_width` pixels wide, of width to height `aspect`, with title and last line."""
+    """Return a sheet of tiles with title and last line; tile_width : pixels; aspect : width over height of a tile."""
     from PIL import Image, ImageDraw, ImageFont
 
     tile_height, rows = round(tile_width / aspect), -(-len(tiles) // columns)
@@ -129,7 +129,6 @@ def _mixed_colour(start: tuple[int, int, int], end: tuple[int, int, int], share:
 
 
 def _label(tile: ContactTile, room: float, font: Any) -> str:
-    """Label of a tile; names are shortened before values, because values distinguish tiles."""
     labels = (tile.label(letters) for letters in (None, 6, 5, 4, 3, 2, 1))
     return next((text for text in labels if font.getlength(text) <= room), _shortened(tile.label(1), room, font))
 
@@ -223,7 +222,9 @@ def check_film(values: Values, fps: float) -> None:
 
 
 def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, palette: Palette) -> None:
-    """Write the pictures and their parameters as an endless film, forth and back; skip variants without a picture."""
+    """Write the pictures and their parameters as an endless film, forwards and backwards; skip variants without a
+    picture.
+    """
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}

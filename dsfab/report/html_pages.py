@@ -114,7 +114,9 @@ class Banner:
 @dataclass(frozen=True)
 class Table:
     """Rows under a head; the first `left` columns are flush left, numbers flush right; `pass` and `fail` are coloured.
-    widths : shares of the page's width, or none for even ones.    note : below it.   strong : emphasised rows."""
+    widths : shares of the page's width; empty for even shares.    note : text below the table.   strong : emphasised
+             rows.
+    """
 
     caption: str
     head: Sequence[str]
@@ -220,7 +222,6 @@ def document_html(document: Document) -> str:
 
 
 def _css_text(text: str) -> str:
-    """Text for `content: "..."` of a style, without characters that could end it."""
     return "".join(c if c.isalnum() or c in " .,:;+-()/" else f"\\{ord(c):x} " for c in text)
 
 
@@ -348,4 +349,5 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   caption { max-width: calc(100vw - 2.4rem); } }
 """
 """Rules of a document: an A4 sheet on screen and on paper.
-RUNNING and FOOTER stand at the edges of printed pages. QUIET replaces a variable, which these boxes cannot read."""
+RUNNING and FOOTER stand at the edges of printed pages. QUIET replaces a variable, which page margins cannot read.
+"""

@@ -47,7 +47,7 @@ def reportlab_colour(rgb: PageColour) -> Any:
 
 
 def hex_colour(rgb: PageColour) -> str:
-    """Return for example '#2054a8'."""
+    """Return a colour in hexadecimal digits, for example '#2054a8'."""
     return "#{:02x}{:02x}{:02x}".format(*rgb)
 
 
@@ -266,7 +266,7 @@ def _section(number: int, section: ReportSection, styles: PdfStyles) -> list[Any
     )
     page_break = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
     first_block, *rest = [_block(block, styles) for block in section.blocks]
-    # a KeepTogether must not be nested in the one of the heading
+    # the KeepTogether of the heading must not contain a second KeepTogether
     with_heading = first_block[0]._content if isinstance(first_block[0], KeepTogether) else first_block[:1]
     return [
         *page_break,

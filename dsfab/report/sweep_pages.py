@@ -55,9 +55,10 @@ def require_view(name: str) -> None:
 
 @dataclass(frozen=True)
 class SheetDrawer:
-    """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. It can be pickled.
+    """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. A drawer can be pickled.
     The uncut surface fills the page, so that designs of one surface can be overlaid.
-    Raises DsfabError if this machine cannot draw, and for unknown views."""
+    Raises DsfabError if this machine cannot draw, and for unknown views.
+    """
 
     size: tuple[int, int]
     view: str
@@ -107,7 +108,7 @@ def first_metric(plan: Plan) -> str:
 
 
 def second_metric(plan: Plan) -> str:
-    """Return the metric of the other axis of the chart."""
+    """Return the metric of the chart's second axis."""
     metric, measured = first_metric(plan), plan.measured_metrics
     candidates = [name for name in measured if name != metric]
     return next((name for name in USUAL[1] if name in candidates), candidates[0] if candidates else metric)
@@ -215,7 +216,7 @@ def loss_sentence(folder: SweepFolder) -> str:
     try:
         alternatives = design_alternatives(draft(with_overrides(folder.preset, row.changes)))
     except DsfabError:
-        return ""  # the run says why
+        return ""  # the record of the run has the reason
     losing_words = losing_line(alternatives)
     return sentence(f"the best is run {row.number}, and {losing_words}") if losing_words else ""
 
@@ -233,9 +234,10 @@ def missing_runs_line(folder: SweepFolder) -> str:
 
 
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
-    """Return index.html, which opens offline; `y_metric` and `x_metric` are the metrics of its chart at first.
+    """Return index.html, which opens offline; `y_metric` and `x_metric` are the metrics that its chart shows first.
     Pictures are files beside it, named relative to it; everything else is inside. It shows failed runs and missing
-    values as such. See sweep_page.html for its script."""
+    values as such. See sweep_page.html for its script.
+    """
     facts = json.dumps(
         _page_facts(folder, rows, y_metric, x_metric), ensure_ascii=False, separators=(",", ":"), allow_nan=False
     )

@@ -1,4 +1,4 @@
-"""Captions of the paper as checks: rings, spokes and links counted on the phases of both families."""
+"""Claims in the paper's captions, checked: rings, spokes and links are counted on the phases of both families."""
 
 from dataclasses import dataclass
 
@@ -11,13 +11,15 @@ from dsfab.design import Design
 from dsfab.reproduction.renditions import Rendition
 from dsfab.surface import Surface, edge_table
 
-RINGS, SPOKES = 2, 4  # Least number of rings of a web, and of spokes that cross each.
+RINGS, SPOKES = 2, 4  # Least number of rings of a web, and of spokes that cross each ring.
 
 
 @dataclass(frozen=True)
 class Web:
-    """Rings of a family around a load, the innermost first, each with the number of crossing lines of the other family.
-    family : of the rings; '' without rings."""
+    """Rings of a family around a load, the innermost first, each with the number of crossing lines of the second
+    family.
+    family : family of the rings; '' without rings.
+    """
 
     family: str = ""
     crossed: tuple[int, ...] = ()
@@ -47,8 +49,7 @@ class Web:
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Return the better web of the two that either family may form.
-
+    """Return the better of two webs: rings of the major family, or rings of the minor family.
     phases : (n, 2) of the major and minor family, whole numbers in the middle of members.
     load, supported : (n,) vertices under the load, and at supports.
     """
@@ -63,7 +64,7 @@ def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
 
 
 def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[int, int]:
-    """Return how many middle lines of the major and minor family run unbroken between two sets of vertices."""
+    """Return how many middle lines of the major and minor family run without a break between two sets of vertices."""
     counts = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):
@@ -98,27 +99,26 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return (n,) the loaded part of the surface inside the line z = level, if a disc without supports; else None."""
+    """Return the loaded part (n,) of the surface inside the line z = level, if it is a disc without supports."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
     label = _labels(a[same_side], b[same_side], surface.n)
     inside = np.unique(label[load])
-    if len(inside) != 1:  # the line runs under the load
+    if len(inside) != 1:  # the line passes under the load
         return None
     region = label == inside[0]
     return region if not region[supported].any() and _is_disc(surface, region) else None
 
 
 def _is_disc(surface: Surface, region: Bools) -> bool:
-    """Return True if the faces that touch a region of vertices form a disc, away from the boundary."""
     faces = surface.F[region[surface.F].any(axis=1)]
     rim = surface.edges.ends[surface.edges.boundary]
     return not region[rim].any() and len(np.unique(faces)) - len(edge_table(faces).ends) + len(faces) == 1
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many middle lines of the other family cross the line ring = 0: whole numbers of z between its ends."""
+    """Return how many middle lines of the second family (z a whole number) cross the line ring = 0."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -135,7 +135,6 @@ def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
 
 
 def _lines(surface: Surface, z: Floats) -> tuple[Ints, Ints]:
-    """Return the faces that the line z = 0 crosses, with the number of each face's connected part."""
     side = (z >= 0)[surface.F]
     faces = np.flatnonzero(side.any(axis=1) & ~side.all(axis=1))
     face_edges = surface.edges.of[faces]

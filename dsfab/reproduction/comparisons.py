@@ -141,7 +141,7 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return changes drawn per second, by the median of all times but the first two, which prepare buffers."""
+    """Return changes drawn per second, by the median of all times except the first two, which prepare buffers."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()

@@ -51,21 +51,25 @@ def integrated_design(design: Design) -> Design:
 
 
 def strongest_directions(D: Floats) -> Floats:
-    """Return (m, 3) unit directions of the largest diffusion of tensors D (m, 3, 3); stripes run along them."""
+    """Return unit directions (m, 3) of the largest diffusion of tensors D (m, 3, 3); stripes follow these
+    directions.
+    """
     return np.asarray(np.linalg.eigh(D)[1][:, :, 2])
 
 
 def weakest_directions(D: Floats) -> Floats:
-    """Return (m, 3) unit directions in the faces' planes of the least diffusion of tensors D (m, 3, 3). They belong to
-    the middle one of the eigenvalues 0, 1 and r; stripes lie across them."""
+    """Return unit directions (m, 3) of the least diffusion in the faces' planes, for tensors D (m, 3, 3). They belong
+    to the middle of the eigenvalues 0, 1 and r; stripes lie across them.
+    """
     return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
 
 
 def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Floats:
-    """Return (n,) metres: the field u whose gradient is nearest to the directions, in the mean square over clear faces.
+    """Return the field u (n,) in metres whose gradient is nearest to the directions, in the mean square over clear
+    faces.
 
-    direction : (m, 3) units up to sign.    clear : (m,) faces with a direction; on other faces the field is as flat as
-    possible.
+    direction : (m, 3) unit vectors up to sign.    clear : (m,) faces with a direction; on other faces the field is as
+    flat as possible.
     """
     target = consistent_directions(surface, direction) * clear[:, None]
     pull = np.einsum("mik,mk->mi", hat_gradients(surface), target) * surface.areas[:, None]
@@ -105,9 +109,10 @@ End = Literal["boundary", "inside", "round"]
 
 @dataclass(frozen=True, eq=False)
 class StressLine:
-    """points : (k, 3) metres, in order; a closed line repeats the first at its end.
-    faces  : (k - 1,) the face of each segment.
-    loose  : number of ends inside the surface."""
+    """Line along stress. points : (k, 3) metres, in order; a closed line repeats the first point at its end.
+    faces  : (k - 1,) face of each segment.
+    loose  : number of ends inside the surface.
+    """
 
     points: Floats
     faces: tuple[int, ...]
@@ -120,7 +125,7 @@ class StressLine:
 
 
 def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
-    """Return the traced lines of both families of a design on numbered modes, as far apart as its stripes (median)."""
+    """Return the traced lines of both families of a design on numbered modes; their distance is the stripes' median."""
     surface, clear = design.surface, ~design.diffusion.tensors.isotropic
     major, minor = (
         stress_lines(
@@ -132,7 +137,9 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
-    """Return lines along unit directions (m, 3), signless, in clear faces (m,), about `apart` m apart and longer."""
+    """Return lines along unit directions (m, 3) without sign, in clear faces (m,). Lines are about `apart` metres
+    apart, and at least that long.
+    """
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
     distance = np.where(clear, np.inf, 0.0)
@@ -165,7 +172,6 @@ class _Walk:
         return StressLine(np.array(behind[:0:-1] + ahead), (*back[::-1], *faces), loose)
 
     def _half(self, face: int, start: Floats, t: Floats) -> tuple[list[Floats], list[int], End]:
-        """Return points from the start on, the face of each segment, and the kind of end."""
         points, runs, faces, entered = [start], [0.0], list[int](), -1
         while True:
             half_edge, p = self._exit(face, points[-1], t, entered)
@@ -191,7 +197,6 @@ class _Walk:
         return points, faces, "inside"
 
     def _return_index(self, passed: list[Floats], p: Floats) -> int | None:
-        """Return the index of an earlier point near the line's end, if any."""
         if not passed:
             return None
         distances = np.linalg.norm(np.array(passed) - p, axis=1)
@@ -199,7 +204,6 @@ class _Walk:
         return index if distances[index] < NEAR * self.apart else None
 
     def _exit(self, face: int, p: Floats, t: Floats, entered: int) -> tuple[int, Floats]:
-        """Return the half-edge through which a ray leaves a face, and the point; -1 if that is its entry."""
         corners = self.surface.V[self.surface.F[face]]
         outward = np.cross(np.roll(corners, -1, axis=0) - corners, self.surface.normals[face])
         speed = outward @ t

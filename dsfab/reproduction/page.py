@@ -24,7 +24,7 @@ Row = Mapping[str, Any]  # A row of sphere_volumes.json.
 
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
-"""`OURS` and these rivals: the pairs whose stiffness is compared."""
+"""Names of the structures whose stiffness is compared with `OURS`."""
 
 
 def claim_section(rows: Sequence[Row]) -> str:
@@ -285,7 +285,7 @@ def _section(pictures: FigurePictures, coarser: float) -> str:
     if pictures.error:
         return f"{head}{reason_paragraph(f'Not made: {pictures.error}')}</section>"
     shown = [picture_cell(image, figure.preset, "large" if i == 0 else "") for i, image in enumerate(pictures.shown)]
-    # after the structure and three pictures, so that families begin a row
+    # the facts follow the structure and three pictures, so that families begin a row
     cells = "".join([*shown[:4], _facts(pictures, coarser), *shown[4:]])
     return f'{head}{rendition_section(pictures, coarser)}<div class="steps">{cells}</div>{_tables(pictures)}</section>'
 
@@ -391,7 +391,6 @@ def small_page(text: str, folders: Sequence[Path]) -> str:
 
 
 def _data(path: Path) -> str:
-    """Return a picture as a data URL; SVG drawings stay unchanged."""
     if path.suffix == ".svg":
         return f"data:image/svg+xml;base64,{base64.b64encode(path.read_bytes()).decode()}"
     from PIL import Image

@@ -42,8 +42,8 @@ class PaperFigure:
     preset   : the preset of the figure.
     caption  : content of the figure.
     row      : its parameters; None for the unloaded camel, which Table 1 leaves out.
-    timings  : shared by the figures that share a mesh.
-    stand_in : why the surface is not the paper's, or '' for a surface from a formula.
+    timings  : sizes and seconds; figures with one mesh share them.
+    stand_in : reason why the surface is not the paper's, or '' for a surface from a formula.
     claim    : the paper's claim, as a check: web, beam, beams (between loads), grid; or ''.
     """
 

@@ -1,5 +1,6 @@
-"""Three renditions of a figure of the paper, with their measures: to the letter, by its preset, and dsfab's stripes.
-All three have the same surface, supports and loads."""
+"""Three renditions of a figure of the paper, with their measures: the paper to the letter, the preset, dsfab's stripes.
+All three have the same surface, supports and loads.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +23,9 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""The paper's settings where presets may depart from it; modes, frequencies and phases are those of Table 1 anyway."""
+"""The paper's settings for keys in which presets may differ from it; modes, frequencies and phases are those of
+Table 1.
+"""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -33,7 +36,7 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim kept along the boundary"),
 }
-"""By key: the paper's value, and a text for any other value."""
+"""Keys in which a preset may differ from the paper: the paper's value, and a text for any other value."""
 
 SHARES = (0.3, 0.5)
 """Range of the share of material of stripes. A preset on modes may leave less, or almost no openings; above half,
@@ -42,12 +45,12 @@ stripes no longer form a lattice."""
 
 @dataclass(frozen=True, eq=False)
 class Rendition:
-    """A rendition of a figure and its measures; `refused` is the reason for a failure, and the measures are nan then.
+    """A rendition of a figure and its measures; after a failure `refused` is the reason, and the measures are nan.
 
-    name : letter, preset or stripes.           departures : from the paper, in words.
+    name : letter, preset or stripes.           departures : differences from the paper, in words.
     settings     : changes to the preset, by key: `dsfab build` reproduces the rendition with them.
-    share        : kept share of the surface, loose pieces included.     pieces : of it;    loose : pieces without
-                   support.
+    share        : kept share of the surface, loose pieces included.     pieces : number of pieces.
+    loose        : number of pieces without a support.
     carried      : share of the loads on pieces with a support; nan without loads.
     over_uncut   : compliance over that of the uncut sheet, by one solve each with the elements that rank (the cut sheet
                    up to 15 % off); infinite if the loads are not carried.
@@ -55,7 +58,7 @@ class Rendition:
     deviation    : degrees off the principal directions, of the worse family.
     evenness     : P95 over P5 of the spacing, of the worse family.
     crossing     : degrees, the smallest angle between crossing members.
-    uncarried    : why the loads are not carried, if `over_uncut` is infinite.
+    uncarried    : reason why the loads are not carried, if `over_uncut` is infinite.
     """
 
     name: str
@@ -81,11 +84,10 @@ class Rendition:
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
-    """Return the paper to the letter, the preset unchanged, and evenly spaced stripes.
+    """Return the paper to the letter, the preset unchanged, and evenly spaced stripes. Stripes have as much material as
+    the preset, within `SHARES`.
 
-    Stripes have as much material as the preset, within `SHARES`.
-
-    design : up to its pattern, of a preset of the paper.
+    design : a design of a preset of the paper, made up to its pattern.
     """
     uncut: dict[str, float] = {}
     letter = measured_rendition("letter", design, LETTER, uncut)
@@ -167,8 +169,9 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the cut sheet's compliance over the uncut sheet's and over a thinner one's, and the reason of a failure.
-    nan without loads; infinite if the loads are not carried."""
+    """Return the cut sheet's compliance over the uncut sheet's and over a thinner sheet's, and the reason of a failure.
+    nan without loads; infinite if the loads are not carried.
+    """
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

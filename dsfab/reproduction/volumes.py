@@ -1,4 +1,4 @@
-"""Test of the paper's claim: on a sphere, the compliance of diffusion structures and isotropic stripes over mass."""
+"""Test of the paper's claim on a sphere: compliance over mass of diffusion structures and of isotropic stripes."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ ON_MODES = {
     "pattern.major": {"mode": 1, "frequency": 14.0, "phase": 0.875},
     "pattern.minor": {"mode": 3, "frequency": 14.0, "phase": 0.5625},
 }
-"""The claim is about stripes on modes; a search ("auto") set the phases."""
+"""The claim is about stripes on modes. A search ("auto") chose these phases."""
 ROW = {
     "pattern.method": "modes",
     "pattern.keep": 0.0,
@@ -30,7 +30,7 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""Table 1's row of the sphere: no kept regions, plain widths, phase 0; but labelled by sign."""
+"""Table 1's row of the sphere: no kept regions, plain widths, phase 0; labels go by sign, unlike in the paper."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # The same row to the letter of the paper.
 SHARES = (0.3, 0.5, 0.7)  # Kept shares of the surface; each takes a few minutes.
 
@@ -48,9 +48,8 @@ RIVALS = {
 
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
-    """Write the data and the chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
-
-    All are judged on finer and finer meshes; one solve of each isotropic pair selects the best pair.
+    """Write the data and the chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`. All
+    structures are judged on finer and finer meshes; one solve of each isotropic pair selects the best pair.
 
     coarser : factor on `EDGE`.
     """

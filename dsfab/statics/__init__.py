@@ -88,7 +88,7 @@ def solve_for(
 ) -> dict[str, Equilibrium]:
     """Return `solve_cases` by the elements of a use, with ribs that twist as `bars` or as a thin sheet.
 
-    Needles among faces, which a cut may leave, may stop the more accurate elements: then elements that bear needles
+    Needles among faces, which a cut may leave, may stop the more accurate elements. Then elements that tolerate needles
     solve the sheet (see `Equilibrium.elements`).
     Raises StaticsError as `solve_cases`.
     """
@@ -111,7 +111,7 @@ def solve_cases(
 ) -> dict[str, Equilibrium]:
     """Return `solve_statics` for several load cases on the same supports, by name, from one factorisation.
 
-    spreads      : by case, see `equilibrium`; of all cases, or None.
+    spreads      : by case, see `equilibrium`; for all cases, or None.
     combinations : by name, the factor of each case; they follow the cases in the result.
     bars         : whether ribs that bend twist as rectangular bars, see `torsion_loss`.
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases.

@@ -35,9 +35,9 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
     """Return gradients (i, 4, 3) of the angles between the faces of hinges, per metre, and weights l^2 / (A1 + A2),
     (i,).
 
-    With heights h2, h3 of the opposite vertices over the edge, the angle changes by n2 / h2 and n3 / h3 if these move
-    along their normals; the ends of the edge balance this so that no rigid motion changes the angle.
-    """
+    The opposite vertices have heights h2, h3 over the edge. If they move along their normals, the angle changes by n2
+    / h2
+    and n3 / h3; the ends of the edge balance this so that no rigid motion changes the angle."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -52,7 +52,7 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Indices of 4 bytes if they suffice: a matrix has as many as entries."""
+"""Indices of 4 bytes where these suffice, because a matrix has as many indices as entries."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 """Pairs of corners of a hinge, in the order of `VertexPairs.of_hinge`."""
@@ -75,7 +75,7 @@ class VertexPairs:
 
     @classmethod
     def from_surface(cls, surface: Surface, hinge: Ints | None = None) -> Self:
-        """Return the pairs of edges, and of hinges (i, 4) if given."""
+        """Return the pairs of edges, and the pairs of hinges (i, 4) if they are an argument."""
         n, ends = surface.n, surface.edges.ends
         edge = ends[:, 0] * n + ends[:, 1]
         if hinge is None:
@@ -92,7 +92,7 @@ class VertexPairs:
         h0, h1 = surface.edges.pairs.T
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
         last0, last1 = (next_half_edge(h, 2) for h in (h0, h1))
-        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # both faces run through their edge the same way
+        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # both faces run along the edge in one direction
         second_face = np.where(from0, last1, next1), np.where(from0, next1, last1)
         return np.stack([edge[h0], edge[last0], edge[next0], edge[second_face[0]], edge[second_face[1]], self.opposite])
 
@@ -102,7 +102,7 @@ class VertexPairs:
         Blocks: p above the diagonal, the same p below it, then n on it."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
-        # in this order the columns of each row ascend by themselves
+        # in this order the columns of each row ascend without sorting
         row, column = np.concatenate([high, vertex, low]), np.concatenate([low, vertex, high])
         begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=self.n))]).astype(np.int32)
         order = np.argsort(row, kind="stable")
@@ -130,7 +130,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Add the diagonal: no element resists a shift, so that its blocks are minus the sums of their rows."""
+        """Add the diagonal: no element resists a shift, so each diagonal block is minus the sum of its row."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
@@ -152,17 +152,17 @@ def _transposed_blocks(blocks: Floats) -> Floats:
 
 
 def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
-    """Return sums (9, count) of the blocks u v^T of u, v (3, k) over pairs (k,); number `count` is no pair."""
+    """Return sums (9, count) of the blocks u v^T of u, v (3, k) over pairs (k,); the number `count` means no pair."""
     return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 
 
 def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
-    """Return a, b (3, k) if the pair's first vertex is the smaller one, else b, a."""
+    """Return a, b (3, k) if the pair's first vertex is the smaller, else b, a."""
     return np.where(ascending, a, b), np.where(ascending, b, a)
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """Return the pairs of edges, and of hinges (i, 4) if given, computed once for each surface."""
+    """Return the pairs of edges, and of any hinges (i, 4), computed once for each surface."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
         results[key] = VertexPairs.from_surface(surface, hinge)

@@ -1,8 +1,7 @@
 """Bending moments on each face from a solved sheet, for every kind of bending.
 
 A moment is positive if the sheet curves towards its normal (as a bowl that holds water does, seen from the side that
-the normals point to). Then the side of the normals is compressed and the opposite one stretched.
-"""
+the normals point to). Then the side of the normals is compressed and the opposite side stretched."""
 
 import numpy as np
 
@@ -19,10 +18,11 @@ from dsfab.surface.mesh import Surface
 def facet_number(surface: Surface, thickness: float) -> float:
     """Return L^2 / (R h) of a typical face, the median: edge length times fold angle over the thickness.
 
-    Loads on the flat faces of a curved sheet bend each between its edges, as in a real polyhedron. On spheres under
-    pressure, by `hhj`, the largest stress was too high by 0.8 to 0.9 of this number, a typical one by 0.05 of it, and
-    the energy by the share 1.1 of its square. `midedge` has no unknown that feels it.
-    """
+    Loads on the flat faces of a curved sheet bend each face between its edges, as in a real polyhedron. On spheres
+    under
+    pressure, by `hhj`, the largest stress was too high by 0.8 to 0.9 of this number, a typical stress by 0.05 of it,
+    and
+    the energy by the share 1.1 of its square. `midedge` elements have no unknown for this effect."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -37,15 +37,15 @@ def face_moments(
     """Return moments per length (m, 3 corners, 3), (xx, yy, xy), at the corners of each face, in its tangent frame,
     newtons.
 
-    answer : made with `elements`. A sheet that was solved in its plane (no bending) has none.
+    answer : made with `elements`. A sheet that was solved in its plane (no bending) has no moments.
 
     `midedge` : constant on each face. Means are right to the order of the mesh width.
     `hhj`     : linear on each face: the eliminated moments, recovered [Hellan 1967].
     `hinge`   : constant, from the changed angles of the face's hinges. For pictures only: on a plate bent to a parabola
                 the mean over many faces is right to 2 %, but single faces scatter by 8 % (rows of staggered triangles)
-                to 60 % (random ones, and twist on squares halved by diagonals), and the statics themselves are off by a
-                factor (see `hinge_blocks`). Faces on a free edge lack its share.
-    """
+                to 60 % (random triangles, and twist on squares halved by diagonals). The statics themselves are off by
+                a
+                factor (see `hinge_blocks`). Faces on a free edge lack the share of this edge."""
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
     D = material.bending(thickness)
@@ -71,7 +71,8 @@ def _deflection(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m: `dsfab.statics.bending.curvatures` applied, not formed."""
+    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m, as `dsfab.statics.bending.curvatures` would, without its
+    matrices."""
     length, t, out = half_edge_frames(surface)
     w, rotation = _deflection(surface, answer), answer.on_edges["rotation"][surface.edges.of]
     step = (np.roll(w, -1, axis=1) - w)[:, :, None] * voigt(t, out)
@@ -90,7 +91,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
     half = np.zeros(3 * surface.m)
     half[pairs[:, 0]] = angle / 2
-    # the second face may be listed in reverse: then its own normal sees the angle with the opposite sign
+    # if the second face is listed in reverse, its normal sees the angle with the opposite sign
     along = half_edge_signs(surface).ravel()
     half[pairs[:, 1]] = -angle / 2 * along[pairs[:, 0]] * along[pairs[:, 1]]
     bent = (half.reshape(-1, 3) * length)[:, :, None] * voigt(out, out)

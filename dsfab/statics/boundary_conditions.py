@@ -35,8 +35,8 @@ def rigid_motions(points: Floats) -> Floats:
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
 
-    fixed   : (n, 3) held freedoms (of supports, and the normal of a sheet solved in its plane); springs of `load` hold
-              too.
+    fixed   : (n, 3) held freedoms (of supports, and the normal of a sheet solved in its plane); the springs of `load`
+              count too.
     clamped : (e,) edges that do not rotate.
     """
     count, label = pieces(surface.F, surface.edges)
@@ -82,7 +82,7 @@ def _merge_hint(surface: Surface) -> str:
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
     """Return names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops.
-    A basis of shifts and rotations, each named by its largest part.
+    The result is a basis of shifts and rotations, each with the name of its largest part.
     clamped : (k, 2) ends of the edges that do not rotate: a rotation about w rotates edge t by w . t."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (number of fixed freedoms, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
@@ -95,7 +95,7 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
     largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
-    return [MOTIONS[k] for k in sorted(largest)]  # equal values come in an order of their own on each machine
+    return [MOTIONS[k] for k in sorted(largest)]  # the order of equal values depends on the machine
 
 
 def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
@@ -115,9 +115,11 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
     fixed   : (n, 3) held directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
-    A boundary edge is held along a direction if both ends are; an inner edge if all corners of one of its faces are.
-    The ears of a mesh (faces with two boundary edges) do not count as such faces: their corners are held by the
-    boundary alone. Edges of faces held in all directions do not rotate. A bubble is held if more than half of its
+    A boundary edge is held along a direction if both ends are held; an inner edge if all corners of one of its faces
+    are
+    held. The ears of a mesh (faces with two boundary edges) do not count as such faces, because the boundary alone
+    holds
+    their corners. Edges of faces held in all directions do not rotate. A bubble is held if more than half of its
     squared direction lies in held directions.
     """
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
@@ -161,7 +163,7 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
 
 
 def all_clamped(load: LoadCase) -> Bools | None:
-    """Return edges (e,) that do not rotate; None if the supports name none."""
+    """Return edges (e,) that do not rotate; None if no support names any."""
     return load.clamped if len(load.clamped) else None
 
 
@@ -222,7 +224,7 @@ class SpreadLoad:
 
 
 def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
-    """Return the part of `loads` on faces and lines; forces on picked vertices are not part of it.
+    """Return the part of `loads` that acts on faces and lines, without forces on picked vertices.
     weight : of the sheet, newtons per square metre, as for `LoadCase.build`."""
     face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
     for load in loads:

@@ -24,9 +24,11 @@ BUBBLES = ("along", "across", "normal")
 class Elements:
     """A choice of elements.
 
-    membrane : `constant` strain (3 unknowns a vertex), `quadratic` (two bubbles an edge more), or `hybrid` (the same
-               unknowns, stresses in equilibrium inside). Reports use the last two: constant strain is 5 to 15 % too
-               stiff for bending of slender parts in their plane. `hybrid` has a third to a half of the errors of
+    membrane : `constant` strain (3 unknowns a vertex), `quadratic` (two bubbles an edge more), or `hybrid` (the
+               unknowns
+               of `quadratic`, with stresses in equilibrium inside). Reports use the last two: constant strain is 5 to
+               15 % too stiff for bending of slender parts in their plane. `hybrid` has a third to a half of the errors
+               of
                `quadratic`, which is the common six-node triangle of other programs.
     bending  : `hinge` (the paper's; good for directions, does not converge to the plate on general meshes), `midedge`
                (one rotation an edge; converges, from the soft side), `hhj` (two rotations and a bubble an edge; one
@@ -38,7 +40,7 @@ class Elements:
 
     @classmethod
     def from_name(cls, name: str) -> Self:
-        """Return the pair with this name, such as "quadratic+hhj". Raises StaticsError for any other text."""
+        """Return the pair with this name, such as "quadratic+hhj". Raises StaticsError for any other name."""
         pairs = [cls(membrane, bending) for membrane in get_args(Membrane) for bending in get_args(Bending)]
         match = next((pair for pair in pairs if str(pair) == name), None)
         if match is None:
@@ -83,7 +85,8 @@ def half_edge_signs(surface: Surface) -> Floats:
 
 @derived
 def edge_frames(surface: Surface) -> Floats:
-    """Return rows t, m, n (e, 3, 3) of each edge, computed once for each surface: see `_computed_edge_frames`."""
+    """Return unit vectors t, m, n (e, 3, 3) of each edge by rows, computed once for each surface: see
+    `_computed_edge_frames`."""
     frames = _computed_edge_frames(surface)
     frames.flags.writeable = False
     return frames
@@ -92,14 +95,15 @@ def edge_frames(surface: Surface) -> Floats:
 def _computed_edge_frames(surface: Surface) -> Floats:
     """Return rows t, m, n (e, 3, 3) of each edge: its direction, across it in the sheet, and normal to the sheet.
 
-    n is the mean of the faces' normals weighted by area, after turning the second face so that the two agree: a face
+    n is the mean of the faces' normals weighted by area, after turning the second face so that both normals agree. A
+    face
     turned over changes nothing, and Moebius strips need no exception. Without such a mean (three faces on an edge, or
     two folded by over 145 degrees) n is the line nearest to all normals: the first eigenvector of sum A n n^T.
     """
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # sign x normal is the same whichever way round the face is listed; it is opposite in agreeing neighbours
+    # sign x normal does not depend on the order of the corners; it is opposite in agreeing neighbours
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -125,8 +129,8 @@ def voigt(a: Floats, b: Floats) -> Floats:
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
 
-    As one product S^T Z, with Z all blocks' rows below each other and S the selection of unknowns: this adds each entry
-    once, without sorting the 100 to 300 triplets of every face. S^T becomes row-major before the product, which would
+    The sum is one product S^T Z: Z holds the rows of all blocks, and S selects the unknowns. This adds each entry once,
+    without sorting the 100 to 300 triplets of every face. S^T becomes row-major before the product, which would
     otherwise convert the much larger Z.
     """
     m, c = columns.shape
@@ -161,8 +165,8 @@ class Use:
     """The purpose of a pair of elements.
 
     pair      : the elements (without bending for a sheet that is solved in its plane).
-    tolerance : largest relative error on the finest mesh of a verification test; None if no report uses and no test
-                checks it.
+    tolerance : largest relative error on the finest mesh of a verification test; None if neither reports nor tests use
+                the pair.
     about     : the purpose in words.
     """
 
@@ -188,7 +192,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
         "directions": Use(PAPER, None, "directions of the stress, as in the paper"),
     }
 )
-"""Bounds of compliances are calibrated for their pairs (`dsfab.study.verdict.estimates`): change them together."""
+"""Pairs of elements by use; bounds of compliances in `dsfab.study.verdict.estimates` are calibrated for these pairs."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
 """Every pair that a report uses."""
@@ -207,7 +211,7 @@ def tolerance_of(quantity: Quantity) -> float:
 
 
 NEEDLE = 0.02
-"""A triangle whose smallest height is less than this share of its longest edge is a needle: an angle of a degree."""
+"""A triangle is a needle if its smallest height is less than this share of its longest edge: an angle of a degree."""
 
 
 def _longest_edges(surface: Surface) -> Floats:
@@ -226,7 +230,7 @@ def flatness(surface: Surface) -> Floats:
 
 
 def needle_message(surface: Surface) -> str:
-    """Return a clause with the number of needles and the place of the worst; '' without any."""
+    """Return a clause with the number of needles and the place of the worst; '' without needles."""
     shape = flatness(surface)
     count = int((shape < NEEDLE).sum())
     if not count:

@@ -15,13 +15,15 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Relative residual above which solutions are refined: a tenth of the accepted one, because rounding affects it too."""
+"""Relative residual above which solutions are refined: a tenth of the accepted residual, because rounding affects
+it too."""
 
 REFINEMENTS = 6
 """Most steps of refinement; two or three reach the precision of the numbers."""
 
 ROWS = 1 << 16
-"""Rows of a stiffness multiplied at a time in longer numbers: all of it would take three times its memory."""
+"""Rows of a stiffness multiplied at a time in longer numbers, because the whole matrix would take three times its
+memory."""
 
 
 class LinearMap(Protocol):
@@ -34,7 +36,7 @@ class LinearMap(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScaledStiffness:
-    """diag(scale) K diag(scale) on the unknowns `free` as a linear map, without a matrix of its own: see `Factor`.
+    """diag(scale) K diag(scale) on the unknowns `free` as a linear map, without storing this matrix: see `Factor`.
     dtype : of the numbers in the product."""
 
     K: csr_array
@@ -55,7 +57,7 @@ class ScaledStiffness:
         return np.concatenate([self.K[i : i + ROWS].astype(self.dtype) @ x for i in starts])
 
     def astype(self, dtype: Any) -> Self:
-        """Return the same map with other numbers."""
+        """Return the same map with another type of numbers."""
         return type(self)(self.K, self.free, self.scale.astype(dtype), dtype)
 
 
@@ -81,8 +83,8 @@ class Factor:
 
 
 def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
-    """Factorise K (u, u) without held unknowns (u,) and without those of no stiffness (vertices of no face).
-    Raises StaticsError if it is not positive definite."""
+    """Factorise K (u, u) without held unknowns (u,) and without unknowns of no stiffness (vertices of no face).
+    Raises StaticsError if the matrix is not positive definite."""
     diagonal = K.diagonal()
     free = np.flatnonzero(~is_held & (diagonal > 0))
     # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
@@ -134,11 +136,11 @@ def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 
 
 def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy, sqrt(r . K^-1 r /
+    """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy: sqrt(r . K^-1 r /
     b . x).
 
     A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with residuals in the longest
-    floating-point numbers of the machine: thin sheets make K badly conditioned, and a residual in its own precision
+    floating-point numbers of the machine. Thin sheets make K badly conditioned, so that a residual in double precision
     would be mostly rounding. x is rounded to double after each step, and the residual is that of the returned x.
     """
     x = solve(b)

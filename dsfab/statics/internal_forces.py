@@ -15,9 +15,9 @@ from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_a
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""A face lower than this share of a typical size is a splinter of the cut, where moments have meaningless slopes (on a
-tower 5000 instead of 120 kN/m): their load is spread as far around it. A shorter distance lets more of these errors
-through, a longer one misses shear in ribs."""
+"""A face lower than this share of a typical size is a splinter of the cut, where moments have meaningless slopes.
+On a tower they gave 5000 instead of 120 kN/m. The load of splinters is spread as far around them. A shorter distance
+lets more of these errors through, a longer distance misses shear in ribs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +52,14 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
         blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assemble_blocks(blocks, columns, size)
-        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # fixes a free constant on each smooth part
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # this fixes a free constant on each smooth part
         spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
         moments : (m, 3 corners, 3) newtons, of the elements, in `SheetStress.frame`.
-        twist   : the same, whose m_nt counts on free edges and folds."""
+        twist   : moments (m, 3 corners, 3), whose m_nt counts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
         if nodes == 6:  # from hats and bubbles to functions that are 1 at one node
@@ -90,7 +90,7 @@ def _smooth_pairs(surface: Surface) -> tuple[Ints, Ints]:
 def _shared_unknowns(surface: Surface, side_a: Ints, side_b: Ints) -> tuple[Ints, Floats]:
     """Return `columns` and `sign` (m, 6) of faces that share unknowns across smooth edges, with half-edges (i,)."""
     begins = surface.F.ravel()
-    alike = begins[side_a] == begins[side_b]  # both faces run through their edge the same way
+    alike = begins[side_a] == begins[side_b]  # both faces run along the edge in one direction
     next_one, next_other = next_half_edge(side_a), next_half_edge(side_b)
     i = np.concatenate([side_a, next_one])
     j = np.concatenate([np.where(alike, side_b, next_other), np.where(alike, next_other, side_b)])
@@ -151,12 +151,13 @@ CONVENTION = (
     "of, positive q_x acts against the normal",
     "a free edge carries a line force as large as m_xy there besides (Kirchhoff): a sum over a section needs both",
 )
-"""Definitions of the numbers, for the head of files."""
+"""Definitions of the numbers, for the first lines of files."""
 
 
 class PrincipalForces(NamedTuple):
-    """values : (m, 2), the algebraically larger first. angle : (m,) degrees from local x to the first, towards local y,
-    from -90 to 90. direction : (m, 3) unit vectors of the first; the second is the normal cross it."""
+    """Principal values and directions of forces or moments.
+    values : (m, 2), the algebraically larger first. angle : (m,) degrees from local x to the first direction, towards
+    local y, from -90 to 90. direction : (m, 3) unit vectors of the first; the second is the normal cross the first."""
 
     values: Floats
     angle: Floats
@@ -172,8 +173,7 @@ class SectionForces:
     m     : (m, 3) moments x, y and twist xy, N m/m.
     q     : (m, 2) shear forces across the sheet, on sections across local x and local y, N/m.
     corners : (m, 3, 3) n at the corners of each face, as its elements have it: it bends ribs in the sheet.
-    corner_moments : (m, 3, 3) m there; on a free edge its twist is the line force that balances q.
-    """
+    corner_moments : (m, 3, 3) m at the corners; on a free edge its twist is the line force that balances q."""
 
     frame: Floats
     n: Floats
@@ -205,11 +205,11 @@ def section_forces(
 
     n is the mean of each face, t times the stress of the middle surface, which its elements balance. m is the mean of
     moments averaged around each vertex: each flat face of a curved sheet bends under its own load, which averaging
-    removes.
-    q balances moments (`dsfab.statics.internal_forces`): errors of Navier's plate fall as h^1.5, to .3 % of all shear
-    at 32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a slab with
-    ribs thinner than a face.
-    """
+    removes. q balances moments (`dsfab.statics.internal_forces`): errors of Navier's plate fall as h^1.5, to .3 % of
+    all
+    shear at 32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a
+    slab
+    with ribs thinner than a face."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))

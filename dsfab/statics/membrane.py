@@ -21,12 +21,12 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
 """Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
-
-As a full space they do not depend on the numbering of corners. Nine stresses are needed (twelve edge displacements less
-three rigid motions); degrees 2 and 3 give seven. Two of degree 4 would do, but the pair r^2 (x^2 - y^2), r^2 x y lets a
-right isosceles triangle collapse; with the other pair its weakest strain keeps 0.19 of the energy of the quadratic
-element, with all four 0.22. Without compatibility r^4 would be a fifth, which changes no reported digit.
-"""
+As a full space they do not depend on the numbering of corners. An element needs nine stresses (twelve edge
+displacements less three rigid motions); degrees 2 and 3 give seven. Two of degree 4 would do, but the pair
+r^2 (x^2 - y^2), r^2 x y lets a right isosceles triangle collapse. With the other pair the weakest strain of the
+triangle
+keeps 0.19 of the energy of the quadratic element, with all four functions 0.22. r^4 without compatibility would be a
+fifth function, but it changes no reported digit."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
@@ -60,7 +60,7 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     C : (3, 3) stress, or force per length, from strain: plane stress or plane strain of an isotropic material."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
-    x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6) without a unit
+    x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6), dimensionless
     powers = np.stack([x**a * y**b for a, b in MONOMIALS], axis=1)
     shares = powers * SHARES
     linear = shares @ POINTS  # (m, monomial, hat) means
@@ -77,7 +77,8 @@ def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
     """Return the stress (m, 3 corners, 3), (xx, yy, xy), of each face: the linear part of the quadratic stress.
 
     strain : (m, 3 corners, 3) of the quadratic triangle. The projection keeps the element's mean stress, and its energy
-             as half the mean product of both linear fields; on the edge of a hole it is more accurate than the
+             as half the mean product of the linear stress and strain. On the edge of a hole it is more accurate than
+             the
              quadratic stress.
     """
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
@@ -92,7 +93,7 @@ def membrane_stiffness(
     `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact); its edge bubbles
     move within the sheet only, so flat triangles that meet at an angle stay closed without drilling unknowns.
-    `hybrid`: the same on the edges, with stresses in equilibrium inside (`dsfab.statics.membrane`); never stiffer.
+    `hybrid`: `quadratic` on the edges, with stresses in equilibrium inside (`dsfab.statics.membrane`); never stiffer.
     """
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
@@ -103,9 +104,9 @@ def membrane_stiffness(
 
 
 def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
-    """Return the constant-strain triangles, C (3, 3) N/m, on vertex pairs of edges, or of hinges if `elements` have
-    these.
+    """Return the stiffness of constant-strain triangles, C (3, 3) N/m, as blocks on vertex pairs.
 
+    The pairs are those of edges, or of hinges if `elements` have hinges.
     Between corners with hat gradients g and f, and the projector P onto the face, the block of an isotropic C is
 
     A (lam g f^T + mu f g^T + mu (g . f) P)
@@ -157,7 +158,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
     strain = voigt(slope[:, 0], moved[:, 0]) + voigt(slope[:, 1], moved[:, 1]) + voigt(slope[:, 2], moved[:, 2])
     if bubbles is None:
         return strain
-    third = np.full(3, 1 / 3)  # the bubbles' gradients are linear: their mean is the value at the centroid
+    third = np.full(3, 1 / 3)  # gradients of bubbles are linear, so the centroid gives their mean
     rows = bubble_strains(surface, third)
     values = np.concatenate([bubbles[surface.edges.of, 0], bubbles[surface.edges.of, 1]], axis=1)
     return np.asarray(strain + np.einsum("mai,mi->ma", rows, values))
@@ -178,7 +179,7 @@ def bubble_strains(surface: Surface, weights: Floats) -> Floats:
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     gradient = 4 * (
         weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope
-    )  # of 4 phi_j phi_k
+    )  # these are slopes of 4 phi_j phi_k
     direction = np.einsum("mcdk,mak->mdca", edge_frames(surface)[surface.edges.of, :2], t)  # (m, t | m, half-edge, 2)
     return np.asarray(voigt(gradient[:, None], direction).reshape(-1, 6, 3).transpose(0, 2, 1))
 

@@ -34,9 +34,9 @@ class Material:
         """Return the stress from strain in the sheet's plane (3, 3), Pa, for (xx, yy, 2 xy).
 
         `plane_stress`: the thickness is free to change, as in a thin sheet.
-        `stvk`: the paper's law literally (St. Venant-Kirchhoff, linearised); its F leaves the normal unstretched:
-        plane strain.
-        """
+        `stvk`: the paper's law literally (St. Venant-Kirchhoff, linearised). Its F leaves the normal unstretched, so
+        that the
+        law is one of plane strain."""
         mu = self.young / (2 * (1 + self.poisson))
         lam = self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
         if law == "plane_stress":
@@ -44,7 +44,7 @@ class Material:
         return np.array([[lam + 2 * mu, lam, 0], [lam, lam + 2 * mu, 0], [0, 0, mu]])
 
     def bending_stiffness(self, thickness: float) -> float:
-        """D = E h^3 / (12 (1 - nu^2)), N m: moment per unit length and unit curvature (Kirchhoff)."""
+        """D = E h^3 / (12 (1 - nu^2)), N m: moment per unit length for unit curvature (Kirchhoff)."""
         return self.young * thickness**3 / (12 * (1 - self.poisson**2))
 
     def bending(self, thickness: float) -> Floats:
@@ -55,8 +55,8 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class SheetModel:
-    """A thin elastic sheet. surface : its middle surface. thickness : metres. law : see `Material.membrane`. clamped :
-    (e,) edges that may not turn about themselves, besides those of a load's supports; None without any."""
+    """A thin elastic sheet. surface : its middle surface. thickness : metres. law : see `Material.membrane`.
+    clamped : (e,) edges that may not turn about themselves, besides those of a load's supports; None without any."""
 
     surface: Surface
     material: Material

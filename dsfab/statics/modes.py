@@ -24,17 +24,18 @@ UPRIGHT = f"{HELD_ACROSS}, and their edges do not turn: on hinges it would fall 
 
 @dataclass(frozen=True, eq=False)
 class ModeSupports:
-    """load : with the supports for vibration and buckling.   told : assumptions about them, or ''."""
+    """load : with the supports for vibration and buckling.   told : assumptions about these supports, or ''."""
 
     load: LoadCase
     told: str = ""
 
 
 def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
-    """Return the supports of a sheet that vibrates and buckles: its own, unless it is solved in its plane.
+    """Return the supports of a sheet that vibrates and buckles: its own supports, unless it is solved in its plane.
 
-    Supports of a sheet loaded in its plane mostly leave it free to fall over. Its held vertices, and those on springs,
-    are then held across the plane as well. If the sheet could still rotate about a line through them (a wall on its
+    Supports of a sheet loaded in its plane mostly leave it free to fall over. So its held vertices, and those on
+    springs,
+    are held across the plane as well. If the sheet could still rotate about a line through them (a wall on its
     base, a cantilever), the free edges between such vertices are clamped too: a support along an edge holds the sheet
     upright.
 
@@ -70,8 +71,9 @@ HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 
 
 MODE_RESIDUAL = 1e-4
-"""Largest accepted relative residual of a mode, in the norm of the stiffness, which bounds its relative error [Parlett
-1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long."""
+"""Largest accepted relative residual of a mode, in the norm of the stiffness.
+It bounds the relative error of the mode [Parlett 1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut
+strip 200 thicknesses long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +90,9 @@ class Vibration:
 
 @dataclass(frozen=True, eq=False)
 class Buckling:
-    """Linear buckling. factor : (k,) load factors at buckling, ascending; fewer than requested, or none, if few parts
-    are compressed. shapes : (k, n, 3) displacements, the largest of each 1."""
+    """Linear buckling. factor : (k,) load factors at buckling, ascending. shapes : (k, n, 3) displacements, the
+    largest of
+    each 1. Few compressed parts give fewer factors than requested, or none."""
 
     factor: Floats
     shapes: Floats
@@ -150,7 +153,7 @@ def buckling(
     surface = sheet.surface
     resultant = sheet.thickness * stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
     smallest = np.linalg.eigvalsh(resultant)[:, 0].min()
-    if smallest >= -1e-9 * np.abs(resultant).max():  # without compression no mode exists: Lanczos would not end
+    if smallest >= -1e-9 * np.abs(resultant).max():  # without compression no mode exists, and Lanczos would run forever
         return Buckling(np.zeros(0), np.zeros((0, surface.n, 3)))
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
     if K is None:
@@ -180,7 +183,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
     planar = np.einsum("mai,mij,mbj->mab", t, resultant, t)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     shapes = np.zeros((surface.m, 6, 6))
-    for opposite in range(3):  # the middles of the edges: exact for the linear gradients of bubbles
+    for opposite in range(3):  # points in the middles of edges are exact for linear gradients
         weights = np.where(np.arange(3) == opposite, 0.0, 0.5)
         bubble = 4 * (weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope)
         gradient = np.concatenate([slope, bubble], axis=1)
@@ -223,7 +226,7 @@ def _largest_eigenpairs(
     inner = csr_array(A[factor.free][:, factor.free])
     inner = csr_array(inner.multiply(factor.scale[:, None]).multiply(factor.scale[None, :]))
     solve = LinearOperator((N, N), matvec=factor.solve, dtype=np.float64)
-    start = np.random.default_rng(0).standard_normal(N)  # the same preset gives the same numbers
+    start = np.random.default_rng(0).standard_normal(N)  # a fixed seed gives repeatable numbers
     try:
         # clearly compressed sheets take a few restarts
         mu, x = eigsh(inner, count, M=factor.inner, Minv=solve, which="LA", v0=start, maxiter=500, tol=1e-10)
@@ -231,7 +234,7 @@ def _largest_eigenpairs(
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
     defects = inner @ x - mu * (factor.inner @ x)
     residual = np.sqrt(np.einsum("nk,nk->k", defects, np.stack([factor.solve(c) for c in defects.T], axis=1)).clip(0))
-    is_mode = mu > 1e-10 * np.abs(mu).max()  # rounding gives smaller ones
+    is_mode = mu > 1e-10 * np.abs(mu).max()  # smaller values are rounding errors
     if not (residual[is_mode] <= MODE_RESIDUAL * mu[is_mode]).all():
         raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
     order = np.argsort(-mu[is_mode])

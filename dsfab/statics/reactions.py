@@ -37,21 +37,24 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques.
-    The torque of an edge goes to the supports that clamp it. If none does, and yet it cannot rotate, it goes to the
-    supports of its ends. Together they balance the loads, unless edges are clamped away from all supports."""
+    The torque of an edge goes to the supports that clamp the edge. If no support does, and yet the edge cannot rotate,
+    it
+    goes to the supports of its ends. Together they balance the loads, unless edges are clamped away from all supports.
+    """
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
     if len(answer.torque):
         clamped = np.array([support.clamped_edges(surface) for support in supports])  # (s, e)
-        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # how many it holds
+        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # number of held ends
         torques = answer.torque * _shares(np.where(clamped.any(axis=0), clamped, ends))
     return tuple(resultant(surface, force, torque) for force, torque in zip(forces, torques, strict=True))
 
 
 def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
     """Return the forces (s, n, 3), N, of each support on each vertex.
-    Supports that hold the same direction of a vertex share it equally, springs in proportion to their stiffness."""
+    Supports that hold the same direction of a vertex share its force equally, springs in proportion to their stiffness.
+    """
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
     # a spring at a held place does not stretch
@@ -68,8 +71,8 @@ def _shares(parts: Floats) -> Floats:
 class SupportEntry:
     """A support and its reactions.
 
-    vertices : number of vertices that it holds.       place : (3,) their mean, metres.
-    length   : metres of edges along it: free edges, and those of a line within the sheet. 0 for points.
+    vertices : number of vertices that it holds.       place : (3,) mean of these vertices, metres.
+    length   : metres of edges along it: free edges, and the edges of a line within the sheet. 0 for points.
     area     : m2 of the faces with all corners held.
     holds    : 'xyz', 'z, clamped', 'spring xy'.
     reaction : by case, (3,) newtons on the sheet.

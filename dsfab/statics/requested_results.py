@@ -1,4 +1,4 @@
-"""Requested results of a solved sheet: stress, frequencies and buckling, from as few factorisations as possible."""
+"""Requested results of a solved sheet: stress, frequencies and buckling, with as few factorisations as possible."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,8 +22,9 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultRequest:
-    """Requested results of a sheet, beyond those that cost almost nothing. strength : Pa, compared with the largest
-    stress; 0 for no comparison. frequencies : number of natural frequencies. buckling : number of load factors."""
+    """Requested results of a sheet, beyond the results that cost almost nothing.
+    strength : Pa, compared with the largest stress; 0 for no comparison. frequencies : number of natural frequencies.
+    buckling : number of load factors."""
 
     strength: float = 0.0
     frequencies: int = 0
@@ -38,8 +39,10 @@ class ResultRequest:
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return the elements for the results: the given ones if they are verified (`REPORTED`), else the pair for
-        stress. Without a request, stress and energy are by the given elements."""
+        """Return the elements for the results: the given elements if they are verified (`REPORTED`), else the pair for
+        stress.
+
+        Without a request, the given elements also give stress and energy."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
@@ -51,8 +54,8 @@ class ResultRequest:
 class Answers:
     """Results of a sheet under one load.
 
-    elements    : that solved it (without bending if the sheet was solved in its plane).
-    equilibrium : by these elements; the one of the statics if these are the same.
+    elements    : that solved the sheet (without bending if it was solved in its plane).
+    equilibrium : by these elements; that of the statics if it has the same elements.
     stress      : and energy, see `SheetStress`.
     vibration, buckling : None without a request or without a result.
     refusals    : reasons for missing results, one sentence each.
@@ -74,7 +77,7 @@ class SolvedCase:
 
     equilibrium : under `load` and `spread`, by `elements` or, without bending, `elements.in_plane`.
     elements    : the chosen pair (with bending, even if the sheet was solved in its plane).
-    factor_of   : that factorised it (`ResultRequest.factor_for`), to save a second factorisation.
+    factor_of   : the function that factorised K (`ResultRequest.factor_for`), to save a second factorisation.
     plane       : whether the sheet was solved in its plane; by default this follows from `load`.
     """
 
@@ -99,9 +102,8 @@ def sheet_answers(
                     that was solved in its plane must bend to vibrate or to buckle.
     other_factors : makes all other factors; a `FactorCache` of two serves several loads on the same supports.
 
-    Vibration counts the mass of the sheet alone, not that of its loads. Raises StaticsError if those elements cannot
-    solve the sheet; modes that do not converge are refused in the result.
-    """
+    Vibration counts the mass of the sheet alone, without its loads. Raises StaticsError if the elements for the results
+    cannot solve the sheet; modes that do not converge are refused in the result."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     other_factors = other_factors or FactorCache(2)

@@ -32,7 +32,7 @@ class Equilibrium:
 
     u          : (n, 3) displacements, metres.
     reaction   : (n, 3) forces of the supports on the sheet, newtons, springs included; zero at free vertices.
-    compliance : f . u over all unknowns, joules (twice the elastic energy); the smaller, the stiffer.
+    compliance : f . u over all unknowns, joules (twice the elastic energy); a stiffer sheet has a smaller compliance.
     imbalance  : largest component of the sum of loads and reactions (and of their moments over the size), relative to
                  the sum of the loads' magnitudes.
     residual   : relative residual of K u = f in the norm of its energy, sqrt(r . K^-1 r / f . u): the relative error
@@ -41,8 +41,7 @@ class Equilibrium:
                  bubbles in metres (see `dsfab.statics.elements`); empty for the paper's elements.
     torque     : (e,) moments of the supports on clamped edges, about the edges' directions, newton metres; empty for
                  elements without rotations.
-    elements   : that solved it.
-    """
+    elements   : elements that solved the surface."""
 
     u: Floats
     reaction: Floats
@@ -74,7 +73,7 @@ class Equilibrium:
 
 
 def flat_axis(surface: Surface, *loads: LoadCase) -> int | None:
-    """Return the axis across a flat sheet whose loads lie in its plane (then it is solved in 2D), else None."""
+    """Return the axis across a flat sheet whose loads lie in its plane, so that it is solved in 2D; else None."""
     for axis in range(3):
         flat = np.ptp(surface.V[:, axis]) <= 1e-9 * surface.size
         if flat and all(np.abs(load.force[:, axis]).max() <= 1e-12 * np.abs(load.force).max() for load in loads):
@@ -92,11 +91,12 @@ def equilibrium(
 ) -> Equilibrium:
     """Solve K u = f with the supported freedoms projected out and the springs of supports added.
 
-    K        : stiffness, N/m, over the unknowns of `elements`: x, y, z of vertex 0, of vertex 1, ..., then the edges'.
+    K        : stiffness, N/m, over the unknowns of `elements`: x, y, z of vertex 0, of vertex 1, ..., then of the
+               edges.
     elements : the pair of K (without bending for a sheet solved in its plane).
     spread   : the part of the load on faces and edges, which bubbles carry too; its share on vertices is in `load`
                already.
-    factor_of : makes the factor: `stiffness_factor`, or a `FactorCache` if it is needed again.
+    factor_of : makes the factor: `stiffness_factor`, or a `FactorCache` for repeated use.
     Raises StaticsError if the supports leave a motion free, if a load acts on nothing, if edges without rotations are
     clamped, or if the solution does not balance the loads.
     """
@@ -116,7 +116,7 @@ def equilibria(
 
     K    : (u, u), see `equilibrium`.
     sums : factors of the k loads in each combination. A combination is summed, not solved; its residual is the bound
-           that follows from those of its parts.
+           that follows from the residuals of its parts.
     Raises StaticsError as `equilibrium`, and for loads on different supports.
     """
     _require_same_supports(loads)
@@ -174,7 +174,7 @@ def _answer(
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # springs exert -k u; K x - f differs from that by the residual, which belongs in the imbalance
+    # springs exert -k u; K x - f differs from -k u by the residual, and the imbalance must contain the residual
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))

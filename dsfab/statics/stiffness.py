@@ -21,7 +21,7 @@ from dsfab.statics.solve import flat_axis
 from dsfab.surface import LoadCase, Surface
 
 Row = Callable[[str], AbstractContextManager[object]]
-"""Opens a timing row by name for the enclosed block."""
+"""A function that opens a timing row by name for the enclosed block."""
 
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
@@ -99,8 +99,8 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Return the factor of K at face scales (m,), with the analysis of an `earlier` one. Raises StaticsError for a
-        mechanism."""
+        """Return the factor of K at face scales (m,), with the analysis of an `earlier` factor.
+        Raises StaticsError for a mechanism."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)

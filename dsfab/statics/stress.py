@@ -23,9 +23,9 @@ def stress(
 ) -> Floats:
     """Return the membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent, of displacements u (n, 3), metres.
 
-    bubbles : (e, 2) metres, `Equilibrium.bubbles`: with them it is the mean on each face of the linear stress of
-              `quadratic` elements; None for constant strain.
-    """
+    bubbles : (e, 2) metres, `Equilibrium.bubbles`: with bubbles the result is the mean on each face of the linear
+              stress
+              of `quadratic` elements; None for constant strain."""
     return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
 
@@ -45,7 +45,7 @@ def von_mises(sigma: Floats) -> Floats:
 
 def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
     """Return in-plane strains (m, 3 corners, 3), (xx, yy, 2 xy), of the middle surface in each face's frame.
-    With edge bubbles they are those of the quadratic triangle, with which `hybrid` elements share the work."""
+    With edge bubbles they are the strains of the quadratic triangle, and of `hybrid` elements too."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the frame
@@ -54,7 +54,7 @@ def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
         return strain
     moved = np.einsum("ed,edx->ex", answer.bubbles, edge_frames(surface)[:, :2])[surface.edges.of]
     bubble = moved @ t.transpose(0, 2, 1)
-    # 4 phi_c phi_c+1 has the gradient 4 grad phi_c+1 at corner c, 4 grad phi_c at corner c + 1, none at the third
+    # 4 phi_c phi_c+1 has the gradient 4 grad phi_c+1 at corner c, 4 grad phi_c at corner c + 1, 0 at the third corner
     start_strain = voigt(4 * np.roll(slope, -1, axis=1), bubble)
     end_strain = voigt(4 * slope, bubble)
     return np.asarray(strain + start_strain + np.roll(end_strain, 1, axis=1))
@@ -67,7 +67,7 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Cosine of 30 degrees: a face that leans more from the mean normal at a vertex lies across a fold."""
+"""Cosine of 30 degrees: a fold separates faces that lean more from the mean normal at a vertex."""
 
 
 WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
@@ -82,9 +82,9 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
 
     frame  : (m, 2, 3) of each face, for the components.
     values : (m, 3 corners, 3).
-    sided  : whether they change sign with the side that the normal points to (bending does).
+    sided  : whether values change sign with the side that the normal points to, as bending does.
 
-    Jumps between faces are errors, which averaging mostly removes [Hinton and Campbell 1974]. At a built-in edge it
+    Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge it
     keeps values that means of faces miss. On curved sheets it removes the bending of each flat face by its own load,
     which is large at corners and cancels around a vertex. Across folds the mean of the face stays.
     """
@@ -117,7 +117,8 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""`top` is the surface on the side that a face's normal points to, half a thickness away; `bottom` the opposite one."""
+"""Layers: `top` lies on the side that a face's normal points to, half a thickness away; `bottom` on the opposite
+side."""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
@@ -145,14 +146,12 @@ class SheetStress:
     frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) stress that bending adds at the bottom and subtracts at the top, 6 M / h^2, Pa.
-    smooth_membrane, smooth_bending : the same as `vertex_averages`, for von Mises stress; unchanged if constant on
-    faces.
+    smooth_membrane, smooth_bending : both stresses as `vertex_averages`, for von Mises stress; constant ones unchanged.
     membrane_energy : (m,) mean strain energy per area of each face, J/m2.
-    bending_energy  : (m,) the same of bending; the sum of both over the sheet is half of its compliance.
+    bending_energy  : (m,) energy per area from bending; the sum of both over the sheet is half of its compliance.
 
     Top and bottom belong to each face: they swap if its corners are listed in reverse, and no surface without two sides
-    (a Moebius strip) has a consistent choice. `largest` does not depend on it.
-    """
+    (a Moebius strip) has a consistent choice. `largest` does not depend on the choice."""
 
     frame: Floats
     membrane: Floats
@@ -241,8 +240,10 @@ def plane_von_mises(stress: Floats) -> Floats:
 
 
 def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> SheetStress:
-    """Return the stress and the energy of a solved sheet. answer : made with `elements`. `stvk` has a stress across the
-    sheet, which a thin sheet has not; von Mises leaves it out."""
+    """Return the stress and the energy of a solved sheet.
+    answer : made with `elements`. The law `stvk` has a stress across the sheet; a thin sheet has no such stress, and
+             von
+    Mises leaves it out."""
     surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
     membrane = membrane_stresses(surface, material, law, elements, strain)

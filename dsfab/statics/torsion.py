@@ -14,13 +14,13 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Least angle, from the centre of a disc, between two places where it touches the border; nearer places are a kink of
-one side [Ma, Bae and Choi 2012]."""
+"""Least angle, from the centre of a disc, between two places where the disc touches the border.
+Nearer places are a kink of one side [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
     """Return the torsional stiffness of a rectangle over G w h^3 / 3 of a thin strip; ratio : w / h, (...).
-    1 - .63 h / w (1 - h^4 / 12 w^4) if it is wider than thick, else the same with w and h exchanged, times w^2 / h^2
+    1 - .63 h / w (1 - h^4 / 12 w^4) if it is wider than thick; else this with w and h exchanged, times w^2 / h^2
     [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # narrower ribs make equations that no solver can solve
     flat = np.minimum(ratio, 1 / ratio)
@@ -37,8 +37,10 @@ class RibShape(NamedTuple):
 
 
 def rib_shape(surface: Surface) -> RibShape:
-    """Return the width of the material around each face and its direction. The width is that of the largest disc in the
-    material that touches the border where this is nearest [medial discs, Blum 1967]."""
+    """Return the width of the material around each face and its direction.
+    The width is that of the largest disc in the material that touches the border point nearest to the face [medial
+    discs,
+    Blum 1967]."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
@@ -56,15 +58,14 @@ def rib_shape(surface: Surface) -> RibShape:
 
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
-    """Return radii (k,) of the largest discs that touch the border in points (k, 3), on the inner side, with no other
-    point inside: small discs grow until they have one, and shrink until they have none [Ma, Bae and Choi 2012].
+    """Return radii (k,) of the largest empty discs that touch the border in points (k, 3) from the inner side.
 
-    Discs that begin as large as the surface have far centres: the search for their nearest points takes ten times
-    longer.
-    """
+    Small discs grow until they contain another point, and shrink until they are empty [Ma, Bae and Choi 2012]. Discs
+    that
+    begin as large as the surface have far centres: the search for their nearest points takes ten times longer."""
 
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
-        """Return which discs contain another point, and the radii of those that touch it as well."""
+        """Return which discs contain another point, and the radii of discs that touch this point as well."""
         p, n, r = points[discs], inward[discs], radius[discs]
         away, hit = tree.query(p + r[:, None] * n)
         offset = points[hit] - p
@@ -90,8 +91,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
-    """Return the part of K, negative, that a bar's twist about the direction of ribs loses, over the unknowns of
-    `elements`.
+    """Return the negative part of K, over the unknowns of `elements`, that ribs lose because they twist as bars.
 
     Of each face D loses (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab along and across the rib.
     Raises ValueError for bending that is neither `hhj` nor `midedge`.

@@ -1,8 +1,7 @@
 """The stiffest sheet of varying thickness, of which no face is thicker than the whole sheet.
 
 Its stiffness is proportional to the thickness, so the problem is convex: the result does not depend on the start
-[Cheng, Olhoff 1981; Petersson 1999], and no sheet of the same area with openings is stiffer on that mesh.
-"""
+[Cheng, Olhoff 1981; Petersson 1999]. No sheet of the same area with openings is stiffer on the same mesh."""
 
 from typing import NamedTuple
 
@@ -17,7 +16,7 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness over that of the sheet: omitted faces still have a direction of force."""
+"""Least thickness over that of the sheet, so that omitted faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
 """Largest change of a face in the last step and in any step, over the thickness, and largest number of steps."""
 
@@ -68,8 +67,7 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return x sqrt(gain / multiplier) (m,), moved by at most `move`, with the multiplier that meets the area [Bendsoe
-    1995].
+    """Return x sqrt(gain / multiplier) (m,), moved by at most `move`; the multiplier meets the area [Bendsoe 1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
     solid : (m,) faces that stay at 1.
@@ -78,7 +76,7 @@ def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: 
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
     while upper - lower > 1e-6 * upper:
-        middle = (lower + upper) / 2  # the root of the multiplier
+        middle = (lower + upper) / 2  # this is the root of the multiplier
         thickness = np.where(solid, 1.0, np.clip(root / middle, low, high))
         if areas @ thickness > area:
             lower = middle

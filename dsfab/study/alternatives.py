@@ -19,7 +19,6 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 @dataclass(frozen=True)
 class Spread:
     """Compliances (J) of a competitor's variants, as the judge `quick` computes them.
-
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
     median : median of all variants; a variant that does not carry the loads counts as infinite.
@@ -77,7 +76,6 @@ class Competitor:
 
     def row(self, full: float, design: float) -> dict[str, Any]:
         """Return a table row of plain SI values, None for unknown values.
-
         full, design : compliance (J) of the full sheet and of the design.
         """
         columns: dict[str, Any] = {
@@ -105,7 +103,6 @@ class Competitor:
 
 
 def _judgement_columns(judgement: Judgement) -> dict[str, Any]:
-    """Return the columns of a judgement: the worst of all cases, and all reactions."""
     columns: dict[str, Any] = {"bound": judgement.bound, "verdict": judgement.verdict, "reason": judgement.reason}
     columns["level"] = judgement.level
     if judgement.theory is not None:
@@ -154,7 +151,6 @@ ALTERNATIVE_WORDS = {
 @dataclass(frozen=True)
 class Alternative:
     """Another structure with the mass of a design, under the design's loads.
-
     over      : the design's compliance over the alternative's: above 1 the design is softer. Infinite if the design
                 does not carry its loads; 0 if the alternative does not.
     low, high : interval of `over`, from the error bounds of both compliances.
@@ -210,9 +206,8 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives; they are solved once, by the quickest solve that suffices.
-
-    Raises DsfabError if the design cannot be cut.
+    """Return a design's alternatives; they are solved once, by the quickest solve that suffices. Raises DsfabError if
+    the design cannot be cut.
     """
 
     def solve() -> tuple[Alternative, ...]:
@@ -250,10 +245,9 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare with a thinner sheet, by one solve of each sheet with elements that rank designs.
-
-    If the result is uncertain, better elements solve both sheets again. A sheet that bends gets a full check, because
-    its mesh is coarser than that of the cut sheet.
+    """Compare with a thinner sheet, by one solve of each sheet with elements that rank designs. If the result is
+    uncertain, better elements solve both sheets again. A sheet that bends gets a full check, because its mesh is
+    coarser than that of the cut sheet.
     """
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     alternative = _alternative(
@@ -268,11 +262,10 @@ def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternati
 
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare with the best isotropic stripes.
-
-    Every pair of modes is cut once and solved with quick elements, like a candidate of a search. The two best pairs are
-    cut again to exactly the design's mass and judged with better elements, like the design. Quick elements make members
-    up to twice too stiff if the members bend in their plane; 1 % more material makes a sheet 5 % stiffer.
+    """Compare with the best isotropic stripes. Every pair of modes is cut once and solved with quick elements, like a
+    candidate of a search. The two best pairs are cut again to exactly the design's mass and judged with better
+    elements, like the design. Quick elements make members up to twice too stiff if the members bend in their plane; 1 %
+    more material makes a sheet 5 % stiffer.
     """
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
@@ -323,7 +316,6 @@ def _competitor_compliance(competitor: Competitor) -> _BoundedCompliance:
 
 
 def _alternative(name: str, design: _BoundedCompliance, rival: _BoundedCompliance, level: str) -> Alternative:
-    """Return the comparison of two compliances; a rival that does not carry the loads has `over` 0."""
     if not np.isfinite(rival.compliance):
         return Alternative(name, 0.0, 0.0, 0.0, level, error=rival.error)
     if not np.isfinite(design.compliance):

@@ -27,7 +27,6 @@ Projection = Callable[[Floats], tuple[Floats, Floats]]  # Points (k, 3) -> point
 @dataclass(frozen=True, eq=False)
 class Wedges:
     """A solid with one quadratic wedge (C3D15) for each triangle, in metres.
-
     nodes  : (p, 3).        elements : (m, 15) in CalculiX's order: corners below, corners above, middles of the edges
              below, middles of the edges above, middles of the upright edges.
     columns : (n, 3) nodes of each vertex of the sheet: below, above and in the middle of the thickness.
@@ -112,7 +111,6 @@ THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # Shares of a force on a vertex for it
 @dataclass(frozen=True, eq=False)
 class WedgeModel:
     """A solid with its supports and forces.
-
     solid    : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
     opposite : (r, 3) two nodes and a direction in which their movements are opposite, so that the sheet can turn.
     force    : (p, 3) newtons.
@@ -127,7 +125,6 @@ class WedgeModel:
 
 def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> WedgeModel:
     """Return a model with one wedge through the thickness for each triangle.
-
     normal : (n, 3) unit normals at the vertices, all on one side of the sheet.    thickness : metres.
     Supports hold the middle of the thickness; clamped edges are fixed over the whole thickness. Raises StaticsError for
     springs.
@@ -248,7 +245,6 @@ FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
 @dataclass(frozen=True, eq=False)
 class LoadPath:
     """Path of a structure under growing loads.
-
     load    : (k,) factors on the loads, from 0 on.    u : (k, w, 3) displacements of the watched nodes, metres.
     whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
     failed  : (f, 2) start point and load increment of each attempt without equilibrium.
@@ -298,7 +294,6 @@ def load_path(
     steps: int = 10,
 ) -> LoadPath:
     """Return the path of nodes (w,) as loads grow to each of `factors` in turn, with large displacements.
-
     nodes : (p, 3) initial positions, metres.
     stop_point : function of a path that returns the point at which CalculiX may stop, or None.
     Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load.

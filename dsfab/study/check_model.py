@@ -29,10 +29,8 @@ third of the mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below.""
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
     """Return nodes (n + e, 3) in metres, vertices before middles of edges, and triangles (m, 6), corners before
-    middles.
-
-    The fourth node lies between the first and the second, the fifth between the second and the third, the sixth between
-    the third and the first.
+    middles. The fourth node lies between the first and the second, the fifth between the second and the third, the
+    sixth between the third and the first.
     """
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
@@ -41,13 +39,11 @@ def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
     """Return (n + e, 3) newtons on the nodes of six-node triangles that do the same work as dsfab's loads.
-
     force  : (n, 3) newtons on the vertices, the share of `spread` included.
     spread : loads per area and per length, which act on the edges' bubbles too.
 
     The quadratic shape of a corner is its hat function less half of the bubbles of its edges. The shape of a middle
-    node
-    is the bubble. So middles take the force on the bubbles, and corners lose half of that force.
+    node is the bubble. So middles take the force on the bubbles, and corners lose half of that force.
     """
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
@@ -59,10 +55,8 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return the held directions (n + e, 3) of all nodes by support, from those of vertices (n, 3).
-
-    Middles follow dsfab's `held_middles`. A middle between two supports belongs to the first support that holds one of
-    its ends.
+    """Return the held directions (n + e, 3) of all nodes by support, from those of vertices (n, 3). Middles follow
+    dsfab's `held_middles`. A middle between two supports belongs to the first support that holds one of its ends.
     """
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
@@ -87,7 +81,6 @@ def six_node_model(
     axis: int = 2,
 ) -> CalculixModel:
     """Return the CalculiX model of a sheet. Faces that are fixed in all directions do not turn, as in dsfab.
-
     supports : (n, 3) held directions of the vertices, by name of the support.
     steps    : (n + e, 3) newtons, by name of the step, see `nodal_forces`.
     springs  : (n, 3) newtons per metre on the vertices.
@@ -118,7 +111,6 @@ def axes_of_file(axis: int) -> Ints:
 
 def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
     """Return the model in CPS6, seen along the coordinate `axis`: the two remaining coordinates become x and y.
-
     thickness : largest thickness of the section, metres. A stiffer material balances a thinner section: displacements,
                 reactions and energy stay, and stresses grow.
 
@@ -175,11 +167,8 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """Return the whole surface of a preset with a step for each case and combination.
-
-    Elements are S6 shells, or CPS6 for a flat surface that is loaded in its plane. Raises DsfabError if the preset
-    cannot
-    be solved.
+    """Return the whole surface of a preset with a step for each case and combination. Elements are S6 shells, or CPS6
+    for a flat surface that is loaded in its plane. Raises DsfabError if the preset cannot be solved.
     """
     log = Log(progress)
     surface = surface_step(preset, log)
@@ -299,7 +288,6 @@ def _support_lines(preset: Preset, model: CalculixModel) -> Iterator[str]:
 
 
 def _expected_lines(name: str, model: CalculixModel, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
-    """Yield the expected results of a step, from displacements and reactions (n, 3) in the file's axes."""
     force, node = model.steps[name], int(np.linalg.norm(u, axis=1).argmax())
     pair = elements_of("six_nodes")
     yield f"{name}: {_vector(force.sum(axis=0))} N in all. With {pair} elements on the same triangles dsfab finds"

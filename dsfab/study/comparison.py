@@ -34,11 +34,10 @@ NameReport = Callable[[str], None]  # Function that receives the name of the nex
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """The design against its competitors; a smaller compliance is stiffer.
-
-    The loads are those that the pattern follows. Several load cases add their compliances with the weights of
-    [diffusion] (default 1). `task` is the common input. `pattern` holds the measures of the design's pattern, unless
-    its widths are scaled. `looked_at` holds alternatives that do not compete.
+    """The design against its competitors; a smaller compliance is stiffer. The loads are those that the pattern
+    follows. Several load cases add their compliances with the weights of [diffusion] (default 1). `task` is the common
+    input. `pattern` holds the measures of the design's pattern, unless its widths are scaled. `looked_at` holds
+    alternatives that do not compete.
     """
 
     name: str
@@ -71,9 +70,8 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return a competitor's compliance over the design's: above 1 the design is stiffer.
-
-        The result is nan if neither of both carries the loads.
+        """Return a competitor's compliance over the design's: above 1 the design is stiffer. The result is nan if
+        neither of both carries the loads.
         """
         rival, design_compliance = self[name].compliance, self.design.compliance
         return (
@@ -147,11 +145,9 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare sheets that all cover `share` of the surface; the design's widths are scaled to that share.
-
-    If the design does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names and for
-    a
-    share that is not between 0 and 1.
+    """Compare sheets that all cover `share` of the surface; the design's widths are scaled to that share. If the design
+    does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names and for a share that
+    is not between 0 and 1.
     """
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
@@ -168,7 +164,6 @@ def _comparison(
     judges: tuple[Judge, Judge],
     report: NameReport | None,
 ) -> Comparison:
-    """judges : of the full sheet, and of the competitors."""
     full_variant = Variant("", lambda: Structure.uncut(task.surface, task.preset.statics.thickness))
     full = _competitor(task, "full", [full_variant], judges[0], refuse=True)
     entered = []
@@ -190,7 +185,6 @@ def _comparison(
 def _competitor(
     task: ComparisonTask, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False
 ) -> Competitor:
-    """Return the stiffest variant as a competitor; `refuse` raises the error of the first variant."""
     start, making, solved_variants, errors = time.perf_counter(), 0.0, [], []
     several, structure = len(variants) > 1, None
     for variant in variants:
@@ -248,7 +242,6 @@ Level = Literal["quick", "full"]
 @dataclass(frozen=True)
 class Checks:
     """Depth of the checks of a comparison.
-
     level  : quick or full. None: full for the design, and for competitors if all checks take less than a minute.
     ask    : number of frequencies and of load factors.        memory : bytes that the solver may take for a full check.
     """
@@ -260,7 +253,6 @@ class Checks:
 
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the judge of a depth: quick, full, or whole (full for whole sheets, quick for cut sheets).
-
         The depth "whole" exists because one solve is inexact on the coarse meshes of whole sheets.
         every : whether to judge all cases.
         """
@@ -272,9 +264,8 @@ class Checks:
 
 
 class Judges(NamedTuple):
-    """Judges of the design (all cases) and of its competitors.
-
-    The reason says why the competitors get one solve only; '' for a full check.
+    """Judges of the design (all cases) and of its competitors. The reason says why the competitors get one solve only;
+    '' for a full check.
     """
 
     own: Judge

@@ -24,7 +24,6 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 @dataclass(frozen=True, eq=False)
 class Check:
     """A limit of [fabrication] and its measured value, metres (for `bed` three lengths each).
-
     name  : the key of the limit.    value, place, what : empty if the design has no such feature, which passes.
     asked : True for a limit from [fabrication]; False for a limit from `least_widths`.
     """
@@ -41,7 +40,6 @@ class Check:
 @dataclass(frozen=True)
 class PieceContacts:
     """A piece of the sheet with its area (m2), and the entries of surface.support and surface.load that act on it.
-
     Entries have their number, from 1, and their name.
     """
 
@@ -93,10 +91,9 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return reasons, as clauses, why a design must not be exported without the user's consent.
-
-    Reasons are loads that nothing carries and a sheet thinned to a film. A workshop design also must not have members
-    and openings that are below their limit and below a millimetre.
+    """Return reasons, as clauses, why a design must not be exported without the user's consent. Reasons are loads that
+    nothing carries and a sheet thinned to a film. A workshop design also must not have members and openings that are
+    below their limit and below a millimetre.
 
     measured : measures of the design; None leaves out the reasons that need measures.
     """
@@ -181,9 +178,8 @@ class FixedDesign:
 
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
-    """Return the design with wider or fewer members and gaps, so that no check of its [fabrication] fails.
-
-    Members widen by pattern.width.min_width, and by the rim or the kept region if these are narrow. The key
+    """Return the design with wider or fewer members and gaps, so that no check of its [fabrication] fails. Members
+    widen by pattern.width.min_width, and by the rim or the kept region if these are narrow. The key
     pattern.width.min_gap fills gaps between two stripes of a family, slicing.min_opening fills gaps between families.
     Later changes raise both keys and lower the frequencies. Each design starts from the stages of the previous design.
     Raises PatternError if another section must change (walls, bed), and if `ATTEMPTS` changes do not suffice.

@@ -122,11 +122,9 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
 def quick(
     task: ComparisonTask, structure: Structure, ask: ResultRequest | None = None, every: bool = False
 ) -> Judgement:
-    """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions.
-
-    The error is typically within 2 %, and within 5 % for nine designs in ten; 5 % is the bound. So compare only similar
-    sheets; the result is not a verdict. Whole sheets that bend get a bound of 50 %, because the error for the dome's
-    thinner sheet was 32 %.
+    """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions. The error is typically
+    within 2 %, and within 5 % for nine designs in ten; 5 % is the bound. So compare only similar sheets; the result is
+    not a verdict. Whole sheets that bend get a bound of 50 %, because the error for the dome's thinner sheet was 32 %.
 
     ask   : number of frequencies and load factors (the lowest is kept).
     every : judge each case and combination, not only those that the pattern follows.
@@ -224,11 +222,10 @@ def full(
     budget: float = BUDGET,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Judge like `quick`, with compliance, buckling and frequency from finer meshes, and their bounds.
-
-    The compliance is that of `dsfab.study.verdict.check`, and modes are those of `mode_intervals`. Stress comes from
-    the finest mesh; displacements and reactions stay those of the unrefined mesh. If the budget allows no solve, the
-    results of `quick` stay.
+    """Judge like `quick`, with compliance, buckling and frequency from finer meshes, and their bounds. The compliance
+    is that of `dsfab.study.verdict.check`, and modes are those of `mode_intervals`. Stress comes from the finest mesh;
+    displacements and reactions stay those of the unrefined mesh. If the budget allows no solve, the results of `quick`
+    stay.
 
     every : judge each case and combination. If the sheet does not carry a case that the pattern does not follow, the
             verdict is `fail`.
@@ -291,7 +288,6 @@ def _with_modes(case: CaseResponse, name: str, modes: ModeIntervals) -> CaseResp
 
 
 def _weighted_compliance(task: ComparisonTask, checked: Verdict) -> tuple[float, float, float]:
-    """Return the weighted compliance (J) of the loads that the pattern follows, its bound, and its theory share."""
     cases = [(weight, checked.case(name)) for name, weight in task.preset.followed_weights.items()]
     value = sum(weight * case.value for weight, case in cases)
     bound = sum(weight * case.value * case.bound for weight, case in cases) / value

@@ -1,4 +1,4 @@
-"""Edges of a mesh halved, flipped and collapsed; creases; smooth subdivision."""
+"""Changes of edges in a mesh: halving, flipping and collapsing; creases; smooth subdivision."""
 
 import igl
 import numpy as np
@@ -9,7 +9,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, adjacency, edge_table, manifold_faults, misoriented_edges, next_half_edge
 
-CREASE = 30.0  # Degrees between the normals of two faces from which their edge is a crease.
+CREASE = 30.0  # Degrees. An edge is a crease if the normals of its faces differ by at least this angle.
 
 
 def feature_edges(surface: Surface) -> Bools:
@@ -32,18 +32,17 @@ def sharp_edges(surface: Surface) -> Bools:
     return marks
 
 
-LARGEST = 4_000_000  # Largest number of triangles; more are refused before dsfab creates them.
+LARGEST = 4_000_000  # Largest number of triangles; dsfab refuses a larger number before it creates them.
 
 
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
     """Return the surface with no edge longer than `target` metres; its old vertices come first.
 
-    smooth = False : same flat facets, area and boundary. Rounds of halving also halve the longest edge of each affected
-                     face, which keeps angles from shrinking [Rivara 1984]. There are no T-junctions.
+    smooth = False : facets, area and boundary stay the same. Rounds of halving also halve the longest edge of each
+    affected face, which keeps angles from shrinking [Rivara 1984]. There are no T-junctions.
     smooth = True  : Loop's subdivision [Loop 1987] divides every triangle in four until all edges are short enough.
-                     Vertices move towards the smooth limit surface. Those on a boundary or a crease (30 degrees) stay,
-                     and
-                     their edges are halved in place.
+    Vertices move towards the smooth limit surface. Vertices on a boundary or a crease (30 degrees) stay, and the edges
+    between them are halved in place.
 
     Raises SurfaceError for an invalid target or over `LARGEST` triangles, and for `smooth` on a surface that is not
     manifold and consistently oriented.
@@ -67,11 +66,13 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
 
 
 def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -> tuple[Floats, Ints, Ints]:
-    """Apply one step of Loop's subdivision that leaves edges (k, 2) in place; return also their halves (2 k, 2)."""
+    """Apply one step of Loop's subdivision that leaves edges (k, 2) in place; return also the halves (2 k, 2) of
+    these edges.
+    """
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
-    quarters = finer.reshape(-1, 4, 3)  # the first two triangles are those at corners 0 and 1
+    quarters = finer.reshape(-1, 4, 3)  # the first two triangles are at corners 0 and 1
     middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
     moved[fixed_edges] = V[fixed_edges]
     moved[middle[positions]] = V[fixed_edges].mean(axis=1)
@@ -135,7 +136,7 @@ def quads(F: Ints, pairs: Ints) -> Ints:
 
 
 def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
-    """Return faces F (m, 3) with edges c-d in place of a-b in quads (q, 4), which share no faces; see `quads`."""
+    """Replace edges a-b of faces F (m, 3) by edges c-d in quads (q, 4), which share no faces; see `quads`."""
     a, b, c, d = quad.T
     F = F.copy()
     F[pairs[:, 0] // 3] = np.stack([a, d, c], axis=1)
@@ -144,15 +145,15 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """Return the quads (q,) of (q, 4) on n vertices whose other diagonal c-d is not an edge yet."""
+    """Return the quads (q,) of (q, 4) on n vertices whose diagonal c-d is not an edge yet."""
     keys, diagonal_keys = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
     positions = np.minimum(np.searchsorted(keys, diagonal_keys), len(keys) - 1)
     return np.asarray((keys[positions] != diagonal_keys) & (quad[:, 2] != quad[:, 3]))
 
 
 def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
-    """Return the edges (c,) whose ends share no neighbours except the opposite corners; collapsing one keeps the
-    topology.
+    """Return the edges (c,) whose ends share no neighbours except the opposite corners; collapsing such an edge
+    preserves the topology.
 
     Source: link condition [Dey et al. 1999].
     """
@@ -174,12 +175,10 @@ def has_three_corners(F: Ints) -> Bools:
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Return the candidates (c,) that precede all others near them, so that no two touch the same vertex.
-
+    """Return the candidates (c,) that precede all candidates near them, so that no two results touch the same vertex.
     order   : (c,) the candidates, best first.
     touched : (c, k) of n vertices that each candidate touches.
-    edges   : (e, 2) edges of the mesh; with these, no two winners touch neighbours either.
-    """
+    edges   : (e, 2) edges of the mesh; with these, no two results touch neighbouring vertices either."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     least_rank = np.full(n, len(order))
@@ -191,15 +190,13 @@ def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = 
     return np.asarray((least_rank[touched] >= rank[:, None]).all(axis=1))
 
 
-LEAST_ANGLE_GAIN = 1.0  # Smallest gain, degrees, of the smallest angle of two faces.
+LEAST_ANGLE_GAIN = 1.0  # Degrees; a flip must increase the smallest angle of two faces by at least this.
 
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
-    """Return the surface with edges flipped, so that smallest angles grow.
-
+    """Return the surface with flipped edges wherever this increases the smallest angle.
     may   : (n,) a face may change if one of its corners is marked.    stays : (k, 2) ends of edges that stay.
-    tolerance : largest distance that the surface may move, metres.
-    """
+    tolerance : largest distance that the surface may move, metres."""
     keys = _keys(surface.n, *stays.T)
     for _ in range(8):
         F = _flip_once(surface, may, keys, tolerance)
@@ -230,7 +227,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
     first_face, second_face = h[chosen].T // 3
     first_places = np.unique(np.concatenate([first_face, second_face]), return_index=True)[
         1
-    ]  # of equal gains at a face the first counts
+    ]  # of equal gains at a face, the first gain counts
     once = np.zeros(2 * len(chosen), dtype=bool)
     once[first_places] = True
     chosen = chosen[once[: len(chosen)] & once[len(chosen) :]]
@@ -243,7 +240,8 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Return quads (k, 4) whose faces (k, 2) may have edge c-d for a-b: new, within `tolerance`, no face turns over."""
+    """Return the quads (k, 4), with faces (k, 2), that may exchange edge a-b for c-d.
+    Edge c-d must be new and within `tolerance` of the surface, and no face may turn over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

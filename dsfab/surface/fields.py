@@ -16,8 +16,8 @@ from dsfab.surface.mesh import Surface
 
 
 def hat_gradients(surface: Surface) -> Floats:
-    """Return the gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre. grad phi_i = n x
-    (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n."""
+    """Return the gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre.
+    The formula is grad phi_i = n x (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n."""
     P = surface.V[surface.F]
     u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # the opposite edges
     x, y, z = surface.normals.T[:, :, None]
@@ -27,7 +27,9 @@ def hat_gradients(surface: Surface) -> Floats:
 
 
 def tangents(surface: Surface) -> Floats:
-    """Return an orthonormal frame (m, 2, 3) of each face's plane: the first edge's direction, and normal x it."""
+    """Return an orthonormal frame (m, 2, 3) of each face's plane: the direction of the first edge, and normal x
+    direction.
+    """
     edge = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
     t1 = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
@@ -35,8 +37,8 @@ def tangents(surface: Surface) -> Floats:
 
 @derived
 def voronoi_mass(surface: Surface) -> Floats:
-    """Return the Voronoi areas (n,) of the vertices, square metres; their sum is the area [Meyer et al. 2003, mixed
-    areas]. The surface holds the result."""
+    """Return the Voronoi areas (n,) of the vertices, square metres; their sum is the area of the surface.
+    The surface stores the result. Source: mixed areas [Meyer et al. 2003]."""
     diagonal: Floats = igl.massmatrix(surface.V, surface.F, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
     diagonal.flags.writeable = False
     return diagonal
@@ -44,7 +46,8 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
     """Return the sparse sum (n, n) of the face blocks (m, 3, 3); row and column i of a block belong to corner i.
-    diagonal : (n,) added to it. All matrices with a diagonal have the same pattern, because zeros stay entries."""
+    diagonal : (n,) added to the diagonal. All matrices with a diagonal have the same pattern, because zeros stay
+               entries."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()
@@ -61,14 +64,12 @@ Kind = Literal["edge", "centre"]
 @dataclass(frozen=True, eq=False)
 class StructureLine:
     """A polyline on a surface with its meaning.
-
-    kind   : "edge", where material ends, or "centre", along the middle of a member.
+    kind   : "edge", the end of the material, or "centre", the middle of a member.
     family : "major", "minor", "keep" or "rim"; or "boundary" where material ends with the surface.
-    number : of the stripe in its family, the integer k of its middle z = k; 0 for other families.
+    number : number of the stripe in its family, the integer k of its middle z = k; 0 for any other family.
     part   : 1, 2, ... among the lines of the same kind, family and number.
-    points : (k, 3) metres; the last point is the first again if the line is closed.
-    length : metres, of the line on the mesh, before any simplification.
-    """
+    points : (k, 3) metres; the last point repeats the first if the line is closed.
+    length : metres, of the line on the mesh, before any simplification."""
 
     kind: Kind
     family: str
@@ -82,7 +83,7 @@ class StructureLine:
 
     @cached_property
     def is_closed(self) -> bool:
-        """True if it ends where it begins."""
+        """True if the line ends at its first point."""
         return len(self.points) > 2 and bool((self.points[0] == self.points[-1]).all())
 
     @property
@@ -96,7 +97,7 @@ class StructureLine:
 
     @property
     def id(self) -> str:
-        """Name that is the same whenever the same design is computed: `centre-major-3.1`."""
+        """Name that stays the same in each computation of the design: `centre-major-3.1`."""
         return f"{self.layer}-{self.number}.{self.part}"
 
 
@@ -115,10 +116,8 @@ def polyline_length(points: Floats) -> float:
 
 def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | None = None) -> list[Track]:
     """Return the lines on which a field x (n,), linear over each face, has one of the ascending levels (l,).
-
-    within : (m,) faces that may have lines, which end at their border; by default all.
-    The chords are exact. Chords without length, where a level passes through a vertex, are removed.
-    """
+    within : (m,) faces that may have lines. The lines end at the border of these faces; by default all faces have
+             lines. The chords are exact. Chords without length, where a level passes through a vertex, are removed."""
     nodes = _nodes(surface, x, levels)
     if nodes.level.size == 0:
         return []
@@ -137,8 +136,9 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Crossings of levels and edges: those of edge e are offset[e] + 0, 1, ... for the levels begin[e], begin[e] +
-    1, ..."""
+    """Crossings of levels and edges. Edge e has the crossings offset[e], offset[e] + 1, ... with the levels
+    begin[e], begin[e] + 1, ...
+    """
 
     offset: Ints
     begin: Ints
@@ -177,13 +177,15 @@ def _chords(surface: Surface, x: Floats, levels: Floats, nodes: _Nodes) -> tuple
 
 
 def _side(i: Ints, j: Ints) -> Ints:
-    """Return the side between two corners of a triangle: side c runs from corner c to the next."""
     return np.where((i + 1) % 3 == j, i, j)
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links one - two (k,) between `count` nodes, at most two at each, to chains: their nodes and links, (c,).
-    Open ones come first, each from its end with the lower number; closed ones repeat their first node at the end."""
+    """Join links between pairs of `count` nodes (two links at most per node) to chains; return the nodes and links
+    (c,) of each.
+
+    Open chains come first, each from the end with the lower number; closed chains repeat their first node at the end.
+    """
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -212,7 +214,7 @@ def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints
 
 
 def simplified_line(points: Floats, tolerance: float) -> Floats:
-    """Return the polyline (k, d) with fewer of its own points; no omitted point is farther than `tolerance` from it.
+    """Return the polyline (k, d) with fewer points; no omitted point is farther than `tolerance` from the result.
     The ends stay; of a closed polyline also the point farthest from its beginning [Douglas, Peucker 1973]."""
     keep = np.zeros(len(points), dtype=bool)
     keep[[0, -1]] = True
@@ -246,14 +248,12 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class CornerField:
     """A field on a surface with n vertices and m faces.
-
-    x      : (n, 1) values at the vertices; (n, 2) for a band, see `dsfab.slicing.cutting.cut`: material is where
-             x[:, 0] has more levels below it than x[:, 1].
+    x      : (n, 1) values at the vertices; (n, 2) for a band, see `dsfab.slicing.cutting.cut`: a place is material if
+             x[:, 0] has more levels below it there than x[:, 1].
     sign   : (m, 3) 1 or -1, and shift : (m, 3): the value of a face at its corner is sign * x + shift.
     blank  : (m,) faces without field, which are not cut.
-    wanted : (m,) share of each face on which the field applies, or None for everywhere. The mean over the area of each
-             opening that earlier fields leave decides for the opening as a whole.
-    """
+    wanted : (m,) share of each face on which the field applies, or None if it applies everywhere. The mean over the
+             area of an opening from earlier fields decides for the whole opening."""
 
     x: Floats
     sign: Floats
@@ -283,11 +283,9 @@ class CornerField:
 @dataclass(frozen=True, eq=False)
 class DividedSurface:
     """A surface with n vertices and m faces divided into n' vertices and m' triangles on the same sheet.
-
-    whole   : the surface.    surface : its parts, on its vertices first.
+    whole   : the undivided surface.    surface : the divided surface; its first vertices are those of `whole`.
     parent  : (m',) the face of each part.
-    weights : (n', n) barycentric weights of the vertices on the undivided vertices, as in `dsfab.slicing.Sheet`.
-    """
+    weights : (n', n) barycentric weights of the vertices on the undivided vertices, as in `dsfab.slicing.Sheet`."""
 
     whole: Surface
     surface: Surface
@@ -299,12 +297,12 @@ class DividedSurface:
 
     @classmethod
     def undivided(cls, surface: Surface) -> Self:
-        """Return the surface undivided: every face is its own part."""
+        """Return a surface without divisions: every face is one part."""
         return cls(surface, surface, np.arange(surface.m), csr_array(eye_array(surface.n)))
 
     def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
         """Divide marked edges (e',), and the longest edge of each affected face, which keeps angles from shrinking.
-        positions : (e',) of the new vertices, 0 at the first end of each edge, 1 at its second; by default the middle.
+        positions : (e',) of the new vertices, 0 at the first end of each edge, 1 at the second; by default the middle.
         """
         surface = self.surface
         edges = with_longest_edges(surface.V, surface.edges, edges)
@@ -316,17 +314,17 @@ class DividedSurface:
         return DividedSurface(self.whole, Surface(V, F), self.parent[source], weights)
 
     def cut_parts(self) -> Ints:
-        """Return the parts (k,) of divided faces, without the parts that are whole faces."""
+        """Return the triangles (k,) of faces that have been divided, without the faces that are still whole."""
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:
-        """Return the barycentric coordinates (k, 3, 3), in their faces, of the corners of parts (k,)."""
+        """Return the barycentric coordinates (k, 3, 3) of the corners of parts (k,) in their faces."""
         rows, columns = self.surface.F[parts][:, :, None], self.whole.F[self.parent[parts]][:, None, :]
         i, j = (np.broadcast_to(index, (len(parts), 3, 3)).ravel() for index in (rows, columns))
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
 
     def origins_on_parts(self, origins: Origins) -> Origins:
-        """Return the origins on the parts instead of the surface."""
+        """Convert origins on the undivided surface to origins on the divided surface."""
         if self.surface is self.whole:
             return origins
         n, whole_edges, part_edges = self.whole.n, self.whole.edges, self.surface.edges
@@ -371,11 +369,11 @@ class DividedField:
 
     @property
     def columns(self) -> "tuple[DividedField, ...]":
-        """Fields with one value at each vertex: the field itself, or one for each of its two columns."""
+        """Fields with one value per vertex: the field itself, or a field for each of its two columns."""
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the values (m, p) of a field with one value a vertex at points of each face, barycentric (p, 3)."""
+        """Return the values (m, p) of a field with one value per vertex at points of each face, barycentric (p, 3)."""
         surface, parts = self.divided.whole, self.divided.cut_parts()
         values, inside = self.x[surface.F] @ points.T, np.full((surface.m, len(points)), -np.inf)
         part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part

@@ -16,12 +16,12 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import next_half_edge
 
-SLACK = 1e-10  # Rounding, as a share of the compared lengths, areas and angles.
+SLACK = 1e-10  # Limit of rounding errors, as a share of the compared lengths, areas and angles.
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Parts of edges that sources see, in the plane of each source, as arrays that are processed together.
+    """Parts of edges that sources see, in the plane of each source. The arrays allow processing all windows together.
     names  : (k, 5) columns `edge` to `parallel`.    values : (k, 7) columns `at_a` to `offset`."""
 
     names: Ints
@@ -41,7 +41,7 @@ class Windows:
 
     @property
     def face(self) -> Ints:
-        """Faces (k,) through which the source sees the edges; -1 for none."""
+        """Faces (k,) through which the source sees the edges; -1 without a face."""
         return self.names[:, 1]
 
     @property
@@ -94,7 +94,7 @@ class Windows:
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
-        """Return the places (k, 2) A + t (B - A)."""
+        """Return the places (k, 2) of A + t (B - A)."""
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
@@ -115,7 +115,7 @@ class Windows:
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
         """Return the offset (..., k) of C (..., k, 2) to the left of the ray through A + t (B - A), times a length.
-        Values within rounding are 0."""
+        Offsets within rounding are 0."""
         P = self.place(t)
         ray = self.rays(P)
         offsets = cross2(ray, C - P)
@@ -153,7 +153,10 @@ class Origins(NamedTuple):
 
 class Distances(NamedTuple):
     """Distances at the vertices (n,) and the edge middles (e,), metres, and the faces (m,) that are partly within
-    reach. They are exact on these faces, and upper bounds elsewhere, or infinite."""
+    reach.
+
+    Distances are exact on these faces. Elsewhere they are upper bounds, or infinite.
+    """
 
     vertex: Floats
     middle: Floats
@@ -175,8 +178,9 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) that send out rays, `offset` (k,) metres from the source. No ray is needed within `bound` radians
-    of a direction; its angles (k, 2) from two edges (k, 2) at the vertex describe that direction."""
+    """Vertices (k,) that send out rays, `offset` (k,) metres from the source.
+    A direction needs no rays within `bound` radians. Its angles (k, 2) from two edges (k, 2) at the vertex describe it.
+    """
 
     vertex: Ints
     offset: Floats
@@ -189,7 +193,7 @@ class _Bends(NamedTuple):
 
     @classmethod
     def from_origins(cls, origins: Origins) -> "_Bends":
-        """Return the origins as sources; `_Front.vertex_windows` leaves out rays nearest to an edge of them."""
+        """Return the origins as sources; `_Front.vertex_windows` omits rays whose nearest origin is an edge."""
         vertex = np.flatnonzero(origins.vertices)
         none = np.full((len(vertex), 2), -1)
         return cls(vertex, np.zeros(len(vertex)), none, np.full(none.shape, np.inf), np.pi / 2)
@@ -237,7 +241,7 @@ class _Front:
         return Windows.from_columns((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
 
     def advance(self, windows: list[Windows], limit: float) -> list[Windows]:
-        """Propagate windows until all are farther away than the limit, metres; return those."""
+        """Propagate windows until all remaining windows are farther away than the limit, metres; return these."""
         beyond: list[Windows] = []
         while windows:
             current = Windows.concatenate(windows)
@@ -255,7 +259,6 @@ class _Front:
         return beyond
 
     def _useful(self, w: Windows) -> Bools:
-        """Return the windows (k,) that are nearer to their part of the edge than the two ends of the edge are."""
         size = self.size[w.edge]
         low, high = w.distance(w.place(w.start)), w.distance(w.place(w.end))
         room = SLACK * (size + high + low)
@@ -263,7 +266,6 @@ class _Front:
         return better & (low <= self.vertex[w.b] + (1 - w.start) * size + room) & (w.end - w.start > SLACK)
 
     def _windows_behind(self, w: Windows, is_near: Bools) -> list[Windows]:
-        """Return the windows on the other edges of the faces behind; is_near (k,) marks windows within `reach`."""
         i, half = _range_values(self.edges.start[w.edge], self.edges.start[w.edge + 1], self.edges.order)
         face = half // 3
         is_behind = (face != w.face[i]) & ~self.origins.faces[face]
@@ -298,7 +300,6 @@ class _Front:
         np.minimum.at(self.middle, w.edge, w.distance((w.at_a + w.at_b) / 2))
 
     def _arrive(self, w: Windows, C: Floats, c: Ints, edges: Ints) -> None:
-        """Record the distances to vertices c at C (k, 2), seen between edges (k, 2)."""
         back = -w.rays(C)
         sides = np.stack([w.at_a - C, w.at_b - C])
         angle = np.abs(np.arctan2(cross2(sides, back), dot2(sides, back))).T
@@ -343,7 +344,6 @@ class _Front:
         return w
 
     def _bearings(self, bends: _Bends, i: Ints, p: Ints, q: Ints, turn: Floats) -> tuple[Floats, Floats]:
-        """Return the angles around vertices i from edges p and q to the nearest direction without rays, radians."""
         count = len(self.size)
         keys, place = np.unique(np.concatenate([i, i]) * count + np.concatenate([p, q]), return_inverse=True)
         first_key, second_key = place.ravel().reshape(2, -1)
@@ -362,13 +362,12 @@ class _Front:
 
 
 def _range_values(begins: Ints, ends: Ints, values: Ints) -> tuple[Ints, Ints]:
-    """Return for ranges (k,) of values the range of each value, and the values."""
     count = ends - begins
     i = np.repeat(np.arange(len(count)), count)
     return i, values[np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + begins[i]]
 
 
 def _ray_positions(A: Floats, B: Floats, angle: Floats) -> Floats:
-    """Return the shares (k,) of lines from A to B (k, 2) at which rays from (0, 0) meet them."""
+    """Return the positions (k,) at which rays from (0, 0) meet lines from A to B (k, 2), as shares of these lines."""
     ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return np.clip(zero_share(cross2(ray, A), cross2(ray, B)), 0, 1)

@@ -37,7 +37,9 @@ def signed_volume(V: Floats, F: Ints) -> float:
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """Return the signed volume (count,) of each closed shell, negative for voids; `shell` (m,) is that of each face."""
+    """Return the signed volume (count,) of each closed shell, negative for voids; `shell` (m,) is the shell of each
+    face.
+    """
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 
@@ -54,8 +56,9 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of faces: their slice, first corners from the middle of the box (3, k), twice their area vectors
-    (3, k)."""
+    """Yield blocks of faces: slice, first corners relative to the middle of the box (3, k), twice the area vectors
+    (3, k).
+    """
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -67,7 +70,7 @@ def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
 
 
 class NearestPlaces(NamedTuple):
-    """Nearest places to points (k,): squared distance, unit squared; index of the nearest simplex; the place (k, 3)."""
+    """Nearest places to points (k,): squared distance; index of the nearest simplex; the place (k, 3)."""
 
     squared: Floats
     simplex: Ints
@@ -200,7 +203,6 @@ class Surface:
 
     @cached_property
     def _area_vectors(self) -> Floats:
-        """(m, 3), computed in blocks that fit into the processor's cache."""
         result, chunk = np.empty((self.m, 3)), 1 << 13
         for k in range(0, self.m, chunk):
             a, b, c = (self.V.take(corner, axis=0) for corner in self.F[k : k + chunk].T)
@@ -277,7 +279,7 @@ class Surface:
 
     @cached_property
     def is_flat(self) -> bool:
-        """True if all vertices lie in one plane (to 1e-9 of the size)."""
+        """True if all vertices lie in one plane, within 1e-9 of the size."""
         centred = self.V - self.V.mean(axis=0)
         normal = np.linalg.svd(centred[: min(self.n, 10_000)], full_matrices=False)[2][-1]
         return bool(np.abs(centred @ normal).max() <= 1e-9 * self.size)

@@ -25,14 +25,17 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
 
 
 def upright_vertices(V: Floats, up: Up) -> Floats:
-    """Return the vertices V (n, 3), rotated so that the axis `up` becomes z; y keeps x, as for glTF (x, -z, y)."""
+    """Return the vertices V (n, 3), rotated so that the axis `up` becomes z. With y up, (x, y, z) becomes (x, -z,
+    y), as for glTF.
+    """
     axes, signs = _TURNS[up]
     return V if up == "z" else np.asarray(V[:, list(axes)] * np.array(signs, dtype=float) + 0.0)
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each face corner: whether its side is that of the first face around the vertex. The
-    values are all 1 on an oriented surface. If several fans of faces meet in a vertex, each has its own first face."""
+    """Return 1 or -1 (m, 3) for each face corner: 1 if its side is the side of the first face around the vertex.
+    The values are all 1 on an oriented surface. If several fans of faces meet in a vertex, each fan has its own first
+    face."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T
@@ -61,8 +64,8 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
-    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece. It is for one-sided
-    pieces, where no choice makes all neighbours agree; a short seam remains."""
+    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece.
+    This is for one-sided pieces, where no choice makes all neighbours agree; a short seam remains."""
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()
@@ -77,7 +80,7 @@ def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
-    """Raise SurfaceError if `faces` (m,) have one side only, because they have no inside, outside, above or below."""
+    """Raise SurfaceError if `faces` (m,) have one side only, because such faces have no inside or outside."""
     wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
     if wrong:
         raise SurfaceError(
@@ -87,7 +90,6 @@ def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
 
 
 def _neighbours(F: Ints, edges: EdgeTable) -> tuple[Ints, Ints, Ints]:
-    """Return the pairs of faces over every edge with two, and 1 where their sides disagree."""
     h0, h1 = edges.pairs.T
     a, _ = half_edges(F)
     return h0 // 3, h1 // 3, (a[h0] == a[h1]).astype(np.int64)

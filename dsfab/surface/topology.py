@@ -8,18 +8,16 @@ from scipy.sparse import coo_array, csr_array
 
 from dsfab.core.arrays import Bools, Ints, complement, first_few
 
-LONGEST_WALK = 100  # Largest number of steps around a vertex; each step visits all vertices whose walk has not ended.
+LONGEST_WALK = 100  # Largest number of steps around a vertex, because each step visits all unfinished walks.
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
     """Edges of a mesh, each listed once.
-
     ends   : (e, 2) vertex indices, the smaller first; this is the edge's global direction.
     of     : (m, 3) the edge of each half-edge.
     order  : (3 m,) half-edges sorted by edge; those of edge k are order[start[k] : start[k + 1]].
-    start  : (e + 1,)
-    """
+    start  : (e + 1,) positions in `order`"""
 
     ends: Ints
     of: Ints
@@ -33,7 +31,7 @@ class EdgeTable:
 
     @cached_property
     def boundary(self) -> Bools:
-        """Edges (e,) with one face only."""
+        """Edges (e,) with exactly one face."""
         alone: Bools = self.count == 1
         return alone
 
@@ -68,7 +66,7 @@ def next_half_edge(h: Ints, steps: int | Ints = 1) -> Ints:
 
 
 def edge_table(F: Ints) -> EdgeTable:
-    """Return the edges of faces F (m, 3), in ascending order of their vertices."""
+    """Return the table of edges of faces F (m, 3), in ascending order of their vertices."""
     a, b = half_edges(F)
     n = int(F.max()) + 1
     low, high = np.minimum(a, b), np.maximum(a, b)
@@ -83,15 +81,16 @@ def edge_table(F: Ints) -> EdgeTable:
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
-    """Return the stable order that sorts integers (k,) below `count` by a counting sort. Transposing a sparse matrix is
-    a counting sort [Gustavson 1978]. Two of them sort pairs in half the time of one sort."""
+    """Return the stable order that sorts integers (k,) below `count`, by a counting sort.
+    The transposition of a sparse matrix is a counting sort [Gustavson 1978]. Two such sorts order pairs in half the
+    time of a usual sort."""
     rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
     return rows.tocsc().indices.astype(np.int64)
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
-    """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first. A
-    contact in a vertex connects no pieces: it carries no moment and cannot be built."""
+    """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first.
+    A contact in a vertex does not connect pieces: it carries no moment and cannot be built."""
     face = edges.order // 3
     is_shared = np.diff(edges.of.ravel()[edges.order]) == 0
     count, label = link_components(len(F), face[:-1][is_shared], face[1:][is_shared])
@@ -102,11 +101,9 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
 
 def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
     """Return the number of components of `count` nodes with links i - j (k,), and the component of each node.
-
-    Components are ordered by their first nodes. Each round hangs the larger root of every link on the smaller root,
-    then shortens all paths, until no link joins two trees [Shiloach and Vishkin 1982]. On a few hundred nodes this is
-    five times as fast as scipy's graph matrix.
-    """
+    Components are in the order of their first nodes. Each round joins the trees of every link, the larger root below
+    the smaller root. It then shortens all paths, until no link joins two trees [Shiloach and Vishkin 1982]. On a few
+    hundred nodes this is five times as fast as scipy's graph matrix."""
     things = np.arange(count)
     root = things
     while len(i):
@@ -122,12 +119,10 @@ def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
 
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
-    """Return closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), most vertices first.
-
+    """Return closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), in descending number of vertices.
     The surface lies left of each step. At a pinch the chain stays with its fan of faces, so that two sheets that touch
-    in a vertex keep two loops. If the mesh is not oriented, some loops run the other way; if it is not manifold, chains
-    may be open. Check `manifold_faults` first.
-    """
+    in a vertex keep two loops. On a mesh without orientation, some loops have the opposite direction; if it is not
+    manifold, chains may be open. Check `manifold_faults` first."""
     a, _ = half_edges(F)
     _, fan = _fans(F, edges)
     boundary = np.flatnonzero(edges.boundary[edges.of.ravel()])
@@ -150,7 +145,7 @@ def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
 
 
 def _turned_links(start: Ints, end: Ints) -> Bools:
-    """Return the links (b,) of closed chains to reverse, so that each link begins where another ends."""
+    """Return the links (b,) of closed chains to reverse, so that each link begins at the end of the link before."""
     link = np.arange(2 * len(start)) // 2
     ends = np.stack([start, end], axis=1).ravel()
     order = np.argsort(ends, kind="stable")
@@ -177,7 +172,7 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
 def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> Ints:
     """Return the faces (m, 3) on new vertices, one vertex for each fan of faces.
 
-    Parts that touch in a point come apart, and so do faces on an edge with more than two faces.
+    Parts that touch in a point come apart. So do faces on an edge with more than two faces.
 
     also  : pairs (k, 2) of half-edges that stay joined on such edges.   apart : edges (e,) along which faces come
             apart.
@@ -186,8 +181,8 @@ def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bool
 
 
 def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
-    """Return the number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,). Corner `h`
-    is the start of half-edge h; the corners at both ends of every shared edge are glued."""
+    """Return the number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,).
+    Corner h is the start of half-edge h. Corners at both ends of every shared edge belong together."""
     pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
     h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)
@@ -200,9 +195,9 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide. Walks need
-    faces of one orientation. A walk starts at the boundary, if the vertex has one, and steps over the edges from corner
-    to corner. It stops after `LONGEST_WALK` steps, because a fan may have thousands of faces."""
+    """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide.
+    Walks need faces of one orientation. A walk starts at the boundary, if the vertex has one, and steps over the edges
+    from corner to corner. It stops after `LONGEST_WALK` steps, because a fan may have thousands of faces."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)
@@ -223,7 +218,7 @@ def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
 
 
 def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
-    """Return the edges (k,) that both neighbours, of faces F (m, 3), run through in the same direction."""
+    """Return the edges (k,) that have the same direction in both neighbours among faces F (m, 3)."""
     a = F.ravel()
     h0, h1 = edges.pairs.T
     clashes = np.flatnonzero(a[h0] == a[h1])
@@ -236,17 +231,14 @@ def euler_characteristic(F: Ints, edges: EdgeTable) -> int:
 
 
 def duplicate_faces(F: Ints) -> Ints:
-    """Return the faces (k,) of F (m, 3) that join the same three vertices as an earlier face, in either orientation."""
+    """Return the faces (k,) of F (m, 3) that join the three vertices of an earlier face, in either orientation."""
     return complement(np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1], len(F))
 
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
     """Return the faces (m,) to flip so that neighbours agree, the smaller part of each piece; None if it is impossible.
-
-    Method: two copies of the mesh, one flipped, are glued along all edges where they agree (orientation double cover).
-    A
-    piece is orientable exactly if its two copies stay apart.
-    """
+    Method: two copies of the mesh, one of them flipped, are joined along all edges where they agree (orientation
+    double cover). A piece is orientable exactly if its two copies stay apart."""
     m = len(F)
     a, _ = half_edges(F)
     h0, h1 = edges.pairs.T
@@ -263,7 +255,9 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
-    """Return the reasons, a sentence each, why faces F (m, 3) on n vertices are no oriented manifold."""
+    """Return sentences on why faces F (m, 3) on n vertices are not an oriented manifold; empty for an oriented
+    manifold.
+    """
     crowded = np.flatnonzero(edges.count > 2)
     opposed = misoriented_edges(F, edges)
     twice = duplicate_faces(F)
@@ -282,7 +276,7 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
 
 
 def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
-    """Return the first edges of (k,) by their vertices, for messages: '3-17, 4-20, ...'."""
+    """Return the first edges of (k,) as pairs of vertices, for messages: '3-17, 4-20, ...'."""
     shown = ", ".join(f"{a}-{b}" for a, b in edges.ends[indices[:count]].tolist())
     return shown + (", ..." if len(indices) > count else "")
 
@@ -294,7 +288,7 @@ def adjacency(edges: EdgeTable, n: int) -> csr_array:
 
 
 def on_boundary(edges: EdgeTable, n: int) -> Bools:
-    """Return the vertices (n,) at an end of an edge with one face."""
+    """Return the vertices (n,) at an end of a boundary edge."""
     rim = np.zeros(n, dtype=bool)
     rim[edges.ends[edges.boundary]] = True
     return rim
@@ -314,8 +308,9 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """Return the edges (e, ...) with both ends marked (n, ...); not an inner edge between boundary vertices, unless it
-    is a side of a face whose corners are all marked and that has fewer than two free edges (is no ear)."""
+    """Return the edges (e, ...) with both ends marked (n, ...), without most inner edges between boundary vertices.
+    Such an inner edge counts only as a side of a face whose corners are all marked. This face must have fewer than two
+    free edges (it is not an ear)."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)
@@ -326,7 +321,9 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 
 def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """Return vertices (p,) and neighbours (p,) whose mean they may move to; boundary vertices move along it."""
+    """Return vertices (p,) and neighbours (p,) whose mean is the new place of the vertex; boundary vertices move
+    along the boundary.
+    """
     i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

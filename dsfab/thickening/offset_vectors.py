@@ -24,7 +24,7 @@ def check_edges(surface: Surface) -> None:
 
 
 def check_oriented(surface: Surface) -> None:
-    """Raise SolidError like `check_edges`, and for two faces that point to opposite sides though they need not."""
+    """Raise SolidError like `check_edges`, and for avoidable pairs of faces that point to opposite sides."""
     check_edges(surface)
     edges = surface.edges
     against = misoriented_edges(surface.F, edges)
@@ -37,7 +37,7 @@ def check_oriented(surface: Surface) -> None:
 
 
 def check_contacts(surface: Surface) -> None:
-    """Raise SolidError where parts of the sheet meet in a vertex only: no solid is a manifold there."""
+    """Raise SolidError where parts of the sheet meet in a vertex only, because no solid is a manifold there."""
     pinched = surface.pinches
     if len(pinched):
         raise SolidError(
@@ -60,9 +60,10 @@ CHUNK = 1 << 13
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     """(n, 3) unit normals with nearly (5 %) the largest possible smallest cosine to the faces around each vertex.
 
-    The best one is the direction of the point nearest to the origin in the convex hull of the face normals
-    [Gilbert 1966: step towards the worst face], and the length of any point there bounds the best cosine from above.
-    Starts from the mean weighted by the corner angles (m, 3), and falls back to it if no direction sees all faces.
+    The best normal is the direction of the point nearest to the origin in the convex hull of the face normals
+    [Gilbert 1966: step towards the worst face]. The length of any point there bounds the best cosine from above. The
+    search starts from the mean weighted by the corner angles (m, 3), and returns this mean if no direction sees all
+    faces.
     faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex.
     """
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
@@ -186,16 +187,15 @@ class Offsets:
 
 
 def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
-    """Offset vectors for a sheet of `thickness` (metres, measured normal to its faces) around a surface.
+    """Return offset vectors for a sheet of `thickness` (metres, measured normal to its faces) around a surface.
 
     Each vector has the direction that is most visible from the faces around its vertex. It is longer at creases (mitre,
     at most twice), and shorter where the prisms over the faces would fold over.
 
     thickness : of the whole sheet, or (n,) at each vertex.
     side : position of the sheet: around the surface, or on one side of it: "out" is where the normals point.
-    Raises SolidError for a thickness that is not positive, for surfaces that are no manifolds or not oriented though
-    they could be, and for `side` on a surface with one side only.
-    """
+    Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or lack a possible
+    orientation, and for `side` on a surface with one side only."""
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
     if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():
@@ -224,12 +224,11 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """(n,) shares of D (n, 3) that leave every prism over a face with a clearly positive Jacobian.
+    """Return shares (n,) of D (n, 3) with which every prism over a face has a clearly positive Jacobian.
 
-    A corner that its own offset vector hardly sees has a lower limit, because shrinking does not help it.
+    A corner that its own offset vector hardly sees has a lower limit, because shrinking does not help there.
     sides : as in `Offsets`.    shift : as in `SHIFT`.    shrink : factor of each step.
-    smallest : shares are not shrunk below this, because an exact test follows.
-    """
+    smallest : least share, because an exact test follows."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):
@@ -249,11 +248,10 @@ def safe_shares(
 
 
 def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and the lower limit of each corner (m,
-    3).
+    """Coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and lower limits (m, 3) of the corners.
 
     The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to power k of s (Bernstein) and
-    corner v. All positive means that the prism does not fold over. Divided by twice the area and the mean |d|.
+    corner v. If all are positive, the prism does not fold over. They are divided by twice the area and the mean |d|.
     P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side their normals point to.
     """
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
@@ -263,4 +261,4 @@ def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
     C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
     straight = np.einsum("mi,mvi->mv", flat, d) / scale
-    return C, np.minimum(0.2, 0.5 * straight)  # 0.05 is too weak; with 0.4 the rounds do not end on real meshes
+    return C, np.minimum(0.2, 0.5 * straight)  # a limit of 0.05 is too weak, and with 0.4 the loop may not stop

@@ -24,9 +24,9 @@ class UnfoldedSheet:
 
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
-    """Smooth small folds of a sheet away, up to twice its thickness in size. D (n, 3): its half thickness, metres.
-    Such a fold, of a few faces as a rule, is a fault of the mesh that no offset can pass: prisms over it turn over
-    however thin they are. Larger folds are intended: there the surface crosses itself."""
+    """Smooth away small folds of a sheet, up to twice its thickness in size. D (n, 3): its half thickness, metres.
+    Such a fold, mostly of a few faces, is a fault of the mesh that no offset can repair: prisms over it turn over
+    however thin they are. Larger folds are intended, because the surface crosses itself there."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -51,9 +51,11 @@ def flatten_contacts(
 ) -> tuple[Floats, Floats, Ints]:
     """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
     Faces that meet become thinner, to a film if necessary. If an offset hardly sees a face around its vertex,
-    shortening does not help: both then move half of the way to the mean of the neighbours. Returns the best state."""
+    shortening does not help: then vertex and offset move half of the way to the mean of the neighbours. Returns the
+    best
+    state."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
-    least = 0.002 * np.linalg.norm(D, axis=1)  # rounding to single precision would show at half of this length
+    least = 0.002 * np.linalg.norm(D, axis=1)  # rounding to single precision shows at half of this length
     result = V, D, pairs
     for _ in range(60):
         if not len(pairs):
@@ -83,7 +85,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """The fold (n,) of each vertex, or -1, and the size of each: the diagonal of its box, metres."""
+    """The fold (n,) of each vertex, or -1, and the size of each fold: the diagonal of its box, metres."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(len(V),) * 2), directed=False)[1]
@@ -109,7 +111,7 @@ class RepairedSkin:
 
     found   : number of pairs before the repair.
     crosses : number of pairs of faces in which the sheet itself, without thickness, crosses itself.
-    union   : the replacement of the skin in that case; `pairs` are then those of the union.
+    union   : the replacement of the skin if the sheet crosses itself; `pairs` are then those of the union.
     V       : (n, 3) vertices of the sheet, moved at small folds.
     """
 
@@ -160,7 +162,7 @@ def _flip_diagonals(
         return backslash, pairs
     P = skin.vertices(V, D)
     for round_ in range(3):
-        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbours may block each other: every second one
+        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbouring walls may block each other
         if not len(walls):
             break
         trial = _toggle(backslash, walls)
@@ -181,7 +183,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Shorten offsets around the pairs until none remains or none may be shorter; return the best state.
+    """Shorten offsets around the pairs until no pair remains or no offset may be shorter; return the best state.
     free : (n,) vertices that may be shortened."""
     if not len(pairs):
         return D, pairs

@@ -18,8 +18,7 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     V : (n, 3) any unit, F : (m, 3) an oriented manifold. Touching counts as meeting. Unlike in CGAL, two vertices at
         one
     place and the neighbours of a face without area count as meeting too.
-    among : (m,) the faces to test, if the others meet none for certain (see `proven_cells`).
-    """
+    among : (m,) the faces to test, if all other faces certainly meet no face (see `proven_cells`)."""
     if among is not None and not among.all():
         which = np.flatnonzero(among)
         used, corner = np.unique(F[which], return_inverse=True)
@@ -31,7 +30,7 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     strangers = ~(F[apart[:, 0]][:, :, None] == F[apart[:, 1]][:, None, :]).any(axis=(1, 2))
     pairs = np.concatenate([apart[strangers], _around_vertices(V, F), _over_edges(V, F)])
     pairs = np.sort(pairs, axis=1)
-    return pairs[np.lexsort(pairs.T[::-1])]  # libigl runs in threads: its order is not repeatable
+    return pairs[np.lexsort(pairs.T[::-1])]  # libigl's threads make its order random
 
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
@@ -42,7 +41,7 @@ def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
         return before
     corners = V[F]
     middle = corners.mean(axis=1)
-    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1)) * (1 + 1e-9)  # rounding
+    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1)) * (1 + 1e-9)  # margin for rounding
     reach = radius[changed].max()
     distance, _ = cKDTree(middle[changed]).query(middle, distance_upper_bound=reach + radius.max())
     new_pairs = intersecting_pairs(V, F, changed | (distance <= radius + reach))
@@ -73,7 +72,8 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
 
 
 def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
-    """True if the plane halfway between two corners surely separates them: cheap, and enough for nearly all."""
+    """True if the plane halfway between two corners surely separates them: a fast test that decides nearly all
+    pairs."""
     w = middle[i] - middle[j]
     least = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
     largest = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))
@@ -84,7 +84,7 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
     """True if triangles (s, a, b) and (s, c, d) meet outside s, exactly.
-    They do when the edge ab meets the other triangle, or cd the first; in a common plane, when their angles overlap."""
+    They meet if the edge ab meets the second triangle, or cd the first; in a common plane, if their angles overlap."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
     meet: Bools = (a * b <= 0) & (c * d <= 0)
@@ -121,7 +121,6 @@ def _angles_overlap(S: Floats, A: Floats, B: Floats, C: Floats, D: Floats) -> Bo
 
 
 def _over_edges(V: Floats, F: Ints) -> Ints:
-    """Pairs that share an edge and are folded flat onto each other."""
     p, q, apex = F.ravel(), np.roll(F, -1, axis=1).ravel(), np.roll(F, 1, axis=1).ravel()
     order = sorted_order(np.minimum(p, q) * len(V) + np.maximum(p, q))
     h, g = order[:-1], order[1:]
@@ -143,8 +142,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """(k,) exact sign of the area of triangles, each projected along a coordinate axis; all triangles on an axis have
-    the same sense of rotation.
+    """(k,) exact sign of the area of triangles, projected along a coordinate axis; signs on one axis are comparable.
     A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])

@@ -45,8 +45,9 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
 
 
 def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
-    """Return vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet. D : (n, 3)
-    half-thickness vectors. shift : as in `Skin`. The mesh is neither proven nor repaired if it crosses itself."""
+    """Return vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet.
+    D : (n, 3) half-thickness vectors. shift : as in `Skin`. The function does not test whether the mesh crosses itself.
+    """
     skin = Skin.from_surface(surface, shift)
     return skin.vertices(surface.V, D), skin.faces(skin.shorter_diagonals(surface.V, D))
 
@@ -87,7 +88,7 @@ class Skin:
         return cls(n, copies[0], copies[1], *ends, np.flatnonzero(rim) // 3, shift, single)
 
     def vertices(self, V: Floats, D: Floats) -> Floats:
-        """(2 n, 3) the copies on the side that D points to, then the other ones."""
+        """(2 n, 3) the copies on the side that D points to, then the copies on the opposite side."""
         copies = np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
         return round_to_single(copies) if self.single else copies
 
@@ -107,7 +108,7 @@ class Skin:
         return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second])
 
     def walls(self, faces: Ints) -> Ints:
-        """(k,) the walls of faces (f,) of the solid, each once."""
+        """(k,) the walls that contain faces (f,) of the solid, each wall once."""
         skins = 2 * len(self.upper)
         return np.unique((faces[faces >= skins] - skins) % max(self.p.shape[1], 1))
 

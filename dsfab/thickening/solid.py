@@ -39,7 +39,7 @@ class Repairs:
     thinned  : vertices of the sheet thinned because it met itself, `thinnest` the smallest remaining share of the
                thickness, and `thinnest_at` its place, metres; 0, 1 and None without any.
     pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
-    crossings : lines along which the sheet crosses itself and its parts were fused.
+    crossings : number of lines along which the sheet crosses itself and its parts were fused.
     moved    : vertices moved at small folds of the sheet, at most by `moved_by` metres.
     lost     : share of the sheet's volume that thinning took.
     limited  : vertices of the uncut surface made thinner because it bends too tightly there, down to `smallest`.
@@ -132,7 +132,7 @@ def _triple(point: Floats) -> Place:
 
 
 VOLUME_TOLERANCE = 1e-9
-"""Largest difference of our volume from manifold3d's, as a share of area times size: rounding."""
+"""Largest difference of our volume from manifold3d's, as a share of area times size, because of rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +144,7 @@ class Solid:
     genus  : handles of its boundary, summed over all its closed boundary surfaces.
     pieces : connected pieces of material. A thickened closed surface is one piece with two boundary surfaces.
     notes  : sentences on changes that made it buildable, and on remaining faults.
-    repairs : the same in numbers.
-    """
+    repairs : these changes and faults in numbers."""
 
     V: Floats
     F: Ints
@@ -210,12 +209,14 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     D       : (n, 3) half-thickness vectors, metres, from `offsets` through the slicer, not normalised again. If faces
               disagree about their side, each vector is on the side of the first face around its vertex.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
-    proven  : (m,) faces whose prisms meet no other one for certain (see `proven_cells`); they are not tested again.
+    proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
     Walls get their shorter diagonal. An exact test finds intersections. Repair flips wall diagonals and thins locally,
-    down to 0.3 of D, or, if the sheet crosses itself, unites parts of it that do not. `notes` and `repairs` report the
+    down to 0.3 of D. If the sheet crosses itself, repair unites parts of it that do not. `notes` and `repairs` report
+    the
     changes and the remaining intersections. The test uses vertices rounded to single precision in millimetres, as in
-    STL files. It uses exact ones for flat sheets, and far from the origin, where rounding would show. The solid itself
+    STL files. It uses exact vertices for flat sheets, and far from the origin, where rounding would show. The solid
+    itself
     stays exact if it passes the same test: then triangles of one plane are one face of a STEP file.
     Raises SolidError for other sheets, for missing vectors, and when manifold3d rejects the result.
     """
@@ -253,7 +254,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
 
 def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) -> Floats:
-    """Vertices of the repaired solid: exact if these do not intersect more than the rounded ones."""
+    """Vertices of the repaired solid: exact if these do not intersect more than the rounded vertices."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V
@@ -263,10 +264,11 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 def check_solid(solid: Solid) -> None:
     """Raise SolidError unless manifold3d accepts the solid as a closed manifold of the same, positive volume.
-    Its status must be read, because a bad mesh turns empty without an error. It does not test intersections."""
+    The check reads manifold3d's status, because a bad mesh turns empty without an error. It does not test
+    intersections."""
     import manifold3d
 
-    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # it takes no locked arrays
+    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # read-only arrays fail
     judged = manifold3d.Manifold(mesh)
     status = judged.status()
     if status != manifold3d.Error.NoError:
@@ -334,7 +336,7 @@ def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
 
 def parts(solid: Solid) -> tuple[Solid, ...]:
     """Divide a solid into its pieces, sorted from low to high, then from front to back and left to right.
-    A closed surface inside a piece is a void of it and stays with the smallest piece around."""
+    A closed surface inside a piece is a void and stays with the smallest piece around it."""
     if solid.pieces == 1:
         return (solid,)
     count, shell = pieces(solid.F, edge_table(solid.F))

@@ -16,7 +16,7 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
 INWARD = 0.005
-"""Move of seam vertices of a patch, and of the ends of its neighbour, as a share of the way to their neighbours."""
+"""Move of seam vertices of a patch, and of the ends of its neighbour, as a share of the way to adjacent vertices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,10 @@ class Overlap:
 
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
-    """Return the parts of each colour (m,); lower colours extend into higher ones, except where they would meet.
+    """Return the parts of each colour (m,); lower colours extend into higher colours, unless they would meet.
     clashes : (k, 2) faces of the sheet whose prisms meet.
-    Near a seam parts are thinner, by 1 % one vertex away and 2 % on it, and half as much again for every colour."""
+    Near a seam parts are thinner, by 1 % one vertex away and 2 % on the seam, and half as much again for every colour.
+    """
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -57,7 +58,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
-    """(m,) the faces of higher colours with a vertex of colour c, without those that meet another face of the part."""
+    """(m,) the faces of higher colours with a vertex of colour c, without faces that meet another face of the part."""
     extension = (colour > c) & own_vertices[surface.F].any(axis=1)
     part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -66,7 +67,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """Vertices with those `beyond` moved by 45 % along their shortest edge to a vertex of the patch."""
+    """All vertices; vertices `beyond` are moved by 45 % along their shortest edge to a vertex of the patch."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -74,7 +75,7 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
     moved, nearest = np.unique(i[order], return_index=True)
     V = surface.V.copy()
     V[moved] += 0.45 * (surface.V[j[order][nearest]] - V[moved])
-    return _move_towards(V, neighbours, beyond, own_vertices, INWARD)  # aside, because skins must not meet edge on edge
+    return _move_towards(V, neighbours, beyond, own_vertices, INWARD)  # skins must not meet edge on edge
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
@@ -125,7 +126,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
         clashes = np.unique(np.concatenate([clashes, np.sort(meeting[~inseparable], axis=1)]), axis=0)
         thin = (
             np.unique(surface.F[meeting[inseparable]]) if round_ else np.empty(0, dtype=np.int64)
-        )  # no thinning in round 0
+        )  # round 0 thins nothing
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
         cut = _cut_patches(label, clashes, graph)
@@ -146,7 +147,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
     """The union with short edges collapsed so that fewest pairs intersect, and these pairs.
-    Two surfaces that cross near a vertex have points on their line closer together than single precision resolves."""
+    Where two surfaces cross near a vertex, points on their line are closer together than single precision resolves."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -181,7 +182,8 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Patches (m,) cut halfway between faces that clash until none contains both; None beyond `patch_limit` patches."""
+    """Patches (m,) cut halfway between faces that clash until no patch contains both; None beyond `patch_limit`
+    patches."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -221,7 +223,7 @@ class _Part(NamedTuple):
 
 
 def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _Part:
-    """The closed mesh over the faces of a part; patches that touch in a vertex get a copy of it each."""
+    """The closed mesh over the faces of a part; if patches touch in a vertex, each patch gets a copy of it."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

@@ -12,9 +12,10 @@ from dsfab.surface import edge_table
 from dsfab.thickening.solid import Solid
 
 INSIDE = 0.02
-"""Lines start this share of the way from a corner to the centre of a face: tapering walls are thinnest at corners."""
+"""Lines start this share of the way from a corner to the centre of a face, because tapering walls are thinnest at
+corners."""
 OPPOSED = float(np.cos(np.radians(20)))
-"""Faces are opposite if they are parallel to 20 degrees; at an edge the thickness would be zero."""
+"""Faces are opposite if they are parallel to 20 degrees, because at an edge the thickness would be zero."""
 LARGE = 1e6
 """Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area, in any unit."""
 FLAT = float(np.cos(1e-3))
@@ -44,7 +45,7 @@ class Rays:
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
         """(k,) the first face hit from `start` (k, 3), lifted a little, along unit vectors (k, 3), or -1."""
-        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # beneath the face itself
+        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # start under the face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
 
@@ -79,8 +80,8 @@ class Facets:
 def thinnest_wall(solid: Solid) -> Wall | None:
     """Return the thinnest wall of a solid, from one line at each vertex; None without opposite faces.
 
-    The thickness is the distance of a line's start from the plane of the face that it hits, which is exact between flat
-    faces. Facets that meet in a point make a tip, which tapers to nothing and is no wall. For example, a sheet that
+    The thickness is the distance of a line's start from the plane of the face that it hits. This is exact between flat
+    faces. Facets that meet in a point make a tip, which tapers to nothing and is not a wall. For example, a sheet that
     crosses itself has tips where its parts are fused.
     """
     V, F = np.array(solid.V), np.array(solid.F)
@@ -107,7 +108,7 @@ def _largest_faces(V: Floats, F: Ints) -> Ints:
     area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
     order = np.argsort(area, kind="stable")
     largest = np.full(len(V), -1)
-    for corner in F[order].T:  # numpy keeps the last of equal indices: the largest face
+    for corner in F[order].T:  # at equal indices numpy keeps the last, largest face
         current = largest[corner]
         better = (current < 0) | (area[np.maximum(current, 0)] <= area[order])
         largest[corner[better]] = order[better]

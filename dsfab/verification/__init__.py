@@ -1,5 +1,7 @@
-"""Verification of the elements: structures with known answers, several element pairs, three refinements each. One file
-per family of tests; a test is a mesh, a load, and a value with its reference (`Test`)."""
+"""Verification of the elements: structures with known answers, several element pairs, three refinements each.
+
+Each family of tests has a file; a test is a mesh, a load, and a value with its reference (`Test`).
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -37,13 +39,15 @@ __all__ = [
 
 FAMILIES = (plates, beams, plane, shells, vessels, vibrations, stability, cut_sheets)
 
-TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # Every test by its name.
+TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # All tests by name.
 
 PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)  # Default pairs: two for comparison.
 
 
 def choose(names: Sequence[str]) -> list[Test]:
-    """Return tests by name or by the beginning of names; all for no names. Raises StaticsError for an unknown name."""
+    """Return tests by name or by the beginning of names; an empty list returns all. Raises StaticsError for an
+    unknown name.
+    """
     if not names:
         return list(TESTS.values())
     chosen: dict[str, Test] = {}

@@ -1,4 +1,4 @@
-"""Cantilever strips: straight on regular and distorted meshes, curved, twisted, and bent out of a curved shape."""
+"""Cantilever strips: straight on regular and distorted meshes, curved, twisted, and a curved strip that bends."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -17,7 +17,7 @@ IN_PLANE, ACROSS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 CELLS: tuple[int, ...] = (1, 2, 4)
 PATTERNS: tuple[Mesh, ...] = ("diagonal", "union_jack")
-"""Patterns; `jittered` needs inner vertices, which one cell across lacks."""
+"""Mesh patterns. The pattern `jittered` is missing, because a single cell across has no inner vertices to move."""
 
 
 def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectangles") -> Problem:
@@ -28,8 +28,9 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return the offset of a cross line's top at stations (k,) from 0 to 6; the end lines are upright.
-    Trapezoids: inner lines lean to and fro.  Parallelograms: all lean the same way."""
+    """Return the offset of a cross line's top at stations (k,) from 0 to 6; the end lines are upright. Trapezoids:
+    inner lines lean alternately to both sides.  Parallelograms: all lines lean to the same side.
+    """
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -58,8 +59,10 @@ BENT_WIDTH = 0.2
 
 
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
-    """Return a strip of 0.2 bent into a quarter circle of radius 1, R / h = slenderness, pushed back at its free end.
-    It bends without stretching, which locking membranes cannot do. Without Poisson effect, beam theory is exact."""
+    """Return a strip 0.2 wide, bent into a quarter circle of radius 1; its free end is pushed back.
+    slenderness : radius over thickness, R / h. The strip bends without stretching, which membranes that lock cannot do.
+    Without Poisson effect, beam theory is exact.
+    """
     uv, F = square(8 * cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     V = np.stack([np.sin(turn), BENT_WIDTH * uv[:, 1], np.cos(turn)], axis=1)
@@ -72,7 +75,9 @@ def bent_strip_tip(slenderness: float) -> float:
 
 
 def raasch_hook(cells: int, mesh: Mesh) -> Problem:
-    """Return a strip 20 x 2, bent by 60 degrees at radius 14, back by 150 at 46, its end pushed along its width."""
+    """Return a strip 20 x 2 with two bends, of 60 degrees at radius 14 and back by 150 degrees at radius 46. A load
+    pushes its end along its width.
+    """
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
     first_arc = np.minimum(turn, np.pi / 3)
@@ -83,14 +88,16 @@ def raasch_hook(cells: int, mesh: Mesh) -> Problem:
 
 
 HOOK = 5.022
-"""Movement of its end by solids: 5.02 of refined 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997], 5.02201 by
-extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl."""
+"""Movement of the hook's end by solids: 5.02 by refined 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997],
+5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl.
+"""
 
 EDGES_OF_STRIP = 0.63 * 2 / 20
-"""Loss of a strip's torsional stiffness b t^3 / 3 by its edges, (1 - .63 t / b) by de Saint Venant, for width b and
-thickness t. It is shear across the thickness, which no theory of thin sheets has."""
+"""Loss of a strip's torsional stiffness b t^3 / 3 at its edges, (1 - .63 t / b) by de Saint Venant, for width b and
+thickness t. The loss comes from shear across the thickness, which theories of thin sheets do not have.
+"""
 
-IN_TORSION = 0.9899  # Share of torsion in the work of the hook as a curved beam; the rest is bending and shear.
+IN_TORSION = 0.9899  # Share of torsion in the work of the hook as a curved beam; bending and shear do the rest.
 
 
 STRIP = (
@@ -100,7 +107,9 @@ STRIP = (
 
 
 def _curved_strip() -> float:
-    """P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J)) of a quarter ring loaded across its plane [Timoshenko 1955]."""
+    """Return the movement of a quarter ring loaded across its plane: P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J))
+    [Timoshenko 1955].
+    """
     young, poisson, radius, width, thickness = 1e7, 0.25, 4.22, 0.2, 0.1
     bending = young * width * thickness**3 / 12
     torsion = young / (2 * (1 + poisson)) * width * thickness**3 / 3
@@ -108,8 +117,9 @@ def _curved_strip() -> float:
 
 
 def _curved_plane() -> float:
-    """Movement of a quarter ring's free end along a unit shear force, in plane stress, in closed form:
-    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]"""
+    """Return the movement of a quarter ring's free end along a unit shear force, in plane stress, in closed form:
+    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]
+    """
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
     squares = a**2 + b**2
     return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))

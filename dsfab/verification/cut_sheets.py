@@ -1,4 +1,4 @@
-"""A sheet cut into ribs, compared with a solid, because neither closed forms nor tables cover it."""
+"""A sheet cut into ribs, compared with a solid, because closed forms and tables do not exist for ribs."""
 
 import numpy as np
 
@@ -14,11 +14,13 @@ THICKNESS = 0.05
 RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Metres, and the angle of the vault.
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-COARSE = 12  # Cells around the vault before the cut; finer meshes halve its edges, so that the cut stays.
+COARSE = 12  # Cells around the vault before the cut; finer meshes halve the edges of the cut mesh.
 
 
 def vault(cells: int) -> Surface:
-    """Return a barrel vault of six by four openings, cut by stripes around it and along it, half of either kept."""
+    """Return a barrel vault of six by four openings, cut by stripes around it and along it; each covers half of the
+    area.
+    """
     uv, F = square(COARSE, COARSE - 2, "union_jack")
     turn = OPENING * (uv[:, 0] - 0.5)
     uncut = Surface(np.stack([RADIUS * np.sin(turn), LENGTH * uv[:, 1], RADIUS * np.cos(turn)], axis=1), F)
@@ -79,7 +81,7 @@ TESTS = [
     Test(
         "cut_vault",
         # J, CalculiX 2.20: .53056, .54628 and .55127 with 816, 3 264 and 13 056 wedges, extrapolated (each step is
-        # 1 / 3.15 of the one before). Thin sheets reach .5500: shear and twist of the ribs make up the .7 %.
+        # 1 / 3.15 of the previous step). Thin sheets reach .5500: shear and twist of the ribs explain the .7 %.
         0.5536,
         "quadratic wedges by CalculiX 2.20, three meshes, extrapolated; whole vault",
         "vault cut into ribs, built in, under its own weight: compliance beside that of a solid",

@@ -75,7 +75,7 @@ def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standi
 
 
 def drawing(problem: Problem, title: str) -> str:
-    """Draw the mesh from above or isometrically, with its supports (dots) and a sample of its loads (arrows)."""
+    """Draw the mesh from above or isometrically, with its supports (dots) and a few of its loads (arrows)."""
     V = problem.surface.V
     view = np.eye(2, 3) if problem.plane_axis == 2 else _isometric()
     shown = V @ view.T
@@ -151,16 +151,16 @@ def _svg(figure: "Figure", title: str) -> str:
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
-    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)  # matplotlib numbers its groups; nothing refers to them
+    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)  # no text refers to the numbers of matplotlib's groups
     svg = re.sub(r"font: ([\d.]+)px[^;\"]*", r"font-size: \1px", svg)
-    svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # coordinates, but not axis labels
+    svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # shorten coordinates, but not axis labels
     svg = svg.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1).strip()
 
 
-WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")  # The first stands for all patterns.
+WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")  # The worst verdict stands for all patterns.
 
-PAIR = str(elements_of("displacement"))  # The pair of targets and published values.
+PAIR = str(elements_of("displacement"))  # Targets and published values are compared with this pair.
 
 STYLE = """
 :root { --faint: rgb(138, 134, 128); }
@@ -276,7 +276,6 @@ def _summary(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
 
 
 def _published_counts(against: Sequence[Standing]) -> str:
-    """Return a table: how often the pair for displacements is better and worse than each published element."""
     if not against:
         return ""
     counts: dict[str, Counter[str]] = {}

@@ -26,8 +26,9 @@ from dsfab.verification.problems import (
 
 
 def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> Floats:
-    """Return (m, 3 corners, 3, 3) membrane stress in plane stress, Pa, tangent to each face. It is linear on each face,
-    as in `quadratic` and `hybrid` membranes; with constant strain all corners are equal."""
+    """Return the membrane stress (m, 3 corners, 3, 3) in plane stress, Pa, tangent to each face. The stress is linear
+    on each face, as in `quadratic` and `hybrid` membranes; with constant strain all corners are equal.
+    """
     strain = membrane_strains(surface, answer)
     xx, yy, xy = np.moveaxis(membrane_stresses(surface, material, "plane_stress", answer.elements, strain), -1, 0)
     planar = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
@@ -44,7 +45,7 @@ STEEL = Material(210e9, 0.3)
 
 
 def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
-    """Return a square metre, 10 mm thick, under 1 kN/m of tension or shear; the value is a side's movement."""
+    """Return a square metre, 10 mm thick, under 1 kN/m of tension or shear; the value is the movement of a side."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     left, right, bottom, top = (is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0))
@@ -66,10 +67,8 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
 
 
 def cook(cells: int, mesh: Mesh) -> Problem:
-    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force; the value is the movement of its
-    end.
-
-    The end's middle vertex counts. `diagonal` halves the cells along their short diagonals, like published triangles.
+    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force. The value is the movement of the
+    end's middle vertex. `diagonal` halves the cells along their short diagonals, like published triangles.
     """
     uv, F = square(cells, cells, mesh)
     if mesh == "diagonal":
@@ -82,10 +81,12 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x, cut off by
-    Kirsch's own tractions. The value is the stress along the hole's edge where it is three times the tension."""
+    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x. Kirsch's own
+    tractions act on its outer edge. The value is the stress along the hole's edge at the place where it is three times
+    the tension.
+    """
     uv, F = square(cells, cells, mesh)
-    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells as long as wide
+    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells are as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
     return quarter(uv, F[:, ::-1], V, Material(1.0, 0.3), 1.0, kirsch_stress, (1.0, "xx"))
 
@@ -101,8 +102,9 @@ def kirsch_stress(x: Floats, y: Floats) -> Floats:
 
 
 def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:
-    """NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled outwards by 10 MPa on its outer edge.
-    The value is the stress along the inner edge at the end of its long axis, Pa."""
+    """Return NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled outwards by 10 MPa. The pull
+    acts on the outer edge. The value is the stress along the inner edge at the end of its long axis, Pa.
+    """
     uv, F = square(cells, cells, mesh)
     turn, out = np.pi / 2 * uv[:, 0], uv[:, 1]
     V = np.stack([(2 + 1.25 * out) * np.cos(turn), (1 + 1.75 * out) * np.sin(turn), 0 * out], axis=1)
@@ -145,7 +147,9 @@ def quarter(
 
 
 def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Return (e, 3) mean of stress . n on marked edges, n away from the origin, by four Gauss points; else 0."""
+    """Return the mean of stress . n (e, 3) on marked edges by four Gauss points, 0 on other edges; n points
+    outwards.
+    """
     ends = surface.V[surface.edges.ends[marked], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

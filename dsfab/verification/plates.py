@@ -25,7 +25,7 @@ THIN = 0.01
 
 
 def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
-    """Return a unit square under 1 Pa across; the value is the deflection of its centre times D / (q a^4)."""
+    """Return a unit square under 1 Pa across its plane; the value is the deflection of its centre times D / (q a^4)."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     sides = [is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0)]
@@ -48,8 +48,9 @@ SKEWED = Material(young=1085.0, poisson=0.31)
 
 
 def skew_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return a rhombus of side 100 and 60 degrees, .1 thick, on simple supports at two opposite sides, free at the
-    others. The value is the deflection of its centre times 100 D / (q a^4)."""
+    """Return a rhombus of side 100 and 60 degrees, .1 thick, on simple supports at two opposite sides. The remaining
+    sides are free. The value is the deflection of its centre times 100 D / (q a^4).
+    """
     uv, F = square(cells, cells, mesh)
     surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
@@ -94,7 +95,9 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return a unit square on simple supports, pressed along x by a line load N; the value is its lowest N a^2 / D."""
+    """Return a unit square on simple supports, pressed along x by a line load N. The value is the lowest buckling load
+    N a^2 / D.
+    """
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     ends = [is_at(uv[:, 0], end) for end in (0.0, 1.0)]
@@ -119,10 +122,10 @@ def pressed_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def _moment() -> float:
-    """M / (q a^2) at the centre of a supported square plate, nu = 0.3 [Navier 1820; Timoshenko 1959, 30]."""
+    """Return M / (q a^2) at the centre of a supported square plate, nu = 0.3 [Navier 1820; Timoshenko 1959, 30]."""
     odd = np.arange(1, 400, 2)
     m, n = np.meshgrid(odd, odd, indexing="ij")
-    sign = np.where((m + n) % 4 == 2, 1.0, -1.0)  # sin(m pi / 2) sin(n pi / 2)
+    sign = np.where((m + n) % 4 == 2, 1.0, -1.0)  # this is sin(m pi / 2) sin(n pi / 2)
     return float((sign * 16 / np.pi**4 * (m**2 + PLATE.poisson * n**2) / (m * n * (m**2 + n**2) ** 2)).sum())
 
 

@@ -23,7 +23,9 @@ from dsfab.surface import LoadCase, Surface
 
 Mesh = Literal["diagonal", "union_jack", "jittered"]
 MESHES: tuple[Mesh, ...] = ("diagonal", "union_jack", "jittered")
-"""Squares halved by parallel diagonals, by alternating diagonals, and the latter with randomly moved inner vertices."""
+"""Mesh patterns: squares halved by parallel diagonals, squares halved by alternating diagonals, and the second pattern
+with randomly moved inner vertices.
+"""
 
 NEAR = 1e-9  # Parameters of the unit square closer than this are equal.
 
@@ -58,7 +60,7 @@ def is_at(values: Floats, position: float) -> Bools:
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return (e,) boundary edges with both ends on one of the lines of vertices."""
+    """Return the boundary edges (e,) that have both ends on one of the lines of vertices."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 
@@ -80,7 +82,7 @@ def octant(cells: int) -> tuple[Floats, Ints]:
 
 
 def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
-    """Return corners (n, 3), integers that sum to `cells`, and faces of one side of the octahedron."""
+    """Return corners (n, 3) and faces of one side of the octahedron; the three integers of a corner sum to `cells`."""
     i, j = np.meshgrid(np.arange(cells + 1), np.arange(cells + 1), indexing="ij")
     inside = i + j <= cells
     number = np.full((cells + 1, cells + 1), -1)
@@ -151,8 +153,10 @@ class Problem:
         return int((~fixed).sum() + (~held_on_edges(self.surface, elements, fixed, self.clamped)).sum())
 
     def nodal_unknowns(self) -> int:
-        """Return the number of free unknowns of usual elements: three displacements and two rotations a vertex.
-        Vertices of clamped edges lose one rotation, built-in vertices both; sheets in a plane have none."""
+        """Return the number of free unknowns of usual elements: three displacements and two rotations at each vertex.
+        Vertices of clamped edges lose one rotation, built-in vertices both rotations; sheets in a plane have no
+        rotations.
+        """
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -181,18 +185,19 @@ class Problem:
 class Test:
     """A structure with a known answer.
 
-    reference : of `value`, in SI units or the source's own consistent units.
-    source    : of the reference, with the share of the load on the meshed part.
+    reference : reference value, in SI units or the source's own consistent units.
+    source    : source of the reference, with the share of the load on the meshed part.
     about     : the structure in a line.
     problem   : (cells, mesh) -> Problem, with `cells` along the refined side.
     cells     : refinements, coarse to fine.      meshes : patterns.
     within    : tolerance if it is less than that of the quantity.
     targets   : largest relative errors of the elements for displacements, by cells.
     limit     : reference of the targets, if it is not `reference`: the limit of the elements, which is the exact answer
-                of a thin sheet if published. The table shows both.
+                of a thin sheet if published. The table shows both references.
     quantity  : kind of value, which defines the tolerance.
-    beyond    : effect that the reference has and thin sheets lack, in words: then the value must meet `limit`.
-    outside   : (cells, mesh) -> unknowns and value by another program, None if that is not installed.
+    beyond    : effect, in words, that the reference includes and thin sheets lack; in this case the value must meet
+                `limit`.
+    outside   : (cells, mesh) -> unknowns and value by another program; None if that program is not installed.
     """
 
     __test__ = False  # pytest collects classes of this name
@@ -218,7 +223,7 @@ class Test:
 
 
 def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
-    """Return (n, 3) from pairs of marked vertices and directions such as "xz"."""
+    """Return held directions (n, 3) from pairs of marked vertices and directions such as "xz"."""
     fixed = np.zeros((n, 3), dtype=bool)
     for where, axes in supports:
         for axis in axes:
@@ -227,7 +232,7 @@ def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
 
 
 def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Floats:
-    """Return (n, 3) newtons from pairs of one marked vertex and its force."""
+    """Return forces (n, 3) in newtons from pairs of one marked vertex and its force."""
     force = np.zeros((n, 3))
     for where, newtons in forces:
         force[np.flatnonzero(where)[0]] += newtons
@@ -247,7 +252,9 @@ def lines_on(surface: Surface, where: Bools, newtons_per_metre: tuple[float, flo
 def tip_loaded(
     uv: Floats, F: Ints, V: Floats, material: Material, thickness: float, force: tuple[float, float, float]
 ) -> Problem:
-    """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force along its end u = 1, which is measured."""
+    """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force along its end u = 1. The value is the
+    movement of that end.
+    """
     surface = Surface(V, F)
     root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)

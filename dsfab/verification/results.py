@@ -18,15 +18,16 @@ class VerificationRow:
 
     unknowns : number of free unknowns.
     ratio    : value over reference; None (like `value`) if the elements cannot clamp the test's edges.
-    rate     : observed order of convergence from this mesh and the two before, without the reference. None on the first
-               two meshes and at round-off. It is rough for jittered meshes, which are not nested, and for oscillating
-               values.
-    verdict  : `ok` within the test's tolerance; `coarse` not, but a finer mesh of the series is; `off` not, and the
-               finest mesh is not either; `theory`: the finest mesh is off, but within tolerance of the test's limit,
-               because thin sheets lack an effect (`Test.beyond`); `not run`: the test clamps edges and hinges have no
-               rotations; `refused`: the solver rejected its own answer (a sheet too thin for sixteen digits).
+    rate     : observed order of convergence from this mesh and two coarser meshes, without the reference. None on the
+               first two meshes and at round-off. The rate is rough for jittered meshes, which are not nested, and for
+               oscillating values.
+    verdict  : `ok`: within the test's tolerance. `coarse`: outside, but a finer mesh of the series is within it. `off`:
+               outside, as is the finest mesh. `theory`: the finest mesh is off, but within tolerance of the test's
+               limit,
+               because thin sheets lack an effect (`Test.beyond`). `not run`: the test clamps edges, and hinges have no
+               rotations. `refused`: the solver rejected its own answer (a sheet too thin for sixteen digits).
     target   : largest relative error of the pair for displacements on this mesh, if set.
-    met      : True if the error is below it.
+    met      : True if the error is below the target.
     limit    : reference of the target, if it is not `reference`, see `Test.limit`.
     of_limit : value over limit.
     """
@@ -85,11 +86,11 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
     return rows
 
 
-OUTSIDE = "solid wedges (CalculiX)"  # Name of another program in place of a pair of elements.
+OUTSIDE = "solid wedges (CalculiX)"  # Name of the other program; rows have it in place of a pair of elements.
 
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
-    """Return all refinements by the test's other program; nothing if the test has none, or it is not installed."""
+    """Return all refinements by the test's other program; empty without such a program, or if it is not installed."""
     results = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
     values = [result[1] for result in results if result is not None]
     if not values:
@@ -115,7 +116,7 @@ def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
 
 
 def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
-    """Return rows of pairs of reported values that are off on the finest mesh, or refused."""
+    """Return refused rows and rows that are off on the finest mesh, for pairs whose values dsfab reports."""
     gated = {str(pair) for pair in REPORTED}
     return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
 
@@ -146,7 +147,6 @@ def _value(problem: Problem, elements: Elements) -> float | None:
 
 
 def _verdict(test: Test, ratios: Sequence[float | None]) -> str:
-    """Return the verdict on the first of the ratios, on meshes from this one to the finest."""
     is_within = [ratio is not None and abs(ratio - 1) <= test.tolerance for ratio in ratios]
     finest, limit = ratios[-1], test.limit
     if test.beyond and limit and finest is not None and not is_within[-1]:
@@ -164,7 +164,7 @@ Seen = Literal["page", "transcript", "recalled"]
 
 @dataclass(frozen=True)
 class Publication:
-    """A document, and how its numbers were read."""
+    """A document, and the method by which its numbers were read."""
 
     title: str
     seen: Seen
@@ -179,10 +179,10 @@ class Published:
 
     cells    : mesh of this test (a whole roof has twice the cells of its quarter), or None if the source has a `note`
                only, such as "coarse mesh".
-    unknowns : of the source's mesh if the test has no equal mesh (`cells` is then the next coarser mesh, and `note` has
-               the source's), else None: counted on the test's mesh.
+    unknowns : number in the source's mesh if the test has no equal mesh; in this case `cells` is the next coarser mesh,
+               and `note` has that of the source. None: counted on the test's mesh.
     constant : True if its membrane is a triangle of constant strain.
-    middles  : True if it has nodes in the middle of its sides as well.
+    middles  : True if the element also has nodes in the middle of its sides.
     """
 
     test: str
@@ -223,7 +223,7 @@ Ratios = dict[str, tuple[float, ...]]
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
 STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
-    # in plane on the three shapes of cells, then out of plane
+    # values for loads in the plane on the three shapes of cells, and for loads across the plane
     (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
     (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
     (STRAIGHT, "OptiStruct TRI6", (0.994, 0.962, 0.972), (1.001, 0.995, 0.999)),
@@ -261,7 +261,7 @@ REFINED: tuple[tuple[str, Publication, tuple[int, ...], Ratios], ...] = (
 )
 
 TWISTED_BEAMS: tuple[tuple[Publication, Ratios, str], ...] = (
-    # along the width of the tip, and across it
+    # values for loads along the width of the tip, and across the width
     (TWISTED, {"OptiStruct TRI3": (0.984, 0.839), "OptiStruct QUAD4": (0.992, 0.988)}, "12 x 2, assumed"),
     (HARDER, {"NASTRAN QUAD4": (0.993, 0.985)}, "12 x 2"),
 )
@@ -319,12 +319,12 @@ Outcome = Literal["better", "alike", "worse", "unknown"]
 class Standing:
     """One published value beside the pair for displacements.
 
-    unknowns : of the published mesh, None if the source lacks it.
+    unknowns : number in the published mesh, None if the source lacks it.
     ours     : relative error of that pair, the largest of its regular patterns (published meshes are regular too). It
                is at least that of any finer mesh, so that luck does not count. None: no mesh compares.
     basis    : `unknowns`: ours is interpolated (on logarithms) to as many unknowns, or taken from our finest mesh if
                that has fewer; `cells`: ours is on the same cells, because all our meshes have more unknowns.
-    outcome  : of ours against the published error.
+    outcome  : result of the comparison of our error with the published error.
     """
 
     published: Published
@@ -357,7 +357,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return by test a line about errors of the paper's elements beside published constant-strain triangles."""
+    """Return a line for each test on which the paper's elements miss published constant-strain triangles."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]
@@ -387,7 +387,7 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
     if unknowns is None or not ours:
         return Standing(published, unknowns, None, "", "unknown")
     sizes, errors = np.array(list(ours.values())).T
-    # a value may pass through the reference before it converges: later errors count
+    # a value may pass through the reference before it converges, so the errors of finer meshes count
     errors = np.maximum.accumulate(errors[::-1])[::-1]
     theirs = abs(published.ratio - 1)
     if unknowns >= 0.8 * sizes[0]:  # a mesh with up to a fifth fewer unknowns counts as equal
@@ -400,6 +400,6 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
 
 
 def _outcome(ours: float, theirs: float) -> Outcome:
-    if abs(ours - theirs) <= 0.005:  # references differ by as much
+    if abs(ours - theirs) <= 0.005:  # references of different sources differ by up to this
         return "alike"
     return "better" if ours < theirs else "worse"

@@ -13,7 +13,7 @@ VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5  # Vessels of radius 1 
 
 
 def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
-    """Return a closed sphere; each pole of the three axes is fixed across its axis, without reaction."""
+    """Return a closed sphere. The poles of the three axes cannot move across their axis; their reactions are 0."""
     V, F = octasphere(cells)
     surface = Surface(V, F)
     poles = [(np.abs(V[:, axis]) > 1 - 1e-12, "xyz".replace("xyz"[axis], "")) for axis in range(3)]
@@ -32,7 +32,7 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
 def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
     """Return a tube with free ends, 2 m long; four vertices of one end are fixed against rigid motions only."""
     uv, F = square(cells, cells // 2, mesh)
-    # glue the first and the last line
+    # the last line of vertices becomes the first
     F = np.where(cells * (cells // 2 + 1) <= F, F - cells * (cells // 2 + 1), F)
     uv = uv[uv[:, 0] < 1 - 1e-9]
     turn = 2 * np.pi * uv[:, 0]
@@ -53,8 +53,6 @@ def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 
 def _swelling(out: Floats) -> Callable[[Equilibrium], float]:
-    """Return a value function: mean displacement along the unit vectors `out` (n, 3)."""
-
     def value(answer: Equilibrium) -> float:
         return float(np.einsum("ni,ni->n", answer.u, out).mean())
 

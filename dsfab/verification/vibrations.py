@@ -15,15 +15,18 @@ THICKNESS = 0.05
 
 PLATE_HERTZ = (0.421, 1.029, 2.582, 3.306, 3.753, 6.555)
 """FV16 in Abbassian, Dawswell and Knowles 1987, Selected benchmarks for natural frequency analysis, NAFEMS R0015, as
-listed in Altair OptiStruct's verification problem OS-V 0430. They are Barton's values of 1951, by a Ritz method with
-few terms: all pairs here converge to values .5 to 1 % lower (3.471 instead of 3.494 in the first)."""
+listed in Altair OptiStruct's verification problem OS-V 0430. The values are Barton's of 1951, by a Ritz method with
+few terms. All pairs here converge to values .5 to 1 % lower (3.471 instead of 3.494 in the first mode).
+"""
 
 MEMBRANE_HERTZ = (44.623, 130.03, 162.70, 246.05, 379.90, 391.44)
 """FV32 in the same report, as listed in ENERCALC 3D's verification problem F-03."""
 
 
 def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """FV16: 10 m square, 50 mm thick, built in along x = 0; it moves across its plane only. The value is in hertz."""
+    """Return FV16: 10 m square, 50 mm thick, built in along x = 0; it moves across its plane only. The value is in
+    hertz.
+    """
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(10 * uv, ((0, 0), (0, 1))), F)
     root = is_at(uv[:, 0], 0.0)
@@ -32,7 +35,9 @@ def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """FV32: 10 m long, from 5 m to 1 m high, 50 mm thick, fixed along its high end; it moves in its plane only."""
+    """Return FV32: 10 m long, from 5 m to 1 m high, 50 mm thick, fixed along its high end; it moves in its plane
+    only.
+    """
     uv, F = square(2 * cells, cells, mesh)
     high = 5 - 4 * uv[:, 0]
     surface = Surface(np.stack([10 * uv[:, 0], high * (uv[:, 1] - 0.5), 0 * high], axis=1), F)
@@ -42,7 +47,7 @@ def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def vibrating(surface: Surface, fixed: Bools, clamped: Bools, mode: int) -> Problem:
-    """Return a sheet in free vibration; the value is frequency number `mode`, from 1 on, in hertz."""
+    """Return a sheet in free vibration; the value is the frequency with number `mode`, from 1 on, in hertz."""
     sheet = SheetModel(surface, STEEL, THICKNESS, clamped=clamped)
     still: Floats = np.zeros((surface.n, 3))
 
@@ -57,7 +62,6 @@ def vibrating(surface: Surface, fixed: Bools, clamped: Bools, mode: int) -> Prob
 def _tests(
     name: str, hertz: Sequence[float], source: str, words: str, problem: Callable[..., Problem]
 ) -> Iterator[Test]:
-    """Yield a test for each frequency (Hz) from the lowest; the lowest runs on every mesh pattern."""
     for k, value in enumerate(hertz, start=1):
         yield Test(
             f"{name}_{k}",

@@ -21,7 +21,6 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
     """Part of a member in space, station by station.
-
     edges : (k, 2, 3) right and left edge (m).    normals : (k, 3) unit normals of its face.
     holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes.
     """
@@ -36,9 +35,8 @@ class RefoldedStrip:
 
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
-    """Strips or planks of a plan in space, and the deviations (h,) of their joints (m).
-
-    A deviation is the distance of a hole from the line of its bolt, or of the two slots at a node from each other.
+    """Strips or planks of a plan in space, and the deviations (h,) of their joints (m). A deviation is the distance of
+    a hole from the line of its bolt, or of the two slots at a node from each other.
     """
 
     strips: tuple[RefoldedStrip, ...]
@@ -147,7 +145,6 @@ def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> 
 
 
 def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool = False) -> tuple[Floats, Floats]:
-    """Return lengths along a line (k, 2) and distances to its left, (h,), for places (h, 2)."""
     segments = np.diff(axis, axis=0)
     lengths = np.linalg.norm(segments, axis=1)
     offsets = places[:, None] - axis[None, :-1]

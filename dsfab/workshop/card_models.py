@@ -131,7 +131,6 @@ SHARP_SINE = float(np.sin(np.radians(25.0)))
 @dataclass
 class PanelParts:
     """Panels, and counts of their details.
-
     sharp   : names of nodes at which members meet too sharply to be cut.
     covered : bays without room for a panel.    tabs : number of tabs.    feet : with the names of their panels.
     """
@@ -187,7 +186,6 @@ def panel_parts(
     ground: BasePlane | None = None,
 ) -> PanelParts:
     """Return the panels of all strips of a graph at model size.
-
     letters : largest height of names (m).    room : lengths and widths (m) that parts may have on the stock.
     ground  : base plate for feet with tabs; without a base plate (None) the ends have no feet.
     """
@@ -228,7 +226,6 @@ def _crossing_edge(
 @dataclass(frozen=True)
 class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
-
     tab : (q,) arc lengths and (q,) distances to the left; empty without a tab.
     foot : a tab into the base plate.
     """
@@ -271,7 +268,6 @@ class _MemberPanels:
         return float(np.interp(s, course.s, course.right)), float(np.interp(s, course.s, course.left))
 
     def _end(self, edge: _CrossingEdge | None, side: int) -> _PanelEnd:
-        """Return the beginning (side 1) or end (side -1) of a panel, at a crossing member or at the member's end."""
         if edge is None:
             if foot := next((foot for foot in self.feet if foot.at_end == (side == -1)), None):
                 along = np.array([foot.shoulders[1], *foot.tips, foot.shoulders[2]])
@@ -302,7 +298,6 @@ class _MemberPanels:
         return begin, end
 
     def _splice_end(self, s: float) -> _PanelEnd:
-        """Return an end with a tab beneath the next panel of the same member, as long as it is wide."""
         w_right, w_left = self._sides(s)
         y = np.array([-ROOT_SHARE * w_right, -TIP_SHARE * w_right, TIP_SHARE * w_left, ROOT_SHARE * w_left])
         return _PanelEnd(s, s, (s + (w_right + w_left) * np.array([0.0, 1.0, 1.0, 0.0]), y))

@@ -28,7 +28,6 @@ EXTENSION_STATIONS = 16
 @dataclass(frozen=True, eq=False)
 class StripCourse:
     """Stations along an axis and a little beyond its ends, in metres and 1/m as in `MemberAxis`.
-
     s     : (k,) arc length; on a closed axis it passes the axis length at the beginning.
     P, T, N : (k, 3) points, tangents, normals.    kg, kn, tg : (k,) curvatures and torsion.
     left, right : (k,) distances from the axis to the edges of the member (m).
@@ -56,7 +55,6 @@ class StripCourse:
 
     def frame_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return points, unit tangents and unit normals (q, 3) at arc lengths (q,), by cubic interpolation [Hermite].
-
         On a narrow ring, chords would be a quarter of a millimetre away from the arcs.
         """
         i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
@@ -92,7 +90,6 @@ class StripCourse:
 
 def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
     """Return the course of a member with an axis.
-
     overhang : length beyond the last node, if the member ends closer to the node (m).
     extra_length : length of stations beyond the built part (m).
     A closed course begins in the middle of its longest bay. A course that curls up at an end stops before the curl.
@@ -150,7 +147,6 @@ def node_stations(member: Member, nodes: tuple[Node, ...]) -> Floats:
 
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
-
     Edges become parallel to the axis if only noise separates them from it; the remaining edges are smoothed.
     """
     if not axis.closed:
@@ -281,9 +277,8 @@ class Development:
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
-        """Return the point where a layer meets the line through a point (3,) along a unit normal (3,).
-
-        The result is an arc length of the course close to `s`, and the distance to the left (m).
+        """Return the point where a layer meets the line through a point (3,) along a unit normal (3,). The result is an
+        arc length of the course close to `s`, and the distance to the left (m).
         """
         y = 0.0
         for _ in range(4):  # Newton steps

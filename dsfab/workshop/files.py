@@ -196,7 +196,6 @@ BAR_HEAD = (
 
 def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
     """Return a row for each bar: its nodes, sizes and angles.
-
     files : stems of drawings that several bars share.
     along : degrees from the first bar of the node, counter-clockwise from outside.
     dip   : degrees below the node plate.
@@ -250,7 +249,6 @@ def cut_list_workbook(plan: WorkshopPlan) -> bytes:
 
 
 def _as_number(cell: Cell) -> Cell:
-    """Return text such as "1.2e-03" as a number; part names stay text."""
     return float(cell) if isinstance(cell, str) and "e-" in cell and cell[0].isdigit() else cell
 
 
@@ -266,7 +264,6 @@ def write_workshop(
     plan: WorkshopPlan, folder: Path, name: str, documents: Mapping[str, bytes] = MappingProxyType({})
 ) -> Path:
     """Write the files of a plan into a folder, all of them or none; equal plans give equal bytes.
-
     Files that the cut list of an earlier plan names are removed if this plan does not have them.
     documents : further files by name.
     Raises ExportError if the folder is not writable.

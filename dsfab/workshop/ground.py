@@ -19,15 +19,13 @@ from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, label
 
 STEEP_SINE = np.sin(np.radians(25.0))
-"""Sine of the smallest slope of a strip that stands on the plate; a flatter strip is glued on the plate, without a
-tab.
+"""Sine of the smallest slope of a strip that stands on the plate; a flatter strip is glued on the plate, without a tab.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class StripFoot:
     """End of a layer on the base plate, by arc lengths of its course.
-
     shoulders : (4,) arc lengths on the plate: right edge, right and left side of the tab, left edge.
     sides     : (4,) distances of the shoulders to the left of the axis (m).
     tips      : (2,) end of the tab, right and left.    at_end : whether the foot is at the end of the course.
@@ -50,7 +48,6 @@ class StripFoot:
 @dataclass(frozen=True, eq=False)
 class BasePlane:
     """Upper face of the base plate, through a point (3,) in metres, with the unit normal `up` (3,).
-
     supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from a support (m).
     thickness : thickness of the plate (m).    clearance : gap between a tab and its slot, on each side (m).
     """
@@ -147,7 +144,6 @@ class BasePlane:
         return s if level.all() else None
 
     def _slot(self, layer: Development, s: Floats, sides: Floats, frame: tuple[Floats, Floats, Floats]) -> Floats:
-        """Return the rectangle (4, 2) in the plate through which a tab passes, with its clearance."""
         down, N, B = frame
         P, _, across, _ = layer.frame(s)
         ends = P + sides[:, None] * across
@@ -214,7 +210,6 @@ def base_parts(
     ground: BasePlane, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
     """Return the base plate as a few equal rectangles, each in its place under the model.
-
     The number of rectangles is the smallest for which each fits into one of `room`.
     surface : at model size, with its supports at those of the base plate.    feet : with the names of their parts.
     room : lengths and widths (m).

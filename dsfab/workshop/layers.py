@@ -121,7 +121,6 @@ def shortened_courses(
     overhang: float,
 ) -> dict[str, StripCourse]:
     """Return courses of one layer; a course stops before it runs into another course.
-
     It ends `overhang` metres beyond its last node before the collision; without such a node, at the collision.
     nodes : arc lengths of nodes on each course.
     joined : pairs of members that share a node, where they are notched.
@@ -154,7 +153,7 @@ def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
-    """Return the names of shortened courses that are shorter than wide (m), and so are not built."""
+    """Return the names of shortened courses whose length is less than their width (m); these are not built."""
     return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
 
 

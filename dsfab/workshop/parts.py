@@ -1,5 +1,8 @@
 """Flat parts with holes and openings, and the single-stroke letters that are engraved on them.
-A letter is a few polylines of points "xy" on a grid 4 wide and 6 high, because engravers would draw outlines twice."""
+
+A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. Engravers would draw the
+outlines of an ordinary font twice.
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -55,11 +58,11 @@ def text_length(text: str, height: float) -> float:
 NAME_SHARE = 0.9
 """Share of the available length that a name fills, at most."""
 SAME_DISTANCE = 2e-4
-"""Distance (m) within which corners and holes of equal parts agree."""
+"""Largest distance (m) between the corners and holes of two equal parts."""
 OUTLINE_TOLERANCE = 2e-5
-"""Largest distance of a written outline from that of the part (m)."""
+"""Largest distance between a written outline and the outline of the part (m)."""
 PART_LETTERS, NODE_LETTERS = 0.02, 0.008
-"""Heights of part names and of node names (m), at most."""
+"""Largest heights of part names and of node names (m)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +79,9 @@ class Hole:
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """Fold of a part along a line (2, 2) by an angle (radians), away from the viewer of its drawing if positive."""
+    """Fold of a part along a line (2, 2) by an angle (radians); positive angles fold away from the viewer of the
+    drawing.
+    """
 
     line: Floats
     angle: float
@@ -92,10 +97,11 @@ class FlatPart:
     id      : "A07.2" for the second piece of member A07, "A07.c1" for the cover plate of its first splice.
     member  : name of the member; "" for pieces of a sheet.
     span    : arc lengths of the axis at both ends (m); (0, 0) without an axis.
-    outline : (k, 2) corners, counter-clockwise.    slots : (k, 2) closed cuts within it.
+    outline : (k, 2) corners, counter-clockwise.    slots : (k, 2) closed cuts within the outline.
     holes   : for bolts.    marks : (k, 2) lines to engrave.    folds : lines to fold.
-    layer   : height of its middle over the surface (m).    strain : largest strain of building it.
-    thickness : metres; 0 for that of the plan.    axis : (k, 2) middle line, not to be cut; (0, 2) without one.
+    layer   : height of the part's middle over the surface (m).    strain : largest strain when the part is built.
+    thickness : metres; 0 for the thickness of the plan.
+    axis    : (k, 2) middle line, which is not cut; (0, 2) without a middle line.
     """
 
     id: str
@@ -137,12 +143,14 @@ class FlatPart:
 
     @cached_property
     def radii(self) -> Floats:
-        """(k,) ascending distances of the outline's corners from the origin (m), which are alike for equal parts."""
+        """Distances (k,) of the outline's corners from the origin (m), ascending; equal parts have equal distances."""
         return np.sort(np.linalg.norm(self.outline, axis=1))
 
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Corners, hole middles, slot corners and fold middles, (k, 2) each; a fifth of a degree of fold shows."""
+        """Corners, hole middles, slot corners and fold middles, (k, 2) each, for the comparison of parts. A difference
+        of a fifth of a degree in a fold is visible in them.
+        """
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
         return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
@@ -169,7 +177,7 @@ class FlatPart:
             axis=self.axis @ R + shift,
             folds=tuple(Fold(fold.line @ R + shift, fold.angle) for fold in self.folds),
         )
-        if "contours" in self.__dict__:  # moving them is cheaper than computing them again
+        if "contours" in self.__dict__:  # to move contours is cheaper than to compute them again
             part.__dict__["contours"] = tuple(x @ R + shift for x in self.contours)
         return part
 
@@ -210,12 +218,12 @@ def longest_direction(P: Floats) -> Floats:
 
 
 def shape_key(part: FlatPart) -> tuple[int, int]:
-    """Return the numbers of corners and holes: equal parts have equal keys."""
+    """Return the numbers of corners and holes; parts with different keys differ."""
     return len(part.outline), len(part.holes)
 
 
 def congruent(part_a: FlatPart, part_b: FlatPart) -> bool:
-    """Return whether two parts along x have the same shape, engraving aside, in one of two half turns."""
+    """Return whether two parts along x have the same shape, directly or after half a turn; engravings do not count."""
     if (
         shape_key(part_a) != shape_key(part_b)
         or len(part_a.slots) != len(part_b.slots)
@@ -238,7 +246,7 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:
-    """Return strokes (k, 2) of a text about a middle (2,) in metres, along an angle (radians)."""
+    """Return strokes (k, 2) of a text along an angle (radians), with its middle at (2,) metres."""
     c, s = np.cos(angle), np.sin(angle)
     lines = strokes(text, height)
     width = max(float(line[:, 0].max()) for line in lines)

@@ -53,7 +53,8 @@ def construction_route(
 ) -> ConstructionRoute:
     """Return the route of a design by [workshop] of its preset.
     graph, layering : members and layers at built size; None for a flat sheet.    up : (3,) unit vector.
-    Raises PatternError if the design cannot be built by the requested route."""
+    Raises PatternError if the design cannot be built by the requested route.
+    """
     options = design.preset.workshop
     if options.route == "sheet" or graph is None or layering is None:
         return ConstructionRoute("sheet", "" if options.route == "sheet" else "the design is flat")
@@ -75,7 +76,7 @@ def construction_route(
 
 
 def design_footing(design: Design, up: Floats) -> Footing | None:
-    """Return the anchored supports of a design; None without anchors and for models."""
+    """Return the anchored supports of a design; None if the preset has no anchors, and for models."""
     options = design.preset.workshop
     if options.model or not options.anchor:
         return None
@@ -112,7 +113,7 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
 
 def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
     """Return the largest part sizes (m) for each stock sheet. Raises PatternError if gaps leave no room."""
-    slack = 5e-4  # metres: parts may turn a little on the drawing
+    slack = 5e-4  # metres: a part may be turned a little on its drawing
     room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
@@ -120,7 +121,9 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose strips if they bend or the limit is unknown; else bars close to the surface; else planks; else bars."""
+    """Choose the first possible route: strips that bend (or without a limit), bars close to the surface, planks,
+    bars.
+    """
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         return ConstructionRoute(
@@ -147,11 +150,11 @@ def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up
 
 
 def _bars_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarPlan | None, str]:
-    """Return the bars, None if impossible, and the objection to them, empty for none."""
+    """Return the bars and the objection to them: None if bars are impossible, and '' if nothing speaks against them."""
     try:
         bars = design_bars(design, graph, up)
     except PatternError as error:
-        reason = str(error).partition("; ")[0]  # the rest proposes other routes
+        reason = str(error).partition("; ")[0]  # the text after "; " proposes other routes
         return None, f"bars are impossible too: {reason}"
     if bars.too_short:
         return None, f"{len(bars.too_short)} bar{'s' * (len(bars.too_short) > 1)} would be too short for bolts"
@@ -174,7 +177,9 @@ def _planks_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[P
 
 
 def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatPart | None:
-    """Return the longest part that fits on no stock sheet, without grain also across; None if all parts fit."""
+    """Return the longest part that fits on no stock sheet, or None. Without grain, a part may also lie across the
+    sheet.
+    """
     room = [(a - 2 * options.gap, b - 2 * options.gap) for a, b in options.stock]
     if not options.grain:
         room += [(b, a) for a, b in room]
@@ -197,7 +202,7 @@ JOINT_SENTENCES = {
 TAB_CLEARANCE = 1e-4
 """Clearance between a tab and its slot in the base plate of a model, to each side (m)."""
 TABS_LENGTH = 4.0
-"""Length that both tabs add to a strip, at most, over its thickness."""
+"""Largest length that both tabs together add to a strip, over the strip's thickness."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,10 +210,10 @@ class WorkshopPlan:
     """Parts of a design and the sheets that they are cut from.
 
     route     : "strips", "planks", "bars", "panels" or "sheet".
-    thickness : of the stock (m); a part may have its own.
+    thickness : thickness of the stock (m); a part may have its own.
     parts     : all parts.    sheets : nested sheets, each part on one of them.
-    equal_parts : lists of part numbers with one shape, in the order of the parts.
-    notes     : sentences on what can be built and what cannot.
+    equal_parts : lists of numbers of parts with equal shapes, in the order of the parts.
+    notes     : sentences about possible parts and impossible parts.
     graph     : members and nodes at built size; None for a flat sheet.
     layering  : layers of strips; None for other routes.
     model     : 50 for a model at 1:50; 0 for full size.
@@ -233,7 +238,7 @@ class WorkshopPlan:
 
     @cached_property
     def sheet_numbers(self) -> dict[str, int]:
-        """Sheet number of each part, from 1, by part name."""
+        """Sheet number of each part, by part name; the first sheet has the number 1."""
         return {item.part.id: k for k, sheet in enumerate(self.sheets, 1) for item in sheet.parts}
 
     @property
@@ -244,10 +249,9 @@ class WorkshopPlan:
 
 def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """Return the plan of a design by [workshop] of its preset.
-
     up : (3,) unit vector, for the base plate of a model.
 
-    If the stock has prices, the plan is the cheapest of those for all sizes and for the shorter sizes alone.
+    If the stock has prices, the cheapest plan wins. Trials use all sizes, and the shorter sizes alone.
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing.
     """
     if design.preset.workshop.nesting == "spyrrow":
@@ -319,7 +323,6 @@ def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[
 
 
 def _model_scale(design: Design) -> float:
-    """Return the size of the design over the built size: 50 for a model at 1:50."""
     return design.preset.workshop.model or 1.0
 
 
@@ -447,7 +450,7 @@ def _quantity(number: int, what: str) -> str:
 
 
 def equal_part_groups(parts: list[FlatPart]) -> tuple[tuple[int, ...], ...]:
-    """Return groups of part numbers with one shape (see `congruent`)."""
+    """Return groups of part numbers; parts of a group have equal shapes (see `congruent`)."""
     groups: dict[tuple[int, int], list[list[int]]] = {}
     for k, part in enumerate(parts):
         candidates = groups.setdefault(shape_key(part), [])

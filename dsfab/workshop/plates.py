@@ -1,7 +1,8 @@
 """Flattened plates [Liu et al. 2008], and flat designs divided into pieces of the stock's size.
 
-fingers   ──┐  ┌──┐      of both pieces in turn; a piece of rib that they cut off
-            └──┘  └──    goes to the neighbour    scarf   ────╲╲────   both pieces overlap at the joint
+fingers   ──┐  ┌──┐      of both pieces in turn; if they cut off a piece of rib,
+            └──┘  └──    the neighbour gets it
+scarf     ────╲╲────     both pieces overlap at the joint
 """
 
 from collections.abc import Container, Iterator, Sequence
@@ -25,7 +26,7 @@ from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, is_strip
 
 
 def is_plate(member: Member) -> bool:
-    """Return whether a member is built as a plate: fills are not built, and all other members are strips."""
+    """Return whether a member is built as a plate; strips are not plates, and fills are not built."""
     return member.kind != "fill" and not is_strip(member)
 
 
@@ -44,8 +45,10 @@ def plate_parts(
     bolt: float,
     missed_nodes: Container[str] = (),
 ) -> list[FlatPart]:
-    """Return members of a graph as plates at a height over the surface, with holes at their nodes (m). normals : (n, 3)
-    at the vertices of the graph's sheet. bolt : diameter of holes (m). missed_nodes : names of nodes without a hole."""
+    """Return members of a graph as plates at a height over the surface, with holes at their nodes (m).
+    normals : (n, 3) at the vertices of the graph's sheet.    bolt : diameter of holes (m).
+    missed_nodes : names of nodes without a hole.
+    """
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     return [_flat_plate(graph, member, normals, (height, bolt), missed_nodes) for member in members]
 
@@ -80,7 +83,9 @@ def _is_inside(outline: Floats, place: Floats, least: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class FlattenedMesh:
-    """Triangles F (m, 3) of points V (n, 3) and their places U (n, 2) in the plane (m)."""
+    """Triangles F (m, 3) with their points V (n, 3) in space and the places U (n, 2) of these points in the plane
+    (m).
+    """
 
     V: Floats
     F: Ints
@@ -88,7 +93,9 @@ class FlattenedMesh:
 
     @classmethod
     def from_mesh(cls, V: Floats, F: Ints) -> "FlattenedMesh":
-        """Flatten as rigidly as possible from the projection along the mean normal; pure bending keeps all lengths."""
+        """Flatten as rigidly as possible, starting from the projection along the mean normal; pure bending keeps
+        all lengths.
+        """
         n = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
         n /= np.linalg.norm(n)
         x = np.eye(3)[np.abs(n).argmin()]
@@ -124,16 +131,16 @@ class FlattenedMesh:
 
 
 FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0
-"""Length of a finger, and about its width, over the thickness."""
+"""Length of a finger, and approximate width of a finger, over the thickness."""
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which loose bits of fingers go to a neighbouring piece, and their largest area, in fingers."""
+"""Rounds in which loose bits of fingers go to a neighbouring piece, and the largest area of a bit, in fingers."""
 LINE_TOLERANCE = 1e-9
-"""Distance of a mesh edge from the dividing line that it lies on, over the sheet's size."""
+"""Largest distance between a mesh edge and the dividing line on which it lies, over the sheet's size."""
 
 
 @dataclass(frozen=True)
 class SheetJoint:
-    """Joint of pieces of a sheet of a thickness (m): "fingers", "scarf", or "butt" for none."""
+    """Joint between pieces of a sheet of a thickness (m): "fingers", "scarf", or "butt" for straight cuts."""
 
     kind: str = "butt"
     thickness: float = 0.0
@@ -144,7 +151,9 @@ class SheetJoint:
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces of a length for a room (m). Raises PatternError if joints are most of a piece."""
+        """Return the number of pieces that a length needs for a room (m). Raises PatternError if joints are most of a
+        piece.
+        """
         if size <= room:
             return 1
         if room <= 2 * self.reach:
@@ -157,18 +166,17 @@ class SheetJoint:
 
 @dataclass(frozen=True)
 class SheetParts:
-    """Pieces, and their counts along and across the sheet."""
+    """Pieces of a sheet, and their numbers along and across the sheet."""
 
     pieces: tuple[FlatPart, ...]
     counts: tuple[int, int]
 
 
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
-    """Cut a flat sheet into as few rectangles as possible, none larger than one of `room` (m).
-
-    Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers all pieces together
-    are the sheet; with a scarf they overlap at the joints.
-    Raises PatternError if joints, or pieces with their joints, are too long for the stock.
+    """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m). Disconnected
+    pieces of a rectangle become separate parts; openings become slots. With fingers, all pieces together are the sheet;
+    with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with their joints, are too long
+    for the stock.
     """
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
@@ -233,7 +241,7 @@ class _SheetGrid:
         numbers = list[Ints]()
         for axis in (0, 1):
             odd = (places[:, 1 - axis] * self.fingers(1 - axis) / self.size[1 - axis]).astype(int) % 2
-            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers reach over by half
+            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers cross the line by half the reach
             numbers.append(np.clip((moved * self.counts[axis] / self.size[axis]).astype(int), 0, self.counts[axis] - 1))
         return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 
@@ -279,7 +287,6 @@ def _rectangle_cells(divided: Surface, grid: _SheetGrid) -> Iterator[tuple[tuple
 
 
 def _connected_to(divided: Surface, selected: Bools, roots: Bools) -> Bools:
-    """Return (m,) whether faces are connected to roots (m,) through selected faces (m,)."""
     face_a, face_b = (divided.edges.pairs // 3).T
     joined = selected[face_a] & selected[face_b]
     part = link_components(divided.m, face_a[joined], face_b[joined])[1]
@@ -306,7 +313,7 @@ def _with_bits_reassigned(divided: Surface, pieces: Ints, least: float) -> Ints:
 
 
 def plane_coordinates(surface: Surface) -> Floats:
-    """Return the vertices (n, 2) of a flat surface in its plane; x and y stay on a level surface."""
+    """Return the vertices (n, 2) of a flat surface in its plane; on a level surface these are x and y."""
     normal = surface.normals[0]
     if abs(normal[2]) > 1 - 1e-9:
         return np.asarray(surface.V[:, :2] * ([1, 1] if normal[2] > 0 else [1, -1]))

@@ -14,12 +14,14 @@ from dsfab.workshop.parts import label, polygon_area
 SCARF_SLOPE = 8.0
 """Overlap of a scarf joint over the thickness: bevelled 1 to 8, as is usual for plywood and boards."""
 BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")
-"""Engraved texts: bevel on the engraved face, and on the back."""
+"""Engraved texts: for a bevel on the engraved face, and for a bevel on the back."""
 
 
 @dataclass(frozen=True)
 class Cuts:
-    """Arc lengths at which a strip begins, is divided and ends; `near_nodes` counts cuts too close to a node."""
+    """Arc lengths at which a strip begins, is divided and ends; `near_nodes` is the number of cuts too close to a
+    node.
+    """
 
     stations: tuple[float, ...]
     near_nodes: int
@@ -33,10 +35,9 @@ def oriented_box(outline: Floats, along: Floats) -> tuple[float, float]:
 
 def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
     """Return whether the outline (k, 2) of a strip fits into one of the rectangles, along or across.
-
     A strip that overlaps itself does not fit.
-    along : (2,) from the beginning of the strip's axis to its end, the direction of `FlatPart.along_x`. The middles of
-            its ends gave lengths 0.8 mm too short.
+    along : (2,) direction from the beginning of the strip's axis to its end, as in `FlatPart.along_x`. The direction
+            between the middles of its ends gave lengths 0.8 mm too short.
     """
     k = len(outline) // 2
     turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
@@ -70,7 +71,7 @@ def splice_cuts(
                 "workshop.stock, or narrower members"
             )
         farthest = min(farthest, max(end - 2 * clear, (start + end) / 2))
-        least = start + 0.3 * (farthest - start)  # no short pieces if it can be avoided
+        least = start + 0.3 * (farthest - start)  # avoids short pieces
         free = _farthest_clear(nodes, clear, least, farthest)
         near_nodes += free is None
         cuts.append(_middle_of_bay(nodes, least, farthest) if free is None else free)
@@ -103,7 +104,7 @@ def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
 def lapped_span(
     span: tuple[float, float], strip_span: tuple[float, float], lap: float, closed: bool
 ) -> tuple[float, float]:
-    """Return the span of a piece, longer by `lap` metres at ends other than those of the strip."""
+    """Return the span of a piece, longer by `lap` metres at its splices; the ends of the strip stay."""
     begin = span[0] - lap if closed or span[0] > strip_span[0] else span[0]
     return begin, span[1] + lap if closed or span[1] < strip_span[1] else span[1]
 
@@ -134,11 +135,13 @@ def lap_marks(
 
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
-    """Return the test whether a developed strip between two arc lengths fits into one of the rectangles."""
+    """Return a function that tests whether a developed strip between two arc lengths fits into one of the
+    rectangles.
+    """
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:
-        (x, y), _ = development.middle_line_at(np.array([begin, end]))  # most trials are far too long
+        (x, y), _ = development.middle_line_at(np.array([begin, end]))  # most trial pieces are far too long
         return float(np.linalg.norm(y - x)) <= longest and fits_stock(development.outline(begin, end), y - x, room)
 
     return fits

@@ -16,7 +16,9 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return the section, and with prices also variants without long sheets, because long parts fit no short sheet."""
+    """Return the section, and with prices also variants without long sheets, because long parts need long sheets
+    only.
+    """
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:
@@ -35,7 +37,7 @@ def stock_cost(sheets: Sequence[NestedSheet]) -> float:
 
 
 def stock_words(sheets: Sequence[NestedSheet]) -> str:
-    """Return "12 of 2.5 x 1.25 m at 45, 3 of 3 x 1.5 m at 62"; without prices sizes only."""
+    """Return the sheets in words: "12 of 2.5 x 1.25 m at 45, 3 of 3 x 1.5 m at 62"; without prices sizes only."""
     count = Counter((sheet.size, sheet.price) for sheet in sheets)
     return ", ".join(
         f"{many} of {size_words(size)}" + (f" at {money(price)}" if price else "")
@@ -44,7 +46,7 @@ def stock_words(sheets: Sequence[NestedSheet]) -> str:
 
 
 def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Workshop, float]]) -> list[str]:
-    """Return notes on the cost of sheets, and of alternative stock; none without prices."""
+    """Return notes on the cost of the sheets and of alternative stock; empty without prices."""
     cost = stock_cost(sheets)
     if not cost:
         return []
@@ -66,9 +68,9 @@ def money(amount: float) -> str:
 
 
 NARROWING_SHARES = (0.95, 0.9)
-"""Shares of the strips' width to try, the widest first."""
+"""Shares of the strips' width for trial nests, the widest first."""
 LEAST_SAVING = 0.04
-"""Least share of the sheets, or of their area, that a hint saves."""
+"""Smallest saving for which a hint appears, as a share of the sheets or of their area."""
 StockSizes = Sequence[tuple[float, float]]
 
 
@@ -90,7 +92,7 @@ def sheet_hints(
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
-    """Return a strip with a share of its width about its axis; holes and other parts stay as they are."""
+    """Return a strip made narrower about its axis, to a share of its width; holes and other parts do not change."""
     if not _is_strip(part):
         return part
     outline = part.outline
@@ -99,7 +101,6 @@ def narrow_strip(part: FlatPart, share: float) -> FlatPart:
 
 
 def _is_strip(part: FlatPart) -> bool:
-    """Return whether the outline runs along an axis and back, station by station."""
     return len(part.axis) > 1 and len(part.outline) == 2 * len(part.axis)
 
 
@@ -136,7 +137,7 @@ def _narrower_hint(
 def _larger_hint(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, options: _NestOptions
 ) -> Iterator[str]:
-    """Yield a hint on longer, or else wider, stock that has less area in total; for a single stock size only."""
+    """Yield a hint on longer stock, or on wider stock, with less area in total; only if the stock has a single size."""
     if len(stock) != 1:
         return
     ((long, wide),), larger = stock, 1.1

@@ -21,12 +21,12 @@ STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")
 HOLE_EDGE_DISTANCE = 1.0
 """Least distance from the middle of a hole to the edges of its part, over the bolt diameter."""
 LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6
-"""Letters below the first height (m) may take up the second share of the width."""
+"""Letters below the first height (m) may take up a larger share of the width, which is the second number."""
 
 
 @dataclass(frozen=True)
 class StripBolt:
-    """Bolt near an arc length s, through a point (3,) of the surface along the unit normal (3,) there."""
+    """Bolt near an arc length s, through a point (3,) of the surface along the unit normal (3,) at that point."""
 
     name: str
     point: Floats
@@ -38,10 +38,10 @@ class StripBolt:
 class StripParts:
     """Flat parts of all strips: pieces, and cover plates of their splices.
 
-    missing_holes      : "N003 in A07": nodes that have no hole in a part, because it would be too close to an edge.
+    missing_holes      : "N003 in A07": nodes without a hole in a part, because a hole would be too close to an edge.
     splices_near_nodes : number of splices that are too close to a node.    splice_count : number of all splices.
-    shortened          : names of members that stop before they run into others of their layer.
-    vanished           : names of members that would be shorter than wide, and are not built.
+    shortened          : names of members that stop before they run into a member of their layer.
+    vanished           : names of members whose length would be less than their width; they are not built.
     missed_nodes       : (node, member) names where a shortened member does not reach its node.
     feet               : feet of a model on its base plate, with the names of their parts.
     """
@@ -58,7 +58,9 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Return whether a member is a strip: it has an axis, and turns within its own width at its ends only."""
+    """Return whether a member is a strip: it has an axis, which does not turn within the member's width between its
+    ends.
+    """
     if member.axis is None or member.kind not in STRIP_KINDS:
         return False
     begin, end = uncurled_span(member)
@@ -74,10 +76,9 @@ def strip_parts(
     ground: BasePlane | None = None,
 ) -> StripParts:
     """Return the parts of all members that are strips.
-
     room    : lengths and widths (m) that parts may have on the stock.
     splice  : "cover" plates, a "scarf", or "none".
-    ground  : base plate for feet with tabs; None leaves the ends as they are.
+    ground  : base plate for feet with tabs; without a base plate (None) the ends have no feet.
     """
     parts = StripParts()
     members = [member for member in graph.members if is_strip(member)]
@@ -100,7 +101,6 @@ def strip_parts(
 def _shortened_courses(
     graph: MemberGraph, members: list[Member], courses: dict[str, StripCourse], layering: Layering, parts: StripParts
 ) -> dict[str, StripCourse]:
-    """Return courses that stop before others of their family or before a curl, and record them in `parts`."""
     joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
     shortened = courses_without_curls(courses, members)
     for family in dict.fromkeys(member.family for member in members):
@@ -133,7 +133,7 @@ def _station_on(node: Node, member: Member) -> float:
 
 @dataclass(frozen=True)
 class _StripLayer:
-    """Member in one of its layers."""
+    """A member in one of its layers."""
 
     graph: MemberGraph
     member: Member
@@ -145,7 +145,7 @@ class _StripLayer:
 
     @property
     def name(self) -> str:
-        """ "A07", or "A07-2" for the third layer of a member in several layers."""
+        """Name of the strip: "A07", or "A07-2" for the third layer of a member in several layers."""
         several = len(self.layering.family_layers(self.member.family)) > 1
         return f"{self.member.id}-{self.number}" if several else self.member.id
 
@@ -201,7 +201,6 @@ class _StripLayer:
     def _part(
         self, layer: Development, name: str, span: tuple[float, float], bolts: list[StripBolt], missing: list[str]
     ) -> FlatPart:
-        """Return the part over a span, with those of the bolts that are far enough from its edges."""
         course, margin = self.course, HOLE_EDGE_DISTANCE * self.layering.bolt
         holes, stations = list[Hole](), list[float]()
         full_span = self.lapped_span(span)
@@ -266,21 +265,21 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
 
 
 UNCERTAIN_WIDTHS = 1.5
-"""Length at each end of a member where its fitted curvature is uncertain, over its width."""
+"""Length at each end of a member, over its width, in which the fitted curvature is uncertain."""
 MESH_TOLERANCE = 1 / 40
-"""Largest distance of the mesh from the smooth surface, over the bolt diameter: bays are right to about twice that.
-Measured on surfaces in closed form: at 0.2 mm distance bays are right to 0.7 mm, at 1.4 mm to 14 mm."""
+"""Largest distance between the mesh and the smooth surface, over the bolt diameter; lengths of bays are off by at most
+about twice that distance. On surfaces in closed form a distance of 0.2 mm gave errors of 0.7 mm, and 1.4 mm gave 14 mm.
+"""
 LEAST_STRAIN = 5e-6
-"""Least strain that a sentence reports; a smaller one would read 0.000 %."""
+"""Smallest strain in a sentence; a smaller strain would appear as 0.000 %."""
 
 
 @dataclass(frozen=True)
 class StripLimits:
     """Limits of all strips of a design for one layer thickness (m).
-
     bending : largest bending strain, at `member`.    shape : largest strain |K| w^2 / 12 of the surface's curvature.
     limit   : strain at the material's strength; 0 if the preset has none.
-    edge    : mean edge of the mesh (m).    wanted_edge : largest edge that is fine enough for drilling (m).
+    edge    : mean edge of the mesh (m).    wanted_edge : largest edge of a mesh that is fine enough for drilling (m).
     """
 
     thickness: float
@@ -298,7 +297,7 @@ class StripLimits:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences on what can be built and what cannot."""
+        """Sentences about possible strips and impossible strips."""
         lines = []
         bending_text = (
             f"layers of {length(self.thickness)} are bent to a strain of {self.bending:.2%} ({self.member} most)"
@@ -338,8 +337,8 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         bends.append(float(kn.max(initial=0.0)))
         nearest = np.asarray(tree.query(member.axis.P[calm])[1])
         shapes.append(float(np.median(np.abs(K[nearest]))) * member.mean_width**2 / 12 if len(nearest) else 0.0)
-    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # the first of members that mirror each other
-    bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # rare peaks do not judge a mesh
+    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # of members that mirror each other, the first
+    bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # without rare peaks
     edge = float(np.sqrt(8 * MESH_TOLERANCE * bolt / bend)) if bend > 0 else np.inf
     name = strips[worst - 1].id if worst else "none"
     return StripLimits(thickness, thickness * max(bends) / 2, name, max(shapes), limit, float(surface.mean_edge), edge)

@@ -40,12 +40,10 @@ class EditorBuild:
 @dataclass(frozen=True)
 class BuildRequest:
     """A request to build a preset, reusing the stages of `old`.
-
     picture : whether to draw a picture too.
     mesh    : mesh of the page; dsfab copies it beside the files, and the preset there names the copy.
     only    : a single format, in a word of `dsfab export --to`; '' for all files of a build.
-    before  : folder of an earlier build, which may hold this design.
-    """
+    before  : folder of an earlier build, which may hold this design."""
 
     preset: Preset
     old: Design | None = None
@@ -81,9 +79,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
     """Write a single file like `dsfab export`, from the design in the folder `before` or from a new design.
-
-    Raises DsfabError if a stage or the format refuses the design.
-    """
+    Raises DsfabError if a stage or the format refuses the design."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
@@ -106,7 +102,6 @@ def _mesh_copy_path(mesh: Path, folder: Path) -> Path:
 
 
 def _with_mesh_copy(design: Design, mesh: Path, folder: Path) -> Design:
-    """Copy the mesh beside the files, where it outlives the session; return the design with the copy."""
     copy = Path(shutil.copy(mesh, _mesh_copy_path(mesh, folder)))
     return replace(design, preset=with_file(design.preset, copy))
 
@@ -139,10 +134,8 @@ class BuilderError(RuntimeError):
 
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
     """Run `build_files`, or `export_file` for a single format, in another process.
-
     Raises the errors of these functions, and Cancelled within a fraction of a second. After any error the process and
-    its children end, and dsfab removes the folder.
-    """
+    its children end, and dsfab removes the folder."""
     message = pickled((request, str(folder)))
     try:
         with (
@@ -178,7 +171,6 @@ def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedP
 def _final_message(
     process: "subprocess.Popen[bytes]", request_bytes: bytes, progress: JobProgress, subject: str, advice: str
 ) -> dict[str, Any]:
-    """Report the progress of the process and return its final message. subject, advice: words for an early end."""
     lines: queue.Queue[bytes] = queue.Queue()
     for act in (lambda: _send(process, request_bytes), lambda: _read(process, lines)):
         threading.Thread(target=act, daemon=True).start()
@@ -219,7 +211,6 @@ def _read(process: "subprocess.Popen[bytes]", lines: "queue.Queue[bytes]") -> No
 
 @contextmanager
 def _process(temporary: Path) -> Iterator["subprocess.Popen[bytes]"]:
-    """Run the program with temporary files in `temporary`; at the end kill it and its children."""
     home = str(Path(dsfab.__file__).parent.parent)
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", PROGRAM, home],

@@ -16,7 +16,6 @@ from dsfab.surface import Surface
 @dataclass(frozen=True)
 class Control:
     """A control for a single key of a preset.
-
     kind            : number, whole (a whole number), choice, switch, length (metres), words (a list of words), size
                       (three lengths) or material (a choice that sets further keys).
     low, high, step : range of the slider; the number beside the slider takes all values that the preset takes.
@@ -25,8 +24,7 @@ class Control:
     word            : word in place of a number ("auto", "off").
     worth           : number of the word; None for the word itself.
     method          : the only pattern.method with this control.
-    instead         : number that 0 stands for, for evenly spaced stripes.
-    """
+    instead         : number that 0 stands for, for evenly spaced stripes."""
 
     group: str
     key: str

@@ -45,10 +45,8 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return facts and arrays of the surface, phases, distances, answers and marks.
-
     V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (see `StripedMesh`). If this mesh is
-    a chart, loops, loads and supports refer to the vertices `uncut`.
-    """
+    a chart, loops, loads and supports refer to the vertices `uncut`."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -94,10 +92,8 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return numbers of the pattern, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1.
-
     For evenly spaced stripes, slopes are lines per metre. `shares` (n, 2) are factors on the half-widths by the rules
-    (see `StripedMesh`).
-    """
+    (see `StripedMesh`)."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {
@@ -135,7 +131,6 @@ def has_creases(surface: Surface) -> bool:
 
 
 def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
-    """Return the phases (k, n) for each family: its modes, or its single phase."""
     if mesh.even:
         z = mesh.phases(draft)
         return {"major": z[None, :, 0], "minor": z[None, :, 1]}
@@ -143,7 +138,6 @@ def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
 
 
 def _slopes(draft: Design, mesh: StripedMesh) -> Floats:
-    """Return slopes (n, 2), periods per metre; zeros if the width rule does not need them."""
     if mesh.even:
         return mesh.carry(mesh.even.density)
     options, surface, mode = draft.preset.pattern.width, draft.surface, draft.pattern.mode
@@ -155,14 +149,12 @@ def _slopes(draft: Design, mesh: StripedMesh) -> Floats:
 
 
 def _stress(draft: Design) -> Floats:
-    """Return the principal stress (n,) with the larger size, Pa, tension positive."""
     principal = draft.diffusion.tensors.principal
     value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]
     return vertex_means(draft.surface, value)
 
 
 def _relative_stress(draft: Design) -> Floats:
-    """Return the relative stress (n, 2) along both families, for graded widths; 1 without stress."""
     try:
         return stripe_stresses(draft.surface, draft.diffusion, draft.pattern.even)
     except DsfabError:
@@ -174,7 +166,6 @@ def _stress_limit(value: Floats) -> float:
 
 
 def _lines_per_metre(surface: Surface, x: Floats) -> float:
-    """Return the frequency of a mode x (n,) whose stripes are one metre apart; 0 if the mode allows none."""
     try:
         return frequency_for(surface, x, 1.0)
     except DsfabError:
@@ -194,7 +185,6 @@ def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Flo
 
 
 def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, size: float) -> Floats:
-    """Add each force on a marked vertex to the nearest arrow; return the arrows (k, 6), place and newtons."""
     acting = np.flatnonzero(acts)
     if not len(acting):
         return np.zeros((0, 6))

@@ -157,7 +157,6 @@ class Jobs:
             running.stop.set()
 
     def _abandon(self, job: EditorJob) -> None:
-        """End a job that ignores its cancellation, and replace its worker by another thread."""
         with self._wake:
             if self._running.get(job.kind) is not job or self._closed:
                 return
@@ -184,7 +183,6 @@ class Jobs:
                 return
 
     def _run(self, job: EditorJob) -> bool:
-        """Run a job; return whether this thread is still the worker."""
 
         def report(stage: str, text: str) -> None:
             with self._wake:

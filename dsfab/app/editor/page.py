@@ -38,9 +38,7 @@ def static_files() -> dict[str, bytes]:
 
 def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
     """Return index.html with the token of this run, and the policy (CSP) that allows our own files only.
-
-    The page loads all modules in advance, because modules import each other and requests would form a chain.
-    """
+    The page loads all modules in advance, because modules import each other and requests would form a chain."""
     nonce = secrets.token_urlsafe(12)
     policy = (
         f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; connect-src 'self'; "

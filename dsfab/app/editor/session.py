@@ -49,10 +49,8 @@ class SessionView:
 
 class Session:
     """The open preset, its last draft, and the files of builds; use as `with Session(opened)`.
-
     made    : a draft of the first preset, which the page shows at once.
-    outputs : folder of builds and its name; with None, builds go into a temporary folder of the session.
-    """
+    outputs : folder of builds and its name; with None, builds go into a temporary folder of the session."""
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
         self.jobs = Jobs()
@@ -121,9 +119,7 @@ class Session:
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
         """Start a job that opens a mesh from the page, base64; the session chooses the file's name on this machine.
-
-        Another process reads the mesh, so that the page continues and the user may cancel.
-        """
+        Another process reads the mesh, so that the page continues and the user may cancel."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
             raise DsfabError(f"{Path(name).name} is no mesh that dsfab reads; use one of {', '.join(MESH_SUFFIXES)}")
@@ -157,9 +153,7 @@ class Session:
 
     def command(self, changes: Changes) -> dict[str, Any]:
         """Return the command of the build and the name of its preset file.
-
-        The file is saved on this machine, or the page must save it first.
-        """
+        The file is saved on this machine, or the page must save it first."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
         if not (save and outputs.label):
@@ -275,7 +269,6 @@ class Session:
         return {"version": shown.version}
 
     def _next_view(self, draft: Design, opening: int) -> SessionView:
-        """Return the view of a draft, numbered after the last view or sketch."""
         earlier = self._shown or self._sketched
         if earlier is None:
             return SessionView(draft, 1, 1, opening)

@@ -72,7 +72,6 @@ class Editor(anywidget.AnyWidget):
         return changes
 
     def _handle_message(self, _: object, content: RequestFields, __: object) -> None:
-        """Answer a request of the page, see page.py; bytes accompany the message."""
         reply: dict[str, Any] = {"answer": content.get("ask")}
         try:
             answer = self._answer(str(content.get("name")), content.get("given", {}))

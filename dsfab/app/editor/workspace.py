@@ -23,9 +23,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 class Outputs:
     """Folders in `home`, one for each name. The page sends names only, so that it cannot write elsewhere.
-
-    shown : name of `home` for the user and on a command line; '' for the session's temporary folder.
-    """
+    shown : name of `home` for the user and on a command line; '' for the session's temporary folder."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
         self.home, self.label = home, shown
@@ -53,9 +51,7 @@ class Outputs:
 
     def publish(self, files: Path, name: str) -> Path:
         """Move all files of a folder to the folder of the name, replacing files of equal names. Returns the folder.
-
-        Raises DsfabError if dsfab cannot write there.
-        """
+        Raises DsfabError if dsfab cannot write there."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -85,7 +81,6 @@ def _numbered_names(name: str) -> Iterator[str]:
 
 
 def _may_write(path: Path, content: bytes) -> bool:
-    """True if the file is missing or has this content."""
     return not path.exists() or (path.is_file() and path.read_bytes() == content)
 
 
@@ -95,11 +90,9 @@ MATERIAL = "statics.material"  # Key that decides the thickness of a proposal.
 @dataclass(frozen=True)
 class OpenedPreset:
     """A preset and its origin.
-
     words   : words between `dsfab build` and the changes; empty for a preset that only the page has.
     mesh    : the user's name of a mesh from the page; its file on this machine is a copy.
-    decided : decisions of `dsfab new` for a mesh.
-    """
+    decided : decisions of `dsfab new` for a mesh."""
 
     preset: Preset
     words: tuple[str, ...] = ()
@@ -108,10 +101,8 @@ class OpenedPreset:
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
         """Return the preset with new values at dotted keys.
-
         Raises PresetError for impossible values and for new paths, because the page must not choose files on this
-        machine.
-        """
+        machine."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):
             raise PresetError("surface.file cannot be changed from the page; drop the mesh on it, or dsfab edit MESH")
@@ -143,9 +134,7 @@ class OpenedPreset:
 
     def open_toml(self, text: str) -> "OpenedPreset":
         """Open a preset file from the page; its mesh can only be the mesh that is already open.
-
-        Raises PresetError as `load_preset` does, and for any other mesh.
-        """
+        Raises PresetError as `load_preset` does, and for any other mesh."""
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -176,9 +165,7 @@ def with_file(preset: Preset, file: Path) -> Preset:
 
 def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outputs) -> Path:
     """Save the changed preset among the outputs, with a mesh from the page beside the preset; return its path.
-
-    Raises PresetError for impossible changes, DsfabError if dsfab cannot write the file.
-    """
+    Raises PresetError for impossible changes, DsfabError if dsfab cannot write the file."""
     preset = opened.preset_with(changes)
     if mesh := opened.page_mesh:
         preset = with_file(preset, Path(outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes()).name))

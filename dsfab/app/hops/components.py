@@ -39,9 +39,7 @@ _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 def preset_of_request(request: HopsRequest) -> Preset:
     """Return the preset that dsfab proposes for the mesh, with the changes from all further inputs.
-
-    Raises HopsError, PresetError and SurfaceError for impossible inputs.
-    """
+    Raises HopsError, PresetError and SurfaceError for impossible inputs."""
     V, F = request.values["mesh"]
     proposed = preset_for((V, F), unit=request.unit, up="z")
     return with_overrides(proposed, dict(_changes(request, proposed)))

@@ -37,10 +37,8 @@ class HopsError(DsfabError):
 @dataclass(frozen=True)
 class HopsParameter:
     """A socket of a component.
-
     many    : whether the socket takes, or gives, a list.
-    wanted  : whether the user must connect the socket.
-    """
+    wanted  : whether the user must connect the socket."""
 
     name: str
     nickname: str
@@ -94,10 +92,8 @@ class HopsComponent:
 @dataclass(frozen=True)
 class HopsRequest:
     """Values by parameter; list parameters have lists, and None stands for a missing value.
-
     A mesh is (V, F), and a point is three numbers.
-    unit : unit of all lengths, such as 'mm'.    key : text that is equal for equal requests.
-    """
+    unit : unit of all lengths, such as 'mm'.    key : text that is equal for equal requests."""
 
     values: Mapping[str, Any]
     unit: str

@@ -83,11 +83,9 @@ def factorise(
 
 class SamePatternFactors:
     """Factors of several matrices with one pattern, so that dsfab analyses the pattern once.
-
     points, node : see `factorise`.
     many_solves  : whether there are many solves with each factor. PARDISO then does not treat points with two unknowns
-                   as blocks: solves take three quarters of the time, factorisations five sixths.
-    """
+                   as blocks: solves take three quarters of the time, factorisations five sixths."""
 
     def __init__(self, points: Floats, node: Ints | None = None, many_solves: bool = False) -> None:
         self._points, self._node, self._many_solves = points, node, many_solves
@@ -95,10 +93,8 @@ class SamePatternFactors:
 
     def factor(self, K: csr_array) -> Factor:
         """Return b -> K^-1 b for a positive definite K (N, N), valid until the next call.
-
         All matrices must be real, or all Hermitian. Raises the errors of `factorise`, and ValueError for another
-        pattern.
-        """
+        pattern."""
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)
         elif self._factor is None:
@@ -130,5 +126,4 @@ _BUILDERS: dict[str, Callable[[Matrix, Floats, Ints, Floats | None], Factor]] = 
 
 
 def _has_blocks(node: Ints) -> bool:
-    """Return whether a point has several unknowns. In that case PARDISO analyses blocks."""
     return len(node) > 1.5 * float(np.count_nonzero(np.bincount(node)))

@@ -106,9 +106,7 @@ def _pools() -> Any:
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread: on vectors and small fronts, threads cost up to ten times their gain.
-
-    The number of threads belongs to the whole process, so other Python threads wait.
-    """
+    The number of threads belongs to the whole process, so other Python threads wait."""
     with _BLAS_LOCK, _pools().limit(limits=1, user_api="blas"):
         yield
 
@@ -198,14 +196,12 @@ class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgErr
 @dataclass(frozen=True, eq=False)
 class Fronts:
     """Analysis of the pattern of a matrix for its factor, independent of its values.
-
     order    : (N,) unknowns in the order of elimination; all further fields number unknowns in that order.
     start    : (fronts + 1,) the pivots of front s are the unknowns start[s] to start[s + 1].
     rows     : per front, the later unknowns that it touches, ascending.
     children : per front, the earlier fronts that add to it.
     entry    : positions of the lower triangle's values in K.data, column by column.
-    row, column : indices of each entry.     pointer : (N + 1,) start of each column.
-    """
+    row, column : indices of each entry.     pointer : (N + 1,) start of each column."""
 
     order: Ints
     start: Ints

@@ -64,10 +64,8 @@ class SuperLU:
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
     """Return the order (N,) for the elimination of the unknowns of K (N, N), by nested dissection of their points.
-
     Unknowns of one part follow a space-filling curve. Parts are small, because SuperLU forms its own dense blocks: the
-    factor has a fifth fewer entries.
-    """
+    factor has a fifth fewer entries."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
     keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
@@ -117,10 +115,8 @@ def pardiso_matrix(K: Matrix) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class _Pattern:
     """Positions of the entries of a symmetric matrix (n, n), and of the entries in its upper triangle.
-
     indptr, indices : of the matrix.    pointer, column : of the upper triangle.
-    place : positions of the upper triangle's entries among all entries.
-    """
+    place : positions of the upper triangle's entries among all entries."""
 
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
@@ -225,7 +221,6 @@ def _set_mkl_path() -> None:
 
 
 def _release(solver: Any) -> None:
-    """Release the solver's memory. PARDISO refuses this after Ctrl-C between its phases; dsfab ignores that refusal."""
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     with suppress(PyPardisoError):
@@ -309,7 +304,6 @@ class Multigrid:
 
 
 def _positions_in_blocks(node: Ints) -> tuple[Ints, int]:
-    """Return the positions (N,) of the unknowns when every used point has three, and the number of positions."""
     used, point, count = np.unique(node, return_inverse=True, return_counts=True)
     if count.max() > 3:
         raise ValueError("multigrid takes up to three unknowns a point")

@@ -48,7 +48,8 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> DividedSurface | None:
-    """Return the division of a surface's faces from arrays part_V (p, 3), metres, part_F ...; None without these."""
+    """Return the division of a surface's faces from arrays part_V (p, 3), metres, part_F ...; None without such
+    arrays."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -57,7 +58,7 @@ def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divid
 
 
 def field_from(key: str, divided: DividedSurface | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """Return the field with the array `key`, (n,) or (n, 2), perhaps on parts of faces."""
+    """Return the field with the array `key`, (n,) or (n, 2), or values on parts of faces."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -89,7 +90,7 @@ def even_arrays(even: EvenStripes) -> Arrays:
 
 
 def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes | None:
-    """Return the evenly spaced stripes of these arrays, such as even_slope (n, 2); None without these."""
+    """Return the evenly spaced stripes of arrays such as even_slope (n, 2); None without such arrays."""
     if "even_slope" not in arrays:
         return None
     major_phase, minor_phase = (_phase(arrays, k) for k in (0, 1))
@@ -134,7 +135,7 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
     """Return the preset for a folder: meshes in the folder have no path, and curves of drawings are in the preset.
 
-    folder : receives a mesh that no file holds.  home : the same folder, by its final name.
+    folder : receives a mesh that is not in a file.  home : the same folder, by its final name.
     Raises SurfaceError for a missing drawing.
     """
     preset = preset.self_contained()
@@ -151,7 +152,8 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
 
 
 def write_archive(design: Design, folder: Path, preset: Preset | None = None) -> Path:
-    """Write the archive of a design into a folder, as made by `preset` (by default its own); return its path."""
+    """Write the archive of a design, made by `preset` (by default its own), into a folder; return the path of the
+    archive."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
         "layout": LAYOUT,
@@ -189,7 +191,7 @@ def write_archive(design: Design, folder: Path, preset: Preset | None = None) ->
 
 
 def read_archive(folder: Path, preset: Preset) -> Design | None:
-    """Return the design in a folder, or None if it has no design of this preset."""
+    """Return the design in a folder; None if the folder has no design of this preset."""
     try:
         with open(folder / NAME, "rb") as file, np.load(file) as archive:
             about = json.loads(str(archive["about"]))
@@ -201,7 +203,7 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """Return the sections that determine a design, as JSON; a material by its values, not by its name."""
+    """Return the sections that determine a design, as JSON, with the values of a material instead of its name."""
     values: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return values
 

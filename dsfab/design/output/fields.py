@@ -24,11 +24,11 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
     lines = edge_lines(sheet, surface, pattern.names, phases)
-    half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))  # equal for all fields of a family
+    half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))  # all fields of a family share one
     for k, name in enumerate(pattern.names):
         z, d = phases[k], half_widths[name]
         if z is None or pattern.names.index(name) < k or not ((d > 0).any() and (d < 0.5).any()):
-            continue  # from half a period on stripes touch: the family is one sheet without members
+            continue  # from half a period on, stripes touch, so that the family has no members
         if isinstance(z, CornerLines):
             assert pattern.even is not None
             lines += chart_lines(sheet, surface, pattern.names, name, pattern.even.chart, d)
@@ -38,8 +38,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 
 def stripe_phase(design: Design, k: int) -> Phase:
-    """Return the phase of field k, whose integers are the centre lines of its stripes; None for a field without
-    stripes.
+    """Return the phase of field k, with integers on the centre lines of its stripes; None for a field without stripes.
 
     z (n,), or lines at corners if no value at a vertex serves all faces.
     """
@@ -63,9 +62,8 @@ def design_fields(design: Design) -> dict[str, Floats]:
     its integers), the half-width d and the wave of z. Faces: stress in xyz, its principal values and the isotropic
     faces as the diffusion tensors have them (gamma times the stress).
 
-    Evenly spaced stripes have no phase at vertices: instead there are the distance from the nearest centre line and the
-    density of the drawn lines; d and the wave count in these lines as well.
-    """
+    Evenly spaced stripes have no phase at vertices. They have the distance from the nearest centre line and the density
+    of the drawn lines instead; d and the wave count in these lines as well."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -98,7 +96,7 @@ def design_fields(design: Design) -> dict[str, Floats]:
 
 
 def _distances(design: Design) -> dict[str, Floats]:
-    """Return metres (n,) from the origins of kept regions, by their names; beyond their reach too large, but finite."""
+    """Return metres (n,) from the origins of kept regions, by their names; too large beyond their reach, but finite."""
     options, surface = design.preset.pattern, design.surface
     distances = {}
     if options.keep and "keep" in design.pattern.names:
@@ -109,13 +107,13 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """Return fields with one value at each vertex, from the nearest line of all openings around it."""
+    """Return fields with one value at each vertex, from the nearest line of all openings around the vertex."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
     on_vertex = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
     z = chart.z[row[on_vertex], family]
-    distance = np.full(len(density), 0.5)  # lines without a phase are half a period away
+    distance = np.full(len(density), 0.5)  # default where no line has a phase
     np.minimum.at(distance, vertex[on_vertex], np.abs(z - np.rint(z)))
     return {
         f"{name} middle [m]": distance / density,

@@ -38,9 +38,8 @@ class OpenedSurface(NamedTuple):
     """A one-sided surface cut open along a seam.
 
     given   : the surface (n, m) before, with some faces turned over: `turned` (m,).
-    surface : (n', m) cut open, its faces in the same order.
-    twins   : (k, 2) vertices of `surface` at one place, on both sides of the seam.
-    """
+    surface : (n', m) cut open, with faces in the same order.
+    twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
     given: Surface
     turned: Bools
@@ -48,15 +47,14 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return half-thickness vectors (n', 3), from those (m, 3, 3) at the corners of the faces before."""
+        """Return half-thickness vectors (n', 3), from vectors (m, 3, 3) at the corners of the faces before the
+        opening."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet of the surface, cut open, its cells in the same order, and half-edges (k, 2) on both sides
-        of the seam.
-        """
+        """Return a sheet cut open, with cells in the same order, and half-edges (k, 2) on both sides of the seam."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -84,7 +82,7 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
     kept_share = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
     turned = _turned_for_shortest_seam(
         surface, 0.1 + kept_share
-    )  # a seam costs 0.1 a metre in openings, and 1.1 in material
+    )  # a metre of seam costs 0.1 in openings and 1.1 in material
     if turned is None:
         turned = flips_along_tree(surface.F, surface.edges)
         turned ^= _turned_for_smooth_seam(_with_turned(surface, turned))
@@ -101,8 +99,7 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
     """Return faces (m,) to turn over for the shortest seam; None if faces beside it disagree about their side.
 
-    The seam is the shortest path between boundaries that crosses a loop, along which one side becomes the other, an odd
-    number of times.
+    The seam is the shortest path between boundaries that crosses a side-changing loop an odd number of times.
 
     counts : (m,) cost of a metre of a seam in each face.
     """
@@ -121,7 +118,7 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
         np.append(ends[:, 0], border),
         np.append(ends[:, 1], outer),
         np.append(crossed % 2, 0 * outer),
-        np.append(lengths, np.full(len(border), 1e-12)),  # a way along the boundary costs nothing
+        np.append(lengths, np.full(len(border), 1e-12)),  # the boundary costs nothing
         n,
         2 * n + 1,
     )
@@ -136,10 +133,9 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
 def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
-    """Return the edges, in order, of the shortest path between two nodes; (0,) without any.
+    """Return the edges, in order, of the shortest path between two nodes; (0,) without a path.
 
-    Half of the `count` nodes are on the other side, where edges with `turns` of 1 lead.
-    """
+    Half of the `count` nodes are on the second side; edges with `turns` of 1 lead there."""
     half = count // 2
     tails, heads = (
         np.concatenate([starts, starts + half]),
@@ -158,7 +154,8 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) to turn over so that no face has more than half its outline on the seam: a tree gives teeth."""
+    """Return faces (m,) to turn over so that no face has more than half its outline on the seam, because a tree has
+    teeth."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -191,10 +188,10 @@ def _seam(surface: Surface) -> Bools:
 
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
-    """Write one file, its format by the suffix of `path`, and read it back; return the path.
+    """Write one file in the format that the suffix of `path` names, and read it back; return the path.
 
-    A design is written byte for byte as by `dsfab build` and `dsfab export`: the solid with its edges and facts, the
-    lines of the sheet, or the fields of the uncut surface, as the format holds. A solid, a sheet or a surface is
+    A design gives the same bytes as `dsfab build` and `dsfab export`: the solid with its edges and facts, the lines of
+    the sheet, or the fields of the uncut surface, as far as the format allows. A solid, a sheet or a surface is
     written alone. `options` are those of `dsfab.export.write`, and replace those of the preset.
 
     Raises ExportError as `dsfab.export.write`.
@@ -209,7 +206,7 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
 
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
-    """Return the CAD shape, millimetres; of a design the shape that `design.write("x.step")` writes, smooth if
+    """Return the CAD shape, millimetres; for a design the shape that `design.write("x.step")` writes, smooth if
     possible.
 
     Raises ExportError as `write`.
@@ -223,9 +220,8 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """Return the part to write, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
 
-    The solid for formats of meshes, with lines if these hold both. The sheet for formats of lines, members, bodies,
-    section forces and beams. The uncut surface for fields.
-    """
+    Formats of meshes get the solid, and the lines if they hold both. Formats of lines, members, bodies, section forces
+    and beams get the sheet. Formats of fields get the uncut surface."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
@@ -240,7 +236,7 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         values = design_fields(design) if design.fields is None else design.fields
         return design.surface, {"details": Details(values=values)}
     tolerance = options.step_tolerance or OUTLINE * design.preset.statics.thickness
-    lines = design_lines(design, 0.0 if form.curves else tolerance)  # tolerance of exact lines: for the curves alone
+    lines = design_lines(design, 0.0 if form.curves else tolerance)  # exact lines leave the tolerance to the curves
     details = Details(lines, tolerance, facts=_facts(design))
     return (design.solid if form.content == "solid and lines" else design.sheet.surface), {"details": details}
 
@@ -342,9 +338,7 @@ def curved_design(design: Design) -> Curved:
 
 
 def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedSheet:
-    """Return a sheet that was cut from `surface` along a pattern, by its stripes; cut open if the surface is
-    one-sided.
-    """
+    """Return a sheet that was cut from `surface` along a pattern, by its stripes; a one-sided surface is cut open."""
     cells, opening = cells_by_stripes(surface, sheet, pattern), opened_surface(surface, sheet)
     sheet_cells, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
     return StripedSheet(sheet_cells.surface.F, sheet_cells.weights, cells.label, cells.loose, seam)
@@ -380,11 +374,11 @@ def divided_sheet(surface: Surface, sheet: Sheet, D: Floats, fields: Floats, sna
 
 
 def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """Return charts (m,), changed to the largest at the centre in faces where the given chart is largest at no corner.
+    """Return charts (m,): a face whose chart is largest at no corner gets the chart that is largest at its centre.
 
-    Where three borders meet, a part cut off by one of them may belong to none of the others: it would go to the last
-    chart, which may be far away.
-    """
+    Where three borders meet, a part that one of them cuts off may belong to neither of the other two. It would go to
+    the
+    last chart, which may be far away."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

@@ -27,13 +27,11 @@ Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
 FINE, COARSE = 0.1, 1.0
 """Steps of rounded widths (mm): fine below 100 mm, coarse above. Without rounding, each beam would have its own
-section.
-"""
+section."""
 SMALL = {0: 1e-6, 3: 1e-2}
 """Forces (0) and moments (3) below this share of the largest of their case are left out. Such forces are rounding
 errors; such moments come from loads beside their beam. The displacements of tower and snow_vault change by under 0.07
-%, and half of the rows go.
-"""
+%, and half of the rows go."""
 TYPES = {"S": "Steel", "GL": "Timber", "CLT": "Timber", "plywood": "Timber", "aluminium": "Aluminium"}
 """Types of materials by the first letters of the material's name; all other names are `Other`."""
 TYPES |= {"concrete": "Concrete"}
@@ -206,8 +204,7 @@ def _supports(frame: "Frame") -> Iterator[dict[str, Cell | None]]:
 
 def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
     """Return a group for each kind of action. Snow cases exclude each other, and so do wind cases, as in EN 1990
-    here.
-    """
+    here."""
     return [
         {
             "Name": f"LG {kind}",

@@ -39,8 +39,7 @@ def prepare(part: Part) -> Part:
 def encode(part: Part) -> Iterator[bytes]:
     """Yield the file in one piece.
 
-    A field with as many rows as vertices belongs to the vertices, any other field to the faces.
-    """
+    A field with as many rows as vertices belongs to the vertices, any other field to the faces."""
     values = part.details.values
     on_vertices = {name: array for name, array in values.items() if len(array) == len(part.V)}
     on_faces = {name: array for name, array in values.items() if name not in on_vertices}

@@ -57,8 +57,7 @@ def file_header(name: str, version: str) -> str:
 
 def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
     """Add units, project, site, building and the entities that all elements share; return the numbers of these
-    entities.
-    """
+    entities."""
     title, measures = step_string(one_line(name)), details.measures
     units = ",".join(f"#{k}" for k in _units(entities))
     origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
@@ -125,7 +124,6 @@ def _units(entities: StepEntities) -> Iterator[int]:
 
 
 def _material(entities: StepEntities, measures: Mapping[str, float], material_name: str) -> int:
-    """Add the material with its values; return 0 if the material is unknown."""
     kinds = {
         "density": ("Pset_MaterialCommon", "MassDensity", "IFCMASSDENSITYMEASURE"),
         "young": ("Pset_MaterialMechanical", "YoungModulus", "IFCMODULUSOFELASTICITYMEASURE"),
@@ -165,8 +163,7 @@ def element(
 ) -> int:
     """Add a piece with colour and quantities; return its entity number.
 
-    V : (n, 3) vertices in millimetres; corners of the triangles (m, 3) count from 1.
-    """
+    V : (n, 3) vertices in millimetres; corners of the triangles (m, 3) count from 1."""
     (name, i), (V, corners) = which, mesh
     faces = face_set(entities, V, corners, place.style)
     shape = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',(#{faces}))")
@@ -188,8 +185,7 @@ def element(
 
 def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> int:
     """Add the triangles of a closed body V (n, 3) with a style; return the entity number. Corners (m, 3) count from
-    1.
-    """
+    1."""
     points = "".join(comma_separated_rows("(%.6f,%.6f,%.6f),", *V.T))
     listed = entities.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
     triangles = "".join(comma_separated_rows("(%d,%d,%d),", *corners.T))
@@ -366,7 +362,6 @@ def _element(entities: StepEntities, place: Place, shape: MemberShape, body: int
 
 
 def _amounts(shape: MemberShape, facts: MemberFacts, measures: Mapping[str, float]) -> dict[str, float]:
-    """Return the quantities of a member: millimetres, m2, m3, kg."""
     volume, area = signed_volume(shape.V, shape.F) / MM3, facts.area / MM2
     own_share = facts.own_area / facts.area if facts.area else 1.0
     amounts = {"Length": facts.length, "Width": facts.width}

@@ -45,21 +45,20 @@ MESH = "sheet"
 """Layer of the mesh."""
 
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of chunks: properties of the file, and its history. A chunk with the bit `_SHORT` holds a value, no length.
-"""
+"""Codes of chunks: properties of the file, and its history. If a code has the bit `_SHORT`, a value replaces the
+length."""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
 """1 January 1980, a Tuesday, as C's `struct tm`."""
 
 
 def require_rhino3dm(what: str = ".3dm files need") -> None:
-    """Raise ExportError if rhino3dm is not installed; `what` begins the sentence."""
+    """Raise ExportError if rhino3dm is not installed; the error message begins with `what`."""
     if importlib.util.find_spec("rhino3dm") is None:
         raise ExportError(f'{what} the library rhino3dm; install it with: pip install "dsfab[rhino]"')
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the archive as rhino3dm encodes it in memory, without times. A direct write would store the name of the
-    file too."""
+    """Yield the archive without times, from memory because a direct write would store the name of the file too."""
     import rhino3dm
 
     model, ids = empty_model(), _ids(part)
@@ -78,7 +77,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def empty_model() -> Any:
-    """A model of rhino3dm in millimetres."""
+    """Return an empty rhino3dm model in millimetres."""
     import rhino3dm
 
     model = rhino3dm.File3dm()
@@ -106,8 +105,8 @@ def _ids(part: Part) -> Ids:
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function that makes a UUID from a name. Files with other arrays get other ids, so two designs can share
-    a model."""
+    """Return a function that makes a UUID from a name; other arrays give other ids, so two designs can share a
+    model."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -130,7 +129,7 @@ def without_times(data: bytes) -> bytes:
     The history holds a byte of version, the author and time of creation, those of the last change, a count, and a
     CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for other archives.
     """
-    header = 32  # bytes before the first chunk: its code (4 bytes), its length (8), its content
+    header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
     properties = _chunk(data, header, len(data), _PROPERTIES)
     history = _chunk(data, *properties, _HISTORY) if properties else None
@@ -147,7 +146,7 @@ def without_times(data: bytes) -> bytes:
 
 
 def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | None:
-    """Return start and end of the content of the first chunk with a code, between `start` and `end`."""
+    """Return start and end of the content of the first chunk with a code, searched between `start` and `end`."""
     while start + 12 <= end:
         code, size = struct.unpack_from("<Iq", data, start)
         size = 0 if code & _SHORT else size
@@ -190,7 +189,7 @@ def rhino_curve(chain: list[Curve]) -> Any:
             curve = rhino3dm.NurbsCurve(3, False, run.degree + 1, len(run.poles))
             for i, pole in enumerate(run.poles.tolist()):
                 curve.Points[i] = rhino3dm.Point4d(*pole, 1.0)
-            for i, knot in enumerate(run.knots[1:-1].tolist()):  # openNURBS leaves out the first and the last
+            for i, knot in enumerate(run.knots[1:-1].tolist()):  # openNURBS omits both end knots
                 curve.Knots[i] = knot
             segments.append(curve)
         else:

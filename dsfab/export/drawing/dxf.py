@@ -77,7 +77,6 @@ def dxf_bytes(document: Any) -> bytes:
 
 
 def _add_views(document: Any, part: Part) -> None:
-    """Add the views in a row to the right of the sheet, with their titles."""
     gap = 0.15 * float(np.ptp(part.box, axis=0).max())
     position = np.array([part.box[1, 0] + 3 * gap, part.box[0, 1]])
     for view in views(part):
@@ -87,8 +86,7 @@ def _add_views(document: Any, part: Part) -> None:
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
     """Add the consecutive curves of a line to a drawing: splines, and one polyline for each straight run; yield the
-    entities.
-    """
+    entities."""
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
@@ -214,8 +212,7 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 def check_members(part: Part, path: Path) -> ReadBack:
     """Read the file back with ezdxf and its auditor: no error, millimetres, a group of each member with axis and
-    edges.
-    """
+    edges."""
     import ezdxf
 
     document = ezdxf.readfile(path)

@@ -22,10 +22,8 @@ AXES = {
 @dataclass(frozen=True, eq=False)
 class DrawingView:
     """A view of a sheet.
-
     runs  : visible parts of lines, (k, 2) millimetres.
-    loops : outline of the region to fill, by the even-odd rule; empty if the sheet covers itself in this view.
-    """
+    loops : outline of the region to fill, by the even-odd rule; empty if the sheet covers itself in this view."""
 
     title: str
     runs: tuple[tuple[StructureLine, Floats], ...]
@@ -41,8 +39,7 @@ class DrawingView:
 
 def views(part: Part) -> list[DrawingView]:
     """Return plan, front view and right view of a sheet with its lines; a view along the plane of the sheet is left
-    out.
-    """
+    out."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     drawings = []

@@ -53,7 +53,6 @@ def y_upwards(V: Floats) -> Floats:
 
 
 def _scene(part: Part, points: np.ndarray[Any, np.dtype[np.float32]]) -> dict[str, Any]:
-    """Return the JSON of the scene. It has no normals, so that viewers shade each triangle flat."""
     count, size, name = 3 * len(part.F), points.nbytes, one_line(part.name)
     low, high = (f(points, axis=0).astype(float).tolist() for f in (np.min, np.max))
     return {

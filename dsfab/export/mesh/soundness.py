@@ -37,8 +37,7 @@ def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
 def winding(point: Floats, V: Floats, F: Ints) -> float:
     """Return the winding number of the closed mesh V (n, 3), F (m, 3) around a point (3,): 1 inside, 0 outside.
 
-    Formula: van Oosterom, Strackee 1983.
-    """
+    Formula: van Oosterom, Strackee 1983."""
     a, b, c = (V[F[:, i]] - point for i in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
     dot = [np.einsum("mi,mi->m", x, y) for x, y in ((a, b), (b, c), (c, a))]

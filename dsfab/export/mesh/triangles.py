@@ -63,9 +63,7 @@ def check_obj(part: Part, path: Path) -> ReadBack:
 
 def encode_off(part: Part) -> Iterator[bytes]:
     """Yield the counts of vertices, faces and edges, then a line for each vertex and face.
-
-    The count of edges is 0, because the format allows writers not to count edges.
-    """
+    The count of edges is 0, because the format allows writers not to count edges."""
     yield f"OFF\n# {one_line(part.name)}, written by dsfab {__version__}\n# unit: millimetre\n".encode()
     yield f"{len(part.V)} {len(part.F)} 0\n".encode()
     yield from (text.encode("ascii") for text in rows("%.17g %.17g %.17g\n", *part.V.T))

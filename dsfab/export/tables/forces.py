@@ -80,7 +80,6 @@ def _names(part: Part) -> list[str]:
 
 
 def _faces(part: Part) -> dict[str, Floats]:
-    """Return columns (m,) or (m, 3) with values in the faces of the sheet, metres."""
     sheet, first_case = part.details.sheet, next(iter(part.details.section_forces.values()))
     assert sheet is not None
     return {
@@ -230,7 +229,6 @@ def _forces(part: Part) -> Mapping[str, "MemberForces"]:
 
 
 def _tables(along: "MemberForces") -> dict[str, Floats]:
-    """Return (k, 6) forces by case and combination; with several cases also the smallest and the largest forces."""
     least, greatest = np.moveaxis(along.envelope, -1, 0)
     return {**along.forces, **({"least": least, "greatest": greatest} if len(along.forces) > 1 else {})}
 

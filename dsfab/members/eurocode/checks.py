@@ -18,15 +18,14 @@ class MemberBays:
     """Bays (b) of members, each with five stations; lengths in metres.
 
     member, name : (b,) of the member, and "N012 N013" of its nodes.
-    s         : (b, 5) along the axis of the member.    width : (b, 5) of the section.    thickness : of all.
+    s         : (b, 5) along the axis of the member.    width : (b, 5) of the section.    thickness : of all sections.
     length    : (b,) from node to node, along the axis.
     curvature : (b, 5) normal curvature of the axis, 1/m.
     forces    : by case and combination, (b, 5, 6) N, Vy, Vz, N; Mt, My, Mz, Nm, see `dsfab.members.frame.MemberForces`.
 
           z, normal      width along y, thickness along z:
           |  y           My bends the member with the surface (W = width thickness^2 / 6),
-        o-+-/----o       Mz within it (W = thickness width^2 / 6)
-    """
+        o-+-/----o       Mz bends it within the surface (W = thickness width^2 / 6)"""
 
     member: tuple[str, ...]
     name: tuple[str, ...]
@@ -101,9 +100,9 @@ CheckRatios = dict[CodeCheck, Floats]
 class Utilisation:
     """Force over resistance of bays; 1 is the limit.
 
-    bays     : b of them.    checks : c of them.    standard : of the checks, or the reason for having none.
+    bays     : b bays.    checks : c checks.    standard : of the checks, or the reason for having no checks.
     values   : by case or combination, (b, c), the largest along each bay.
-    station  : by case, (b, c) station of that value, 0 to 4; 0 for a value of the whole bay.
+    station  : by case, (b, c) station of this value, 0 to 4; 0 for a value of the whole bay.
     assumed  : sentences on assumptions.    unchecked : topics without a check.
     combined : True if cases are combinations with partial factors.
     """
@@ -241,14 +240,16 @@ class Rectangle:
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """(b, k) critical uniform moment (Nm) of lateral buckling for bay lengths in metres [Timoshenko, Gere 1961,
-        6.1]: pi / L sqrt(E I G It)."""
+        """(b, k) critical uniform moment (Nm) of lateral buckling for bay lengths in metres: pi / L sqrt(E I G It).
+        Source: Timoshenko, Gere 1961, 6.1."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 
 def moment_factor(moment: Floats) -> Floats:
-    """(b, 1) factor C_m of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading]; a linear moment has 0.6
-    + 0.4 psi. It depends on the larger end moment, the ratio psi of both, and the moment at the middle."""
+    """(b, 1) factor C_m of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading].
+    It depends on the larger end moment, the ratio psi of both end moments, and the moment at the middle. A linear
+    moment
+    has 0.6 + 0.4 psi."""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])

@@ -9,7 +9,8 @@ MPA = 1e6
 
 @dataclass(frozen=True)
 class SteelGrade:
-    """A steel grade. yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first."""
+    """A steel grade.
+    yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first."""
 
     name: str
     yields: tuple[tuple[float, float], ...]
@@ -30,7 +31,7 @@ def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrad
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
-"""Thicknesses (m) at which yield strengths step. EN 1993-1-1 has two steps up to 80 mm, EN 10025 goes on."""
+"""Thicknesses (m) at which yield strengths step: EN 1993-1-1 has two steps up to 80 mm, EN 10025 has the others."""
 
 STEEL = {
     grade.name: grade
@@ -48,10 +49,10 @@ Product = Literal["solid timber", "glulam", "LVL"]
 
 @dataclass(frozen=True)
 class TimberGrade:
-    """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`, the 5 %
-    quantiles of the moduli `E05` and `G05`.
+    """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`.
 
-    fm_flat, fv_flat : for flatwise bending; those of LVL differ.
+    E05, G05 : 5 % quantiles of the moduli.
+    fm_flat, fv_flat : for flatwise bending, where LVL has other values.
     size : exponent s of LVL's size effect.
     """
 

@@ -28,8 +28,9 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 
 @dataclass(frozen=True)
 class SteelFactors:
-    """Factors of steel checks. curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2]. gamma_m0,
-    gamma_m1 : partial factors of sections and members [6.1]. buckling_length : over the distance of nodes."""
+    """Factors of steel checks.
+    curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2]. gamma_m0, gamma_m1 : partial factors of
+    sections and members [6.1]. buckling_length : over the distance of nodes."""
 
     curve: Curve = "c"
     gamma_m0: float = 1.0
@@ -51,10 +52,10 @@ def steel_checks(
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
     """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
 
-    Shear is that of the elastic distribution, 1.5 V / A, plus St. Venant's torsion. Where V exceeds half of its plastic
-    resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. (6.32) in (6.41)
-    with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd.
-    """
+    The shear stress is that of the elastic distribution, 1.5 V / A, plus St. Venant's torsion. Where V exceeds half of
+    its
+    plastic resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. (6.32) in
+    (6.41) with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
@@ -82,7 +83,8 @@ def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> CheckRatios:
     """(b, 1) checks of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
-    The largest compression and the largest moments of a bay act together on its narrowest section. Moments are over
+    The largest compression and the largest moments of a bay act together on its narrowest section. Moments are divided
+    by
     elastic resistances, with the interaction factors of annex B for class 3 and members that may twist (table B.2)."""
     fy, young, shear = material
     slim = section.slimmest()

@@ -37,7 +37,7 @@ BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 @dataclass(frozen=True)
 class TimberFactors:
     """Factors of timber checks. service_class : 1 heated, 2 under a roof, 3 in the open.
-    gamma_m : partial factor; None: that of table 2.3.    buckling_length : over the distance of nodes.
+    gamma_m : partial factor; None takes that of table 2.3.    buckling_length : over the distance of nodes.
     layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start."""
 
     service_class: ServiceClass = 2
@@ -77,7 +77,7 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return the stresses of forces (b, 5, 6); bent : (b, 5) Pa, of bending into shape, added to that of My."""
+    """Return the stresses of forces (b, 5, 6); bent : (b, 5) Pa, from bending into shape, added to the stress of My."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(
@@ -105,7 +105,7 @@ def section_checks(
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
     pressed = over * np.maximum(-stress.axial, 0.0) / grade.fc
     a, t = (edge(section.width, section.thickness) for edge in (np.maximum, np.minimum))
-    shape = np.minimum(1 + 0.05 * a / t, 1.3)  # A2:2014
+    shape = np.minimum(1 + 0.05 * a / t, 1.3)  # as in amendment A2:2014
     return {
         TENSION: tension,
         COMPRESSION: pressed,

@@ -15,7 +15,7 @@ from dsfab.members.frame.joints import AxisJoints, fitting
 from dsfab.surface import LoadCase, Surface
 
 SHORT = 1e-3
-"""Nodes of a member that are nearer than this share of its width are equal."""
+"""Nodes of a member count as one node if they are nearer than this share of its width."""
 
 
 class BeamRow(NamedTuple):
@@ -31,7 +31,8 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Columns of beams, see `Frame`. stout : (b,) member's width over its bay's length; 1 beside grazed members."""
+    """Columns of beams, see `Frame`.
+    stout : (b,) member's width over its bay's length; 1 beside grazed members."""
 
     ends: Ints
     normal: Floats
@@ -78,7 +79,7 @@ def beams_along(joints: AxisJoints) -> Beams:
 
 
 def _stations(joints: AxisJoints, member: Member) -> list[tuple[float, int]]:
-    """Arc lengths and nodes along a member, in order; a closed member repeats the first at the end."""
+    """Arc lengths and nodes along a member, in order; a closed member repeats its first node at the end."""
     axis = member.axis
     assert axis is not None
     stations = sorted(joints.on[member.id])
@@ -123,8 +124,9 @@ def _bay(
 
 
 def _sides(member: Member) -> Floats:
-    """(k, 2) widths to the left and right of the axis (m). A disc has material on both sides of its ring and an outline
-    on the outer one only: its width is at least its area over its length."""
+    """(k, 2) widths to the left and right of the axis (m).
+    A disc has material on both sides of its ring, but an outline on the outer side only: its width is at least its area
+    over its length."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
@@ -146,8 +148,8 @@ def _divide_bay(
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
-    # a joint is wider by half of the other member, into which forces spread by 45 degrees; without this the compliances
-    # of tower, vaults and gridshell are 1.10, 1.02 and 1.06 times the sheet's, with all of it .96, 1.00 and .98
+    # a joint is wider by half of the crossing member, as forces spread into it by 45 degrees; without this half, the
+    # compliances of tower, vaults and gridshell are 1.10, 1.02, 1.06 times the sheet's, with all of it .96, 1.00, .98
     into = 0.5
     if half[0]:
         cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
@@ -158,7 +160,8 @@ def _divide_bay(
 
 @dataclass(frozen=True, eq=False)
 class BeamPlaces:
-    """Places near beams. beam : (q,) the nearest. along : (q,) 0 at its first node to 1. foot : (q, 3) point on it."""
+    """Places near beams.
+    beam : (q,) the nearest beam. along : (q,) position on the beam, 0 to 1. foot : (q, 3) nearest point on the beam."""
 
     beam: Ints
     along: Floats
@@ -168,7 +171,7 @@ class BeamPlaces:
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # points along each beam, which select six candidates
+    count = 9  # these points along each beam select six candidates
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a
@@ -185,8 +188,8 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """(n, 6) newtons and newton metres on nodes, from forces on the vertices V (v, 3) of a sheet.
-    Each force acts at the nearest point on the axes, with its moment about that point. The two nodes of the beam take
-    it as supports of a simple beam. The sums of forces and moments are those of the sheet."""
+    Each force acts at the nearest point on the axes, with its moment about that point. The two nodes of the beam carry
+    it like supports of a simple beam. The sums of forces and moments are those of the sheet."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -244,7 +247,7 @@ def _clamped_vertices(surface: Surface, load: LoadCase) -> Bools:
 
 
 def _blocks(load: LoadCase, surface: Surface) -> Floats:
-    """(v,) width (m) of the patch of faces around each vertex that are fixed at all corners; 0 without."""
+    """(v,) width (m) of the patch of faces around each vertex that are fixed at all corners; 0 without such faces."""
     faces = surface.F[load.fixed[surface.F].all(axis=(1, 2))]
     rows, columns = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))
@@ -257,7 +260,7 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
-    """(h, 2) length and width (m) of each group of points: root twelve of their spread along two axes."""
+    """(h, 2) length and width (m) of each group of points: root of twelve times their spread along two axes."""
     count = np.bincount(group)
     offset = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))
@@ -266,7 +269,7 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
-    """Fix the supports (n, 6) of a frame in a plane against leaving that plane, along `axis`."""
+    """Fix the supports (n, 6) of a frame in a plane against movement along `axis`, out of the plane."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

@@ -76,7 +76,7 @@ def frame_of(
 
 
 def distinct_names(names: list[str]) -> tuple[str, ...]:
-    """Return the names; repeated ones get a number."""
+    """Return the names with a number after each repeated name."""
     seen: dict[str, int] = {}
     unique = []
     for name in names:
@@ -86,7 +86,7 @@ def distinct_names(names: list[str]) -> tuple[str, ...]:
 
 
 def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
-    tolerance = 0.01  # share of the median width
+    tolerance = 0.01  # as a share of the median width
     pairs = cKDTree(points).query_pairs(tolerance * float(np.median(beams.width)), output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     label = connected_components(links, directed=False)[1]
@@ -139,7 +139,7 @@ def _with_supports(
 
 
 def _local_z(points: Floats, beams: Beams) -> Floats:
-    """(b, 3) unit vectors across each beam, as near to its normal as possible."""
+    """(b, 3) unit vectors across each beam, as near to the surface normal as possible."""
     x = points[beams.ends[:, 1]] - points[beams.ends[:, 0]]
     x /= np.linalg.norm(x, axis=1)[:, None]
     axis = np.eye(3)[np.abs(x).argmin(axis=1)]

@@ -14,8 +14,8 @@ from dsfab.statics import SectionForces
 from dsfab.surface import Surface
 
 PLANES = 4
-"""Planes within one edge of the mesh around a station. Forces are averaged over them, because those of a face are
-constant and only their means are in equilibrium."""
+"""Number of planes within one edge of the mesh around a station.
+Forces are averaged over these planes, because forces of a face are constant and only their means are in equilibrium."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """(c, 3) arc lengths of the corners of cells; along a closed axis the three of a cell stay together."""
+    """(c, 3) arc lengths of the corners of cells; along a closed axis the three lengths of a cell stay together."""
     used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
@@ -85,8 +85,10 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
-    """(c, 2, 3) weights of the corners at both ends of the line where a level (c, 3) is zero on triangles, and (c, 2)
-    their edges, by the corner at which an edge begins."""
+    """Weights (c, 2, 3) of the corners at both ends of the line where a level (c, 3) is zero on triangles; edges (c,
+    2).
+
+    Each edge is given by the corner at which it begins."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -105,7 +107,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     length = np.linalg.norm(direction, axis=1)
     along = direction / np.maximum(length, np.finfo(float).tiny)[:, None]
     across = np.cross(along, surface.normals[face])
-    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # the corner that lies farthest along the axis
+    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # the corner farthest along the axis
     across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
     free = surface.edges.boundary[surface.edges.of[face]]
     rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, edges)])
@@ -144,7 +146,8 @@ SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 STATIONS = len(SHARES)
 """Number of stations of each bay."""
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
-"""x along the axis, z along the normal of the surface, y to the left; on a section whose outward normal is x."""
+"""Section forces: x along the axis, z along the surface normal, y to the left; on a section whose outward normal is
+x."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +223,7 @@ def _force_sums(
     m = np.einsum("ca,cai->ci", _times(section_forces.m[source], v), frame)
     p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", section_forces.q[source], v)[:, None] * z)[:, None]
     F = group_sums(cut.station, cut.length[:, None] * p.mean(axis=1), len(axes))
-    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # linear along a line
+    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # forces are linear on lines
     M = group_sums(cut.station, cut.length[:, None] * moment, len(axes))
     f = _edge_forces(cut, section_forces, graph, normals)
     F = F + group_sums(cut.end_station, f, len(axes))

@@ -12,11 +12,12 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Axes nearer to each other than this share of the narrower width are joined in one node, otherwise by a link."""
+"""Two axes share one node if they are nearer than this share of the narrower width; otherwise a link joins them."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """(2,) lengths (m) of the joints at both ends of a bay, reduced if they would leave less than a fifth of it."""
+    """(2,) lengths (m) of the joints at both ends of a bay, reduced if they would leave less than a fifth of the
+    bay."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -66,7 +67,7 @@ class AxisJoints:
         return [candidate for candidate in self._members_by_node.get(number, []) if candidate is not member]
 
     def other_width(self, member: Member, number: int) -> float:
-        """Return the width (m) of the widest other member at a node; 0 without one."""
+        """Return the width (m) of the widest other member at a node; 0 without another member."""
         return max((neighbour.mean_width for neighbour in self.other_members(number, member)), default=0.0)
 
     def normal_at(self, number: int) -> Floats:
@@ -87,7 +88,7 @@ class AxisJoints:
 
 
 def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
-    """Return the joints of a graph without those of ends; members without an axis have none."""
+    """Return the joints of a graph without the joints of ends; members without an axis have no joints."""
     joints = AxisJoints(graph)
     joints.on = {member.id: [] for member in joints.members_with_axis}
     for node in graph.nodes:
@@ -104,8 +105,8 @@ def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
 
 
 def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
-    """Join two members at arc lengths of their axes: in one node if these are near, else by a link as wide as the
-    narrower member. Return the nodes of both."""
+    """Join two members at arc lengths of their axes, and return the nodes of both.
+    Near axes share one node; otherwise a link joins them, as wide as the narrower member."""
     node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
     if node_a != node_b:
         joints.links.append((node_a, node_b, min(member.mean_width for member in members)))
@@ -136,7 +137,7 @@ def join_ends(joints: AxisJoints) -> None:
         span = [0.0, member.length]
         for side, what in enumerate(member.ends):
             nearest = _nearest(joints, member, span[side])
-            # a rest shorter than the other member's width belongs to the joint
+            # a rest shorter than the joined member's width belongs to the joint
             beyond = nearest and abs(nearest[0] - span[side]) < joints.other_width(member, nearest[1])
             if nearest and beyond and what not in ("edge", "free"):
                 span[side] = nearest[0]
@@ -144,12 +145,12 @@ def join_ends(joints: AxisJoints) -> None:
 
 
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
-    """Join ends without a node to the members that continue their material: free ends to all of them, others to those
-    that end there too. So the arms of a star hang together, also across a few faces without an axis.
+    """Join ends without a node to the members that continue their material.
 
-    Members within the end's width are joined. Ends with a node stay as they are: bracing them would make the preset
-    `cantilever` 6 % stiffer than its sheet.
-    """
+    Free ends join all such members; other ends join members that end there too. So the arms of a star stay connected,
+    also
+    across a few faces without an axis. The members must lie within the end's width. Ends with a node stay as they are:
+    bracing them would make the preset `cantilever` 6 % stiffer than its sheet."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
@@ -180,7 +181,7 @@ def _join_to(
     what: str,
     trees: Trees,
 ) -> None:
-    """Join an end (member, arc length, width) to its neighbours, unless a node or a link does."""
+    """Join an end (member, arc length, width) to its neighbours, unless a node or a link joins them already."""
     member, s, width = end
     for neighbour in neighbours:
         own_nodes = {number for along, number in joints.on[member.id] if abs(along - s) < width}
@@ -240,8 +241,9 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub for each disc with three nodes or more; the widths of its spokes add up to the length of the ring.
 
-    Under a load P on the hub they deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). This is 0.73 times the 0.217 of a
-    clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko, Woinowsky-Krieger
+    Under a load P on the hub the spokes deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). This is 0.73 times the
+    0.217 of
+    a clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko, Woinowsky-Krieger
     1959, 19].
     """
     for member in joints.members_with_axis:

@@ -172,8 +172,9 @@ class FrameAnswer:
 
 
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
-    """Solve a frame for its cases and combinations; return the solutions by name. shear : whether sections deform by
-    shear; without it beams are those of Euler and Bernoulli. Raises StaticsError for a frame that is free to move."""
+    """Solve a frame for its cases and combinations; return the solutions by name.
+    shear : whether sections deform by shear; without shear, beams are those of Euler and Bernoulli. Raises StaticsError
+    for a frame that is free to move."""
     k, turn = local_stiffness(frame, shear), _turn(frame)
     K = _stiffness_matrix(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
     free = ~frame.fixed.ravel()
@@ -182,7 +183,7 @@ def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
 
 
 def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
-    """(b, 12, 12) stiffness of each beam in its own axes; unknowns are six of its first node, six of its second."""
+    """(b, 12, 12) stiffness of each beam in its own axes: six unknowns of its first node, then six of its second."""
     L, E, G = frame.length, frame.material.young, frame.material.shear
     torsion, about_y, about_z = frame.inertia.T
     k = np.zeros((len(L), 12, 12))
@@ -242,7 +243,7 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
         u[free] = scale * factor.solve(scale * f)
         u[free] += scale * factor.solve(scale * (f - inside @ u[free]))
         residual = np.abs(inside @ u[free] - f).max()
-        loose = 1e-5  # residual over loads of a frame that moves freely
+        loose = 1e-5  # a frame that moves freely has a larger residual over loads
         if not residual <= loose * max(np.abs(f).max(), np.finfo(float).tiny):
             raise StaticsError(_moves(frame))
         return u
@@ -270,17 +271,19 @@ def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Fl
 
 
 STOUT = 0.35
-"""Bays of members wider than this share of their length are no beams, because joints take half of them."""
+"""Bays of members wider than this share of their length do not act as beams, because joints take half of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
-    """Results of a frame over those of its sheet for one case. The sheet's ribs twist as bars here, because a thin
-    sheet gives deep ribs many times the torsional stiffness of a bar.
+    """Results of a frame over those of its sheet for one case.
+
+    The sheet's ribs twist as bars here, because a thin sheet gives deep ribs many times the torsional stiffness of a
+    bar.
 
     compliance, displacement : 1 for equal results; the largest displacements are compared.
     stout : share of the beams' elastic energy in links and in bays wider than 0.35 of their length or with grazing
-            members; or of the sheet's in material outside of axes, if that is more.
+            members; or of the sheet's energy in material outside of axes, if this share is larger.
     twist : largest displacement of the sheet over that of a thin sheet.
     """
 
@@ -322,8 +325,9 @@ def agreement(
     other_energy: Mapping[str, float],
     twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
-    """Compare the solutions of the frame and the sheet for each case and combination of both. other_energy : by case,
-    share of the sheet's elastic energy outside of members with an axis. twist : by case, see `FrameAgreement`."""
+    """Compare the solutions of the frame and the sheet for each case and combination of both.
+    other_energy : by case, share of the sheet's elastic energy outside of members with an axis.
+    twist : by case, see `FrameAgreement`."""
     stout = (frame.member < 0) | (frame.stout > STOUT)
     agreements = []
     for name in (name for name in answers if name in sheet):

@@ -53,9 +53,7 @@ class Proposal:
 
     def text(self, file: Path | None = None) -> str:
         """Return the preset as TOML; for a mesh in Python the text names no file.
-
-        file : path of the mesh relative to the preset's folder; by default the user's path.
-        """
+        file : path of the mesh relative to the preset's folder; by default the user's path."""
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}
         return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
@@ -73,13 +71,11 @@ class Proposal:
 
 def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None) -> Preset:
     """Return a preset for the user's own surface, as `dsfab new` writes it.
-
     mesh     : the path of a mesh file, or a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces.
     unit     : unit of the mesh: mm, cm, m ...; by default guessed for files without a unit, else metres.
     up       : axis of the mesh that points to the sky: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
-    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material.
-    """
+    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material."""
     return propose(mesh, unit, up, material).preset
 
 
@@ -92,10 +88,8 @@ def propose(
     raw: RawMesh | None = None,
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
-
     max_triangles : limit of a mesh file, which also limits the cost of reading it. raw : content of the file, if the
-                    caller has read it.
-    """
+                    caller has read it."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):
@@ -167,7 +161,6 @@ def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:
-    """Return True if the sheet has the proposed span itself. A box around arms or wings is wider than the sheet."""
     side = shorter_side(surface)
     x, y = np.sort(np.ptp(surface.V, axis=0)[:2])
     plan = float(np.abs(surface.normals[:, 2]) @ surface.areas)
@@ -175,7 +168,6 @@ def _fills(surface: Surface, size: Sizes) -> bool:
 
 
 def _unsupported_pieces(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:
-    """Report pieces without a support; `dsfab build` refuses such a surface."""
     count, piece = surface.pieces
     if count == 1 or not stands:
         return

@@ -15,9 +15,7 @@ LINE = 1 / 12
 
 def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
     """Return True if a surface would tip over, because the middle of its plan is outside of the area between its feet.
-
-    feet : points (k, 3) of each foot, metres.
-    """
+    feet : points (k, 3) of each foot, metres."""
     if not feet:
         return False
     middle = surface.areas @ surface.centroids / surface.area
@@ -28,9 +26,7 @@ def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
 
 def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
     """Return True if all feet (two or more) lie in one line, so that the surface would turn about this line.
-
-    A saddle on two corners is an example. feet : points (k, 3) of each foot, metres.
-    """
+    A saddle on two corners is an example. feet : points (k, 3) of each foot, metres."""
     if len(feet) < 2:
         return False
     plan = np.concatenate(feet)[:, :2]
@@ -131,14 +127,12 @@ class Foot:
 
 def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     """Return the proposed supports of a surface with z up; `span`: metres that the surface bridges.
-
     flat   : the outer edge is the support.
     closed : parts within `SOLE` of the height above the lowest point are feet, also if the surface has holes in its
              side.
     hung   : corners of the outer edge are feet, see `mast_corners`.
     else   : stretches of boundary around low points are feet: of the outer edge, of further edges that reach the
-             ground, and of higher edges on a slope. Openings in the roof, with sheet below them, have no support.
-    """
+             ground, and of higher edges on a slope. Openings in the roof, with sheet below them, have no support."""
     height = float(np.ptp(surface.V[:, 2]))
     if is_nearly_closed(surface) or _has_sheet_below(surface, height):
         return _name_feet(surface, soles(surface, height), span)
@@ -211,9 +205,7 @@ def _hangs(surface: Surface, loop: int) -> bool:
 
 def _has_sheet_below(surface: Surface, height: float) -> bool:
     """Return True if a single piece has its whole boundary above its lowest part, and no loop is an upper rim.
-
-    Such a piece neither stands on a hole in its side nor hangs from it.
-    """
+    Such a piece neither stands on a hole in its side nor hangs from it."""
     if surface.pieces[0] > 1:
         return False
     lowest = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
@@ -271,7 +263,6 @@ def soles(surface: Surface, height: float) -> list[Foot]:
 
 
 def _densified_line(P: Floats, step: float) -> Floats:
-    """The closed line through P (k, 3) with extra points, no further apart than `step`."""
     onward = np.roll(P, -1, axis=0) - P
     parts = np.maximum(np.ceil(np.linalg.norm(onward, axis=1) / step).astype(int), 1)
     index = np.repeat(np.arange(len(P)), parts)
@@ -280,7 +271,6 @@ def _densified_line(P: Floats, step: float) -> Floats:
 
 
 def _stretches(loop: int, P: Floats, height: float, highest: float, span: float) -> list[Foot]:
-    """Return the feet along a boundary loop, the closed line P (k, 3), with lowest points at most at `highest`."""
     z = P[:, 2]
     if z.min() > highest:
         return []
@@ -297,11 +287,9 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
 
 def _valleys(z: Floats, depth: float) -> list[int]:
     """Return the lowest places of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
-
     Method: persistence of low points [Edelsbrunner, Letscher and Zomorodian 2002]. In ascending order, each low point
     begins a pool. If two pools meet, the shallower pool ends, and its low point counts if the pool is at least `depth`
-    deep.
-    """
+    deep."""
     k = len(z)
     pool = np.full(k, -1)
     lasting = {int(z.argmin())}
@@ -335,7 +323,6 @@ def _stretch_around(low: Bools, place: int) -> Bools:
 
 
 def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
-    """Return the stretch (k,) from the first to the last `low` place of a connected part `reach` of a closed line."""
     begin = int(np.flatnonzero(reach & ~np.roll(reach, 1))[0]) if not reach.all() else 0
     turned = np.roll(reach & low, -begin)
     places = np.flatnonzero(turned)
@@ -345,9 +332,7 @@ def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
 
 def _widen_stretch(P: Floats, stretch: Bools, shortest: float) -> Ints:
     """Extend a stretch of a closed line P (k, 3) on its lower side until it is long enough; return its indices.
-
-    At equal heights it grows on both sides, so that feet of a mirrored roof are mirror images.
-    """
+    At equal heights it grows on both sides, so that feet of a mirrored roof are mirror images."""
     k, z = len(P), P[:, 2]
     tolerance = 1e-4 * float(np.ptp(z))
     begin = int(np.flatnonzero(stretch & ~np.roll(stretch, 1))[0])

@@ -71,10 +71,8 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
 
 def _stands_on_ground(surface: Surface, up: Up) -> bool:
     """Return True for a wall or screen that stands with a long edge on the plane through the origin.
-
     With the other axis up, its face must cross or touch that plane. A roof with y up is above y = 0 and does not cross
-    it.
-    """
+    it."""
     V = upright_vertices(surface.V, up)
     level, y = V[:, 2], V[:, 1]  # the other candidate for the axis up
     limit = GROUND * surface.size
@@ -121,9 +119,7 @@ def is_nearly_closed(surface: Surface) -> bool:
 
 def _stability(V: Floats, surface: Surface) -> float:
     """Return the distance of the centre of mass inside the base, over the side of a square of the surface's area.
-
-    V : (n, 3) its vertices with z up. The result is between -0.2 (the surface falls over) and 0.4.
-    """
+    V : (n, 3) its vertices with z up. The result is between -0.2 (the surface falls over) and 0.4."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     try:
@@ -150,10 +146,8 @@ GUESSED = ("mm", "cm", "m", "in", "ft")
 @dataclass(frozen=True)
 class Decision:
     """A decision of dsfab for the user's preset.
-
     topic : a word or two. choice : the choice and its reason. change : the key of the preset, or the option, that
-            changes it.
-    """
+            changes it."""
 
     topic: str
     choice: str
@@ -175,10 +169,8 @@ def mesh_in_file(
     path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None, raw: RawMesh | None = None
 ) -> UserMesh:
     """Return the mesh in a file; by default dsfab guesses unit and vertical axis.
-
     max_triangles : limit of the file. raw : its content, if the caller has read it.
-    Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair.
-    """
+    Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
     unit_is_given, unit = unit is not None, unit or unit_guess(raw)
@@ -271,9 +263,7 @@ def _origin(surface: Surface) -> tuple[float, ...]:
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
     """Return a doubt about the unit if the sides of the box (m) are unusual; '' for usual sides.
-
-    Mostly the unit is wrong, or a program scaled the file twice.
-    """
+    Mostly the unit is wrong, or a program scaled the file twice."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
     doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"

@@ -35,11 +35,9 @@ MODEL = 3.0
 @dataclass(frozen=True)
 class Sizes:
     """Lengths in metres; `edge` is 0 if the mesh stays as it is.
-
     own     : mean edge of the user's mesh.
     span    : shorter side of the plan, see `shorter_side`, or the span of a roof if this is far smaller.
-    bridged : span between the supports, if this is far longer.
-    """
+    bridged : span between the supports, if this is far longer."""
 
     span: float
     spacing: float

@@ -17,9 +17,7 @@ from dsfab.surface import Boundary, Marks, Surface, one_sided_pieces
 
 def snow_on_top(surface: Surface) -> str | None:
     """Return the picker of faces with snow on an open surface that is not a roof, such as the top of a ball.
-
-    Normals may point either way. None for models, and for surfaces without a top (wall, tower) or an outside.
-    """
+    Normals may point either way. None for models, and for surfaces without a top (wall, tower) or an outside."""
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
     if surface.size < MODEL or edge**2 > 16 * surface.area or is_nearly_closed(surface) or _one_sided(surface):
         return None
@@ -63,10 +61,8 @@ def proposal_text(
     marks: Mapping[str, Marks],
 ) -> str:
     """Return the preset as TOML with comments.
-
     keys : keys of [surface], which define the mesh. notes : topic -> choice. marks : marks of the file, which replace
-           proposed feet.
-    """
+           proposed feet."""
     surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # a new origin does not move the drawings in the file
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
@@ -193,7 +189,6 @@ def _description(surface: Surface, size: Sizes, stands: tuple[Foot, ...], snow: 
 
 
 def _support_words(stands: tuple[Foot, ...]) -> str:
-    """The supports in words: 'its base ring', '4 feet', '2 springing lines'."""
     kinds = {foot.name.rstrip("0123456789 ") for foot in stands}
     if len(stands) == 1:
         return f"its {stands[0].name}"

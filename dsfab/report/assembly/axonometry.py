@@ -11,7 +11,7 @@ from dsfab.render import Palette
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers, placed_parts
 
 DRAWN_PIECES = 90
-"""Pieces of a member as long as the whole structure."""
+"""Number of pieces in the drawing of a member as long as the whole structure."""
 
 PLATE_COLOUR = (150, 146, 140)
 """Colour of the plates of nodes."""
@@ -45,7 +45,7 @@ class Axonometry:
 
 @dataclass(frozen=True, eq=False)
 class MemberFaces:
-    """Quads (q, 4, 3) of a member, metres; a triangle has its last corner twice."""
+    """Faces of a member as quads (q, 4, 3), metres; a triangle has its last corner twice."""
 
     id: str
     colour: tuple[float, float, float]
@@ -58,7 +58,7 @@ class MemberFaces:
 
 
 def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> list[MemberFaces]:
-    """Return the faces of all members but fills, in their colours, each in its uppermost layer; metres."""
+    """Return the faces of all members except fills, in their colours, each in its uppermost layer; metres."""
     piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / DRAWN_PIECES
     faces = []
     for member in graph.members:
@@ -83,7 +83,7 @@ def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
 
 
 def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all members of a plan of panels, in one skin."""
+    """Return the faces of all members of a plan of panels, in a single layer."""
     assert plan.graph is not None
     built = {part.member for part in plan.parts}
     return [face for face in member_faces(plan.graph, palette, Layering(0.0, 2, 0.0)) if face.id in built]

@@ -14,7 +14,7 @@ from dsfab.report.assembly.sequence import STEP_PICTURES, AssemblyStep
 from dsfab.workshop import BAR_CLEARANCE, FlatPart, PlateArm, WorkshopPlan, bar_table, half_plane_clip, plate_arms
 
 ROWS, COLUMNS = 58, 2
-"""Bars on a page."""
+"""Rows and columns of bars on a page."""
 
 BAR_RULE = (
     "Bars go up from the supports upwards, by the height of their middle. Each plate is bolted beneath the first of "
@@ -105,7 +105,7 @@ def _bar_row(paper: Paper, corner: tuple[float, float], row: Sequence[str | int 
 
 
 def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return steps with equal numbers of bars, sorted by the height of their middle; see `BAR_RULE`."""
+    """Return steps of assembly with equal numbers of bars, sorted by the height of the bars' middle; see `BAR_RULE`."""
     assert plan.bars is not None
     net = plan.bars.bar_lattice
     heights = np.array([float(bar.points.mean(axis=0) @ up) for bar in net.bars])
@@ -118,12 +118,11 @@ def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
 
 
 SHOWN = 1.7
-"""Length of the bars on the page of a joint, over the length of an arm beyond its root."""
+"""Drawn length of the bars on the page of a joint, over the length of an arm beyond the bar's beginning."""
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return a page about the node with the most bars, from above and from the side, and a second page about a node
-    that stands on a leg."""
+    """Return a page with the joint of the most bars, from above and from the side, and a page with a joint on a leg."""
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.bar_lattice.joints if joint.node.joined]
     pages = list[PartsPage]()
@@ -179,7 +178,7 @@ def _fold_angle(arm: PlateArm) -> float:
 
 
 def bar_on_plate(part: FlatPart, arm: PlateArm, from_end: bool) -> Floats:
-    """(k, 2) the first or last end of a bar, as it lies on the unfolded plate; metres from the node."""
+    """Return the outline (k, 2) of a bar's first or last end on the unfolded plate; metres from the node."""
     hole = next(hole_here for hole_here in (reversed(part.holes) if from_end else part.holes))
     direction = part.axis[1] - part.axis[0]
     direction = direction / np.linalg.norm(direction) * (-1 if from_end else 1)
@@ -216,7 +215,6 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
 
 
 def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, bars: Container[str]) -> None:
-    """Draw an arm of a plate from the side, to scale: fold, bar and bolts. A leg lies level, without a bar."""
     assert plan.bars is not None
     stock = plan.bars.stock
     c, s = float(np.cos(arm.dip)), float(np.sin(arm.dip))

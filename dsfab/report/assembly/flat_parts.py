@@ -11,11 +11,11 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTran
 from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_table, stock_cost, stock_words
 
 ACROSS, DOWN = 4, 13
-"""Parts on a page."""
+"""Columns and rows of parts on a page."""
 ROWS, COLUMNS = 62, 3
-"""Nodes on a page."""
+"""Rows and columns of nodes on a page."""
 LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
-"""Scale at which names of parts are legible, of a structure and of a model: millimetres of paper per metre."""
+"""Least scale at which names of parts are legible, for a structure and for a model: millimetres of paper per metre."""
 PartsPage = tuple[str, Callable[[Paper], None]]
 
 
@@ -184,11 +184,11 @@ def _node_page(rows: Sequence[Sequence[str | int | float]], meets: str) -> Calla
 
 
 ROW = 24.0
-"""Millimetres of paper for a member."""
+"""Height of a member's row, millimetres of paper."""
 NAMES = 44.0
-"""Millimetres for its name, to the left of its line."""
+"""Room for a member's name, to the left of its line, millimetres of paper."""
 APART = 2.1
-"""Least millimetres between the names of two nodes; a node closer than that has a tick alone."""
+"""Least millimetres between the names of two nodes; a nearer node has a tick without a name."""
 SPLICED_NOTE = (
     "Above each line the member that crosses there, below it millimetres along the middle surface from the beginning; "
     "red: splices. Bays of a layer are those of its drawing."

@@ -21,8 +21,9 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
     """Return the scales by which the page colours members: name, unit, and a value or None for each of `names`.
-    judged_design : design whose member forces give more scales, which takes seconds. Raises StaticsError then without a
-    strength, or if nothing carries its loads."""
+    judged_design : design whose member forces give more scales, which takes seconds. In this case, raises StaticsError
+    without a strength, or if nothing carries the loads.
+    """
     assert plan.graph is not None
     members = plan.graph.by_id
     longest: dict[str, float] = {}
@@ -78,8 +79,9 @@ def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[
 
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
     """Return the page as one HTML file that loads nothing from the network; the same plan gives the same page.
-    judged : also colour members by force and utilisation: a page for clients, without the workshop's drawings.
-    The plan must have members."""
+    judged : whether to colour members by force and utilisation too, for clients; such a page has no workshop drawings.
+    The plan must have members.
+    """
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None
@@ -167,7 +169,6 @@ def _member_words(plan: WorkshopPlan, name: str) -> str:
 
 
 def _part_facts(plan: WorkshopPlan, number: int, has_drawing: bool) -> dict[str, Any]:
-    """Facts of a flat part; `has_drawing`: a drawing lies beside the page."""
     part = plan.parts[number]
     first_alike = next(group[0] for group in plan.equal_parts if number in group)
     return {
@@ -190,7 +191,6 @@ def _box_middle(part: FlatPart) -> Floats:
 
 
 def _loop_coordinates(part: FlatPart, loop: Floats) -> list[float]:
-    """x y of a closed line about the middle of the part's box, millimetres."""
     closed = np.pad(np.concatenate([loop, loop[:1]]) - _box_middle(part), ((0, 0), (0, 1)))
     flat: list[float] = (MM_PER_M * simplified_line(closed, 3e-4)[:-1, :2]).round(1).ravel().tolist()
     return flat

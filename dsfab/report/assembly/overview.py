@@ -80,7 +80,6 @@ def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) ->
 
 
 def _name_places(face: MemberFaces) -> Floats:
-    """(k, 3) about 15 places for the name on a member, from its middle outwards."""
     middles = face.quads.mean(axis=1)
     order = np.abs(np.arange(len(middles)) - len(middles) / 2).argsort(kind="stable")
     return np.asarray(middles[order[:: max(len(order) // 15, 1)]])
@@ -123,7 +122,9 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return (q, 4, 3) a strip in pieces about `piece` metres long; a slotted strip breaks at every corner."""
+    """Return a strip as quads (q, 4, 3) about `piece` metres long; a slotted strip has a quad border at every
+    corner.
+    """
     length = float(np.linalg.norm(np.diff(strip.edges.mean(axis=1), axis=0), axis=1).sum())
     count = max(int(np.ceil(length / piece)), 1)
     if slotted:

@@ -14,9 +14,9 @@ from dsfab.report.pdf_pages import MM
 PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0
 """A3, millimetres."""
 MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0
-"""Margins at the sides, above and below every page."""
+"""Margins of every page: at the sides, above and below."""
 SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)
-"""Usual scales over a power of ten."""
+"""Factors of usual scales; a usual scale is a factor times a power of ten."""
 
 Colour = tuple[float, float, float]
 
@@ -91,14 +91,16 @@ class Paper:
         side: Literal["left", "middle", "right"] = "left",
         bold: bool = False,
     ) -> None:
-        """Write words that begin at a place, are centred on it, or end at it, on their base line; size in points."""
+        """Write a line of text; by `side` its place is its beginning, middle or end on the base line; size in
+        points.
+        """
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]
         getattr(self.canvas, draw)(float(place[0]) * MM, float(place[1]) * MM, words)
 
     def upright_text(self, place: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
-        """Write words upwards, so that they are read from the right, beginning at a place."""
+        """Write a line of text upwards, to be read from the right; it begins at its place."""
         self.canvas.saveState()
         self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half the height of a capital
         self.canvas.rotate(90)
@@ -108,11 +110,11 @@ class Paper:
         self.canvas.restoreState()
 
     def width(self, words: str, size: float, bold: bool = False) -> float:
-        """Return the length of words, millimetres."""
+        """Return the length of a text, millimetres."""
         return float(self.canvas.stringWidth(words, self.fonts[bold], size)) / MM
 
     def wrapped_lines(self, words: str, width: float, size: float) -> list[str]:
-        """Break words into lines of this width, millimetres."""
+        """Break a text into lines of this width, millimetres."""
         from reportlab.lib.utils import simpleSplit
 
         return list(simpleSplit(words, self.fonts[0], size, width * MM))
@@ -164,7 +166,7 @@ class Paper:
         self.canvas.restoreState()
 
     def scale_bar(self, corner: tuple[float, float], scale: float) -> None:
-        """Draw a bar of a round length, from a place to the right; `scale` in millimetres per metre."""
+        """Draw a bar of a round length to the right of a place; scale : millimetres per metre."""
         metres = float(f"{10.0 ** np.floor(np.log10(45 / scale)):.6g}")
         metres = max(metres * k for k in (1, 2, 5) if metres * k * scale <= 45) if metres * scale <= 45 else metres
         x, y = corner

@@ -15,7 +15,7 @@ from dsfab.report.assembly.paper import PAGE, QUIET, Paper, PaperBox
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers
 
 STEP_PICTURES = 12
-"""Pictures of steps, about."""
+"""Approximate number of pictures of steps."""
 
 LAYER_RULE = (
     "The lower layer goes up before the one above it: at every node the upper member is bolted on the lower one. "
@@ -57,7 +57,7 @@ def plank_rule(plan: WorkshopPlan) -> str:
 
 
 def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps of a plan of planks: families in their order on each other, plates last."""
+    """Return the steps of a plan of planks: each family after the family below it, plates last."""
     assert plan.graph is not None
     assert plan.planks is not None
     built, order = {part.member for part in plan.parts}, plan.planks.planks.order
@@ -73,7 +73,6 @@ def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
 def _ordered_steps(
     graph: MemberGraph, up: Floats, numbers: Callable[[Member], tuple[int, ...]]
 ) -> tuple[AssemblyStep, ...]:
-    """Steps by numbers of layers from the top: the largest goes up first."""
     heights = _heights(graph, up)
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
     level = 0.02  # share of the height within which members follow by name
@@ -98,7 +97,7 @@ def _heights(graph: MemberGraph, up: Floats) -> dict[str, float]:
 
 
 ACROSS, DOWN = 3, 2
-"""Steps on a page."""
+"""Columns and rows of steps on a page."""
 STANDING_COLOUR = (0.82, 0.81, 0.79)
 """Colour of members that stand already."""
 

@@ -145,7 +145,7 @@ FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans",
 
 
 def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
-    """Return `bars`, compliances at one mass, and `volumes` if the request names several masses. rows : at these."""
+    """Return the chart `bars`, compliances at one mass, and the chart `volumes` if rows at several masses exist."""
     images: dict[str, ChartImage] = {}
     with lettering():
         if findings.compared.rivals:
@@ -157,7 +157,7 @@ def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[
 
 @contextmanager
 def lettering(**settings_of_chart: Any) -> Iterator[None]:
-    """Draw charts with the letters of a report; more : settings of matplotlib."""
+    """Draw charts inside this context with the letters of a report; more : settings of matplotlib."""
     import logging
 
     import matplotlib as mpl
@@ -208,7 +208,7 @@ SIZE, SMALL = (1500, 1000), (1050, 760)
 """Pixels of a large picture and of the picture of a load case."""
 
 BANDS = 10
-"""Bands of a colour scale, at most."""
+"""Largest number of bands of a colour scale."""
 
 WHITE = replace(PAPER, paper=(255, 255, 255))
 
@@ -216,11 +216,11 @@ RED: Colour = (200, 60, 40)
 """Colour of material that reaches no support."""
 
 TEXT = 174 / 25.4 * 72
-"""Points on paper of a picture as wide as the text."""
+"""Points on paper of a picture as wide as the text block."""
 
 
 class FindingsPictures:
-    """Pictures of findings. Each method returns a figure, with the reason in it if this machine cannot draw."""
+    """Pictures of findings. Each method returns a figure; if this machine cannot draw, the figure holds the reason."""
 
     def __init__(self, findings: Findings) -> None:
         self.findings = findings
@@ -245,7 +245,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
     def all_material(self, caption: str, width: float) -> ReportFigure:
-        """Draw all material of the pattern with its loads and supports, in red the parts that reach no support."""
+        """Draw all material of the pattern with its loads and supports; parts that reach no support are red."""
         structure, task = self.findings.structure, self.findings.task
         sheet = structure.material
         face_family = np.where(kept_cells(sheet, structure.sheet), -1, 0)
@@ -271,7 +271,7 @@ class FindingsPictures:
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
         """Draw the deformed sheet, coloured by displacement; `caption` names the magnification as {factor}."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
-        # magnified until the largest is 7 % of the surface's size, or a little less
+        # the magnified largest displacement is 7 % of the surface's size, or a little less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
         moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
         words = caption.format(factor=significant_digits(factor, 2))
@@ -324,7 +324,9 @@ def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0)
 
 
 def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
-    """Return a picture without empty rows at top and bottom, with few between the structure and its words."""
+    """Return a picture without empty rows at top and bottom, and with few empty rows between the structure and its
+    caption.
+    """
     marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(marked_rows):
         return pixels

@@ -43,7 +43,7 @@ def significant_digits(value: float, digits: int = 3) -> str:
     """Return a number with significant digits and without an exponent: '0.0123', '12.3', '12 300'."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "n/a"
-    value = float(f"{value:.{digits - 1}e}")  # rounded first, because 9.996 becomes 10.00 and has a digit more
+    value = float(f"{value:.{digits - 1}e}")  # rounding comes first, because 9.996 becomes 10.00 with an extra digit
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
     return f"{value:,.{decimals}f}".replace(",", " ")
 
@@ -88,13 +88,13 @@ def enumeration(words: Sequence[str]) -> str:
 
 
 def round_number_above(value: float) -> float:
-    """Return the next of 1, 2, 2.5 and 5 times a power of ten."""
+    """Return the smallest round number above a value: 1, 2, 2.5 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     return float(next(power * step for step in (1.0, 2.0, 2.5, 5.0, 10.0) if power * step >= value * (1 - 1e-9)))
 
 
 SAFE_BUCKLING_FACTOR = 5.0
-"""Load factor above which linear buckling suffices: real shells buckle at a fifth to a half of it."""
+"""Load factor above which linear buckling suffices, because real shells buckle at a fifth to a half of that factor."""
 
 LABELS = {
     "full": "Whole sheet, uncut",
@@ -121,9 +121,8 @@ class CheckLine:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A comparison at one mass, with those at several volumes, if any.
-
-    A design without equilibrium (`carries` is False) has no `judged` and no `fields`.
+    """A comparison at one mass, and comparisons at several volumes if they exist. A design without equilibrium
+    (`carries` is False) has no `judged` and no `fields`.
 
     command : the command line of the comparison.
     share   : share of the surface, if the widths of the design are scaled.
@@ -209,8 +208,9 @@ class Findings:
         return self.judgement.cases[self.cases[0]]
 
     def decisive_case(self, answer: str) -> tuple[str, CaseResponse]:
-        """Return the case or combination with the largest displacement or stress, or the least buckling factor, and its
-        answer. Only cases of the limit state that judges this answer count: SLS for displacement, else ULS."""
+        """Return the decisive case or combination, and its answer: the largest displacement or stress, or the least
+        buckling factor. Only cases of the limit state that judges this answer count: SLS for displacement, else ULS.
+        """
         state: LimitState = "SLS" if answer == "displacement" else "ULS"
         return max(
             ((name, self.judgement.cases[name]) for name in self.task.preset.judged_in(state, self.judgement.cases)),
@@ -218,7 +218,9 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Select the cases and combinations with a figure of their own: of a standard's only the decisive ones."""
+        """Select the cases and combinations that get a figure; of combinations by a standard, only the decisive
+        ones.
+        """
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = (
             {self.cases[0], self.decisive_case("displacement")[0], self.decisive_case("stress")[0]}
@@ -387,7 +389,6 @@ class Findings:
 
 
 def _severity(case: CaseResponse, answer: str) -> float:
-    """Size of an answer for comparison: metres, pascals, or minus the buckling factor."""
     if answer == "buckling":
         return -math.inf if case.buckling is None else -case.buckling
     extreme: Extreme = getattr(case, answer)

@@ -58,7 +58,7 @@ def summary_section(findings: Findings, pictures: FindingsPictures, number: Capt
 
 
 def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Verdict by verdict."""
+    """Checks, each with its verdict."""
     blocks: list[Block] = [tables.checks_table(findings.checks, number, "The structure itself.")]
     if findings.claims:
         blocks.append(tables.checks_table(findings.claims, number, "Stiffness beside others of the same mass."))
@@ -258,7 +258,7 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
 
 
 def calibration_section(number: CaptionNumbers) -> ReportSection:
-    """Tests of the rule for the bound."""
+    """Tests of the rule that sets the error bound."""
     rows = calibration.shipped_table()
     calibration_result = calibration.summary(rows)
     kinds = len({row.kind for row in rows})

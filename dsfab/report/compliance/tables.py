@@ -139,7 +139,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Sums of forces of each case and combination, on the cut sheet if it carries all, and checks on each."""
+    """Sums of forces of each case and combination, and their checks; on the cut sheet if it carries all of them."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
@@ -215,7 +215,6 @@ UNITS = {
 
 
 def _settings_words(thing: Any) -> str:
-    """For example 'axis x, end min; force (0, -1000, 0) N' of a load or a support."""
     words: list[str] = []
     for field in fields(thing):
         value = getattr(thing, field.name)
@@ -245,7 +244,7 @@ def _value_words(value: Any) -> str:
 
 
 def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
-    """Meshes of the full check, for the governing case; None after a quick one."""
+    """Meshes of the full check, for the governing case; None after a quick check."""
     check, name = findings.judgement.check, findings.cases[0]
     if check is None:
         return None

@@ -1,4 +1,4 @@
-"""The verdict of a report in sentences: on the structure itself, and beside others of its mass."""
+"""The verdict of a report in sentences: on the structure itself, and in comparison with structures of equal mass."""
 
 from dsfab.core.messages import length, mass, sentence
 from dsfab.report.compliance.findings import (
@@ -117,7 +117,7 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Say at which masses a thinner whole sheet is stiffer; '' if the comparison has none."""
+    """Return a sentence with the masses at which a thinner whole sheet is stiffer; '' without such masses."""
     pairs = [
         (f"{share:.0%}", compared.design, compared["thinner"])
         for share, compared in findings.volumes
@@ -150,7 +150,7 @@ def _highest_compliance(competitor: Competitor) -> float:
 
 
 def verdict_line(findings: Findings) -> str:
-    """Return for the terminal 'pass: compliance 59.9 J ± 1.8 % ...'."""
+    """Return the verdict as a line for the terminal: 'pass: compliance 59.9 J ± 1.8 % ...'."""
     if not findings.carries:
         return "fail: the design does not carry its loads"  # the table above has the reason
     words = within(findings.judgement.compliance, findings.judgement.bound, "J")

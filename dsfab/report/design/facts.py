@@ -53,7 +53,7 @@ def _attempt_cells(attempt: "Attempt") -> tuple[str, ...]:
 
 
 def attempt_facts(attempts: "Sequence[Attempt]") -> dict[str, Any]:
-    """Return `attempts` of `design.json`, best first; a refused one has no numbers."""
+    """Return `attempts` of `design.json`, best first; a refused attempt has no numbers."""
     return {} if not attempts else {"attempts": [_attempt_facts(attempt) for attempt in attempts]}
 
 
@@ -94,7 +94,7 @@ def _alternative_line(alternative: Mapping[str, Any]) -> str:
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:
-    """Return `candidates` of `design.json`, best first; a refused one has no numbers."""
+    """Return `candidates` of `design.json`, best first; a refused candidate has no numbers."""
     return {} if choice is None else {"candidates": [_candidate_facts(candidate) for candidate in choice.candidates]}
 
 

@@ -16,11 +16,10 @@ if TYPE_CHECKING:
 
 def load_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
     """Return `supports` and `loads` of `design.json`; reactions and shares by case and combination, of the uncut sheet.
-
     Each load has its sum on the uncut surface (`force_N`) and, after slicing, on the cut sheet (`cut_force_N`).
 
-    solved : also report reactions, which needs the statics.
-    Raises DsfabError for supports and loads that pick nothing, and of the statics.
+    solved : whether to add reactions, which need the statics.
+    Raises DsfabError for supports and loads that select nothing, and if the statics fail.
     """
     from dsfab.design import acting_on
     from dsfab.statics import load_entries, support_entries
@@ -97,14 +96,13 @@ def _support_row(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
 
 def _load_row(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
     sizes = [vector_size(entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
-    balanced = sizes[0] < 1e-3 * entry["sum_of_magnitudes_N"]  # as pressure all around cancels out
+    balanced = sizes[0] < 1e-3 * entry["sum_of_magnitudes_N"]  # for example, pressure from all sides cancels out
     sums = ["0 N" if balanced else force(size) for size in sizes]
     direction = "cancels out" if balanced else direction_phrase(entry["force_N"])
     return entry["name"], *([entry["case"]] if several else []), *sums, direction, _extent_words(entry)
 
 
 def _extent_words(entry: Mapping[str, Any]) -> str:
-    """For example '4.2 m' of a line, '18 m2' of faces, else 'points'."""
     if entry["along_m"]:
         return length(entry["along_m"])
     if entry["area_m2"]:
@@ -241,12 +239,10 @@ def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _is_limit_of_preset(check: Mapping[str, Any]) -> bool:
-    """True if [fabrication] sets the limit; older files list such limits only."""
     return bool(check.get("asked", True))
 
 
 def _narrow_line(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Warn of features that are narrower than the sheet is thick and have no limit: place and remedy."""
     thickness, limits = facts.get("thickness_m", 0.0), {c["limit"] for c in facts["checks"] if _is_limit_of_preset(c)}
     unlimited = {
         key: facts[MEASURED_KEY[key]]

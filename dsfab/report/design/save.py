@@ -27,7 +27,7 @@ MARKED_PICTURE = (1600, 1200)
 """Pixels of fabrication.png."""
 
 MAY_BE_REFUSED = ("step", "stpz", "brep")
-"""Formats with limits of size. A design that misses a limit is written in the other formats, with a note."""
+"""Formats with limits of size. If a design exceeds a limit, the remaining formats are written, with a note."""
 
 
 class SavedDesign(NamedTuple):
@@ -79,8 +79,6 @@ def save(
 
 
 def _measured_facts(design: Design, progress: Progress, marks: Path | None) -> dict[str, Any]:
-    """Measure fabrication and pattern, after a search also the alternatives; draw `marks`.
-    Raises PatternError as `require_fit`."""
     progress("fabrication", "measuring members, gaps and walls")
     measures = fabrication(design)
     require_fit(design, measures)
@@ -102,7 +100,6 @@ def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
 
 @contextmanager
 def _picture_meanwhile(design: Design, path: Path, progress: Progress) -> Iterator[None]:
-    """Draw the picture while the body of the `with` runs; wait for it at the end."""
     from dsfab.render.design_picture import picture_in_background
 
     with picture_in_background(design, path) as finish:
@@ -126,8 +123,7 @@ def _copy_mesh(preset: Preset, folder: Path, build_folder: Path) -> None:
 
 
 def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _WrittenFiles:
-    """Write all formats of the preset; call `numbers` meanwhile.
-    Slow formats, which another program checks for seconds, start first."""
+    """Write all formats of the preset and call `numbers` meanwhile; slow formats start first."""
     suffixes = design.preset.export.formats
     files_by_suffix, slow_names = dict[str, _WrittenFiles](), list[str]()
 
@@ -181,7 +177,6 @@ def _write_format(design: Design, folder: Path, suffix: str, progress: Progress)
 
 
 def _write_part_files(design: Design, folder: Path) -> Iterator[str]:
-    """Write an STL file for each part of a solid split for a machine; other formats keep all parts in one file."""
     if design.solid.pieces == 1 or not any(isinstance(extra, SplitBodies) for extra in design.preset.thickening.extra):
         return
     for number, part in enumerate(parts(design.solid), 1):

@@ -155,7 +155,7 @@ def case_facts(design: "Design") -> dict[str, Any]:
 
 
 def cut_load_facts(design: "Design") -> dict[str, Any]:
-    """Return `load_N`, newtons on the cut sheet by case and combination; empty if a load finds no material."""
+    """Return `load_N`, newtons on the cut sheet by case and combination; empty if a load meets no material."""
     from dsfab.core.errors import DsfabError
     from dsfab.design import loads_on
 
@@ -194,7 +194,9 @@ def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[s
 
 
 def case_lines(design: "Design") -> list[str]:
-    """Return stiffness of the uncut sheet and reactions: two lines for one case, else a line for each."""
+    """Return lines on the stiffness of the uncut sheet and its reactions: two lines for one case, else a line for
+    each.
+    """
     cases = design.statics.cases
     if len(cases) == 1:
         (case,) = cases.values()

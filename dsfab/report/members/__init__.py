@@ -60,14 +60,15 @@ DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))
 """Number, name and unit of each component."""
 
 DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68
-"""Inches of a row of diagrams; the axis below has half a row more."""
+"""Width and height of a row of diagrams in inches; the axis below takes half a row more."""
 RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 """Colours of positive values, negative values, and lines."""
 
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
-    """Draw two rows for each member in its case or combination: N, Vy, Vz, and below Mt, My, Mz.
-    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes."""
+    """Draw two rows for each member in its case or combination: N, Vy, Vz, and below them Mt, My, Mz.
+    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes.
+    """
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -149,8 +150,9 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
 
 
 def bay_values(design: Design) -> Floats:
-    """(m,) utilisation of the bay that each cell of the sheet of members is nearest to; NaN without a bay.
-    At a crossing the larger value counts."""
+    """Return the utilisation (m,) of the bay nearest to each cell of the members' sheet; NaN without a bay.
+    At a crossing the larger value counts.
+    """
     graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
@@ -167,7 +169,7 @@ def bay_values(design: Design) -> Floats:
 
 
 def worst_member_words(utilisation: Utilisation) -> str:
-    """Return for example 'B10, 63 %'."""
+    """Return the most used members in words, for example 'B10, 63 %'."""
     return (
         f"{utilisation.bays.member[utilisation.order[0]]}, {percent(float(utilisation.largest[utilisation.order[0]]))}"
     )
@@ -230,8 +232,7 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
 
 
 def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
-    """Divisor, unit and decimals for all forces or all moments, so that columns can be compared.
-    The largest value has four digits; each has two decimals at least."""
+    """Return divisor, unit and decimals for all forces or all moments, so that columns can be compared."""
     largest = max(float(np.abs(values).max()), 1e-9)
     factor, name = prefixed_unit(largest, unit)
     return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))

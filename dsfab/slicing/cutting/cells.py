@@ -98,16 +98,14 @@ class Cells:
 
 LARGEST = 9
 """Most corners for `triangulate` at once, because its dynamic programme takes cubic time; it first halves larger
-polygons.
-"""
+polygons."""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
     """Fill convex polygons with triangles (m, 3), all oriented alike; return also the polygon (m,) of each, ascending.
 
     X : (n, 3) positions. Polygons may have straight corners (180 degrees) but must have an area. Then every triangle
-    has an area too. Each side of a polygon is a side of one triangle, so that neighbouring polygons fit.
-    """
+    has an area too. Each side of a polygon is a side of one triangle, so that neighbouring polygons fit."""
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
@@ -244,8 +242,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
     reach : (n, 2) the largest range of each field over the edges at a vertex.
 
     The second value moves by as much, so that a stripe keeps its width, but never across a level. Two fields at a
-    constant distance move like a single field that has the levels of both.
-    """
+    constant distance move like a single field that has the levels of both."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
@@ -281,5 +278,4 @@ def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floa
 
 
 def _rounding(x: Floats) -> float:
-    """Rounding error of a constant field that an earlier cut has interpolated."""
     return float(8 * np.spacing(np.abs(x).max()))  # the error is below 8 units in the last place

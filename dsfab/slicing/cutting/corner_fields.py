@@ -161,8 +161,7 @@ def corner_band(
 
     If neighbours see the field with opposite signs, the upper edge of a stripe in one face is the lower edge in the
     next.
-    Both fields divide such a mesh edge before the cut, so that both faces get the same vertices.
-    """
+    Both fields divide such a mesh edge before the cut, so that both faces get the same vertices."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -199,8 +198,7 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
     """(c,) mask of polygons in openings that want the field on enough area (m,), and of members between such
-    openings.
-    """
+    openings."""
     least = 0.5  # an opening needs stripes in this share of its area
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
@@ -277,8 +275,7 @@ class StripeCut:
         """Cut the active polygons along the levels of one side of the field; return also the number of levels below
         (c',).
 
-        above : the strip of a polygon that lies on a level. Like `clean_split`, this leaves no polygon without area.
-        """
+        above : the strip of a polygon that lies on a level. Like `clean_split`, this leaves no polygon without area."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

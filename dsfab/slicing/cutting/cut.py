@@ -188,8 +188,7 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
     """The levels without repetitions: an odd number of equal levels leaves one level, an even number none.
 
-    For a pair of fields, any number of equal levels leaves one level.
-    """
+    For a pair of fields, any number of equal levels leaves one level."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")

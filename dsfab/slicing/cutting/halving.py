@@ -2,8 +2,7 @@
 
 Where lines crowd, the halving leaves out every second line, or three of four: line k stays if it is a multiple
 of 2^level. Lines must end on other lines. So each opening between lines that are always drawn has one level:
-first openings between the coarse lines of both families, then also between the finer lines of the first family.
-"""
+first openings between the coarse lines of both families, then also between the finer lines of the first family."""
 
 from dataclasses import dataclass, replace
 
@@ -18,9 +17,7 @@ from dsfab.surface.topology import link_components
 
 GAIN = 0.45
 """Least gain of evenness for leaving out more lines, as a power of two of P95 over P5 of the spacings.
-
-Stress makes lines crowd; structures are up to a tenth softer without these lines.
-"""
+Stress makes lines crowd; structures are up to a tenth softer without these lines."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +26,7 @@ class LineHalving:
 
     mesh   : its polygons.    level : (c, 2) number of halvings of each family in each polygon.
     phases : the fields, moved onto vertices that a line nearly meets.
-    first  : the family whose lines came first; lines of the second family may end on them.
-    """
+    first  : the family whose lines came first; lines of the second family may end on them."""
 
     mesh: PolygonMesh
     level: Ints
@@ -122,8 +118,7 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
     """(p,) for the pairs of neighbours: True if a line between them is a multiple of the smaller of their periods (c,).
 
     Neighbours see the field with their own sign and shift. The strip between two lines is identified by its middle,
-    half of a whole number, because conversion is exact for it. Blank faces are walls on all sides.
-    """
+    half of a whole number, because conversion is exact for it. Blank faces are walls on all sides."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)

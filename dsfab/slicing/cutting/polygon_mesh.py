@@ -91,8 +91,7 @@ class PolygonMesh:
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
         """(p,) the slots of both sides of each inner edge, and the slot of the second polygon at the start of the
-        first side.
-        """
+        first side."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -257,8 +256,7 @@ class Contacts:
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
         """(p,) remaining parts that a removal cut off from all supports: edges, anchors and the parts that always
-        stay.
-        """
+        stay."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:

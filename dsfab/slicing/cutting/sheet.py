@@ -96,8 +96,7 @@ class Sheet:
         """Interpolate values x (m, 3, k) at the corners of the uncut faces F (m, 3) to this sheet's vertices (n', k).
 
         Each vertex takes the values from the parent of the first cell around it. On a Moebius strip other faces may see
-        vectors from their other side. The result equals `carry` if the corners at each vertex agree.
-        """
+        vectors from their other side. The result equals `carry` if the corners at each vertex agree."""
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -195,8 +194,7 @@ def inner_walls(void: Surface, surface: Surface, faces: Ints) -> Bools:
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
     """(count,) hydraulic diameters 4 area / perimeter of the pieces of a part; infinite where walls do not enclose
-    a piece.
-    """
+    a piece."""
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     piece = label[part.edges.order[part.edges.start[:-1]][edge] // 3]

@@ -203,7 +203,6 @@ def split_cells(
 
 
 def _level_places(x: Floats, levels: Floats) -> Ints:
-    """Positions of values: 2 k in strip k, above k levels; 2 k + 1 on levels[k]."""
     below = np.searchsorted(levels, x)
     return np.asarray(2 * below + (levels[np.minimum(below, len(levels) - 1)] == x))
 
@@ -371,8 +370,7 @@ def clean_split(
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
     """Return the vertices (k,) that are corners of divided cells without area; X (n, 3) are the positions of all
-    vertices.
-    """
+    vertices."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided

@@ -26,8 +26,7 @@ class Freedom(NamedTuple):
     """Possible moves of wall vertices. vertex : (k,).    along : (k, 2, 3) unit directions, 0 for a missing one.
 
     share : (k, 2, 3) change of the weights of the columns `column` (k, 3) for a metre along each direction.
-    most  : (k,) largest moves, metres: a tenth of the mesh edge of the vertex, twice the largest snap onto vertices.
-    """
+    most  : (k,) largest moves, metres: a tenth of the mesh edge of the vertex, twice the largest snap onto vertices."""
 
     vertex: Ints
     along: Floats
@@ -150,8 +149,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
     """Linear equations for the vertex steps: rows of the sums of value (k, j, 3) . position of vertices q (k, j),
-    and `value`.
-    """
+    and `value`."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])

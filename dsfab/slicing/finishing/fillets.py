@@ -46,8 +46,7 @@ def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iter
     walls
     in space, are left out. The function yields twice: for the vertices nearest to the discs, and for the farthest
     vertices, because on a curved surface only one of them may see the arc. The second result leaves out `taken`
-    stretches.
-    """
+    stretches."""
     flat = FlatOpenings.from_sheet(corners.sheet, corners.walls)
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
@@ -116,8 +115,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
     """The stops beyond which no other disc has room, and pairs of walls (p,) beyond each stop, one near and one far.
 
-    An opening may widen again behind a neck; such a stop is not a tip.
-    """
+    An opening may widen again behind a neck; such a stop is not a tip."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -322,8 +320,7 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
     on
     cells that are coarse beside the radius, would touch other material in a point. Raises PatternError for a radius
     that
-    is not a length.
-    """
+    is not a length."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
     corners = Corners.from_sheet(sheet)
@@ -371,8 +368,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 
     arc : (p,) arc of each cell, and corner : (p, 3) the cell's vertices. Each round takes the arcs that come first, in
           a
-    scattered order, at all their vertices, so that few rounds are needed.
-    """
+    scattered order, at all their vertices, so that few rounds are needed."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))

@@ -84,8 +84,7 @@ class FinishingOptions(NamedTuple):
     merge   : slits to fill. Without any, necks, rounded openings and members stay as they are.
     neck    : openings with a narrower neck get a bridge; 0 for none.
     fillet  : radius of round corners, or 0.
-    member  : members narrower than this between round corners become wider; 0 for none.
-    """
+    member  : members narrower than this between round corners become wider; 0 for none."""
 
     snap: float
     pinch: Rule
@@ -108,8 +107,7 @@ class FinishedSheet:
     """All cells after some passes.
 
     counts : numbers of details that passes changed, by the names of the passes.
-    radii  : (k,) radii of the round corners, metres.
-    """
+    radii  : (k,) radii of the round corners, metres."""
 
     cells: Sheet
     counts: Counter[str] = field(default_factory=Counter)
@@ -280,8 +278,7 @@ def least_widths_of(
 ) -> LeastWidths:
     """Return finished cells with least widths, metres, of openings and members, see `with_least_widths`.
 
-    trial : a trial cut of the same cells and widths already holds the result.
-    """
+    trial : a trial cut of the same cells and widths already holds the result."""
     if trial and trial.latest.cells is cells and trial.least and trial.least[0] == (gap, member):
         return trial.least[1]
     return with_least_widths(cells, gap, member, options.merge, options.rounded_neck)

@@ -74,8 +74,7 @@ class FlatOpenings:
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
         """Return for points (p, 2) the nearest walls (p,), by place in `wall`, and the share of each before the
-        nearest point.
-        """
+        nearest point."""
         nearest_places = self._nearest(points)
         start, finish = self.start[nearest_places.simplex], self.start[self.after[nearest_places.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
@@ -132,8 +131,7 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     """Yield parts without room for a disc of a radius, metres: necks, whole openings, and blind alleys.
 
     A blind alley has two runs near its mouth. The function leaves out short tips, and parts that go around something,
-    because either all sides of such a part have room or none.
-    """
+    because either all sides of such a part have room or none."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()

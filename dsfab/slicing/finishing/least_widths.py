@@ -34,8 +34,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
     """Return points (k, 2, 3) on both sides of members between openings that are under `least` metres and narrow by
-    `LOCAL`.
-    """
+    `LOCAL`."""
     if not cells.has_openings:
         return NOWHERE
     material, from_material = face_subset(cells.surface, cells.material)
@@ -104,8 +103,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
     An opening that is narrower everywhere becomes material, and so does a small opening that a bridge cuts off.
     Openings
-    at the edge of the surface stay, and so do tips, because `rounded_corners` rounds these.
-    """
+    at the edge of the surface stay, and so do tips, because `rounded_corners` rounds these."""
     count = 0
     for _ in range(4):  # a bridge may leave necks on both of its sides
         if not cells.has_openings:
@@ -124,8 +122,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     number.
 
     `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
-    Therefore this function measures as `features` does.
-    """
+    Therefore this function measures as `features` does."""
     for slim in (1.0 * width, 0.5 * width):  # over a ridge a broad bridge may miss the other wall
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
@@ -225,8 +222,7 @@ SNAP = 0.05
 
 class LeastWidths(NamedTuple):
     """Cells, and numbers of filled openings, bridges, strips beside members, slits filled afterwards, and bridges
-    in necks.
-    """
+    in necks."""
 
     cells: Sheet
     filled: int
@@ -304,8 +300,7 @@ def _with_wider_members(cells: Sheet, member: float) -> tuple[Sheet, int]:
 
 def _with_side_strips(cells: Sheet, places: Floats, member: float) -> tuple[Sheet, int]:
     """The cells with strips on both sides of members at points (k, 2, 3) on their walls, except surface edges; and
-    the number.
-    """
+    the number."""
     if not len(places):
         return cells, 0
     walls, half = Walls.from_sheet(cells), np.array([1.1 * member / 2, 1.5 * member])  # as walls are not parallel

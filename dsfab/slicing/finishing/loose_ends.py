@@ -45,8 +45,7 @@ CROSSING, KEPT, NODE = -1, -2, -3
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> PolygonMesh:
     """Remove parts of stripes that run across their direction; then remove, one after another, parts that lead
-    nowhere.
-    """
+    nowhere."""
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
@@ -88,8 +87,7 @@ def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, s
     """(c,) polygons of removed parts (p,) and of parts that then lead nowhere; (c,) polygons that this cuts off.
 
     stays : (p,) parts that always stay. Where a crossing has lost one member, the second member ends. So a part with a
-    single neighbour joins that neighbour if it is as short as wide, because it is not an end by itself.
-    """
+    single neighbour joins that neighbour if it is as short as wide, because it is not an end by itself."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)

@@ -183,8 +183,7 @@ class CollapseMoves(NamedTuple):
 def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
     """Collapse edges once to raise the smallest angle around a vertex; return also the number of collapses.
 
-    tolerance : largest distance, metres, of an edge of a stripe, a family or the surface from its original place.
-    """
+    tolerance : largest distance, metres, of an edge of a stripe, a family or the surface from its original place."""
     moves = _along_lines(cut, _candidates(cut), tolerance)
     moves, gain = _improving_moves(cut, moves)
     if not len(moves.v):
@@ -210,8 +209,7 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
     """Moves of vertices of the cut away from cells with angles under 25 degrees; they stay in all uncut faces
-    around them.
-    """
+    around them."""
     poor = (cut.smallest_angle < 25) & (cut.family != VOID)
     edge = distinct(cut.edges.of[poor])
     v, w = np.concatenate([cut.edges.ends[edge], cut.edges.ends[edge][:, ::-1]]).T
@@ -231,8 +229,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     A vertex without lines may go anywhere. A vertex on a line may move along the line, or to a vertex without lines.
     Two
     joints of three lines may meet if the material around them stays one fan, so not along a border of families, because
-    void is at its ends. Vertices stay on the boundary of the surface.
-    """
+    void is at its ends. Vertices stay on the boundary of the surface."""
     v, w, _ = moves
     count = np.bincount(cut.edges.ends[cut.lines].ravel(), minlength=len(cut.V))
     rim = on_boundary(cut.edges, len(cut.V))

@@ -52,8 +52,7 @@ class Arcs:
         """Unit normals (k, 2, 2) of the lines from the middle through both feet, away from the arc, and their distance
         (k, 2).
 
-        The region that an arc fills lies on the inner side of both lines.
-        """
+        The region that an arc fills lies on the inner side of both lines."""
         a, b = (unit(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
@@ -80,8 +79,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
     first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners.
 
     The void is on the right of a and on the left of b. Newton's method acts on both distances: the circle that touches
-    the tangents at the nearest points is the next guess.
-    """
+    the tangents at the nearest points is the next guess."""
     centre, valid = (
         _first_centres(a, b, radius) if first_centre is None else (first_centre, np.ones(len(first_centre), dtype=bool))
     )
@@ -108,8 +106,7 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
     """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n, and a mask of
-    them.
-    """
+    them."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
     regular = np.abs(det) > 0.02  # smaller values mean nearly parallel walls
     det = np.where(regular, det, 1.0)
@@ -256,8 +253,7 @@ class Corners:
         """Return arcs of radii (p,) metres at corners (p,), in their `frames`, and the factors by which they must
         shrink.
 
-        A factor is 1 for an arc that fits between its neighbours, and `SMALLER` for an arc that touches no walls.
-        """
+        A factor is 1 for an arc that fits between its neighbours, and `SMALLER` for an arc that touches no walls."""
         ahead, behind = (
             np.minimum(length[rows], 2 * radius * self.tangents[rows] + radius) for length in self.wall_lengths
         )
@@ -274,8 +270,7 @@ class Corners:
         """(p, q, 2) the walls before or behind corners (p,), away from the corners up to a reach (p,), metres, in
         their `frames`.
 
-        Shorter lines repeat their last point. The search examines 8 to 256 walls.
-        """
+        Shorter lines repeat their last point. The search examines 8 to 256 walls."""
         walls, V, count = self.walls, self.sheet.surface.V, 8
         begin, vertex = self.first[rows], walls.start if back else walls.end
         while True:
@@ -292,8 +287,7 @@ class Corners:
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
         """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,), up to 2 % of a radius beyond, at
-        corners (p,).
-        """
+        corners (p,)."""
         walls = self.walls
         wall = np.full(self.sheet.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))

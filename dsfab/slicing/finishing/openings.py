@@ -45,8 +45,7 @@ class Openings:
     cells : all cells of the sheet.    part : all void cells, or a part of them.    face : (f,) the indices of these
             cells.
     label : (f,) the opening of each void cell, of `count`.    walls : (e,) the edges of `part` between void and
-            material.
-    """
+            material."""
 
     cells: Sheet
     part: Surface
@@ -147,8 +146,7 @@ class Openings:
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
         """Number of slits along members of a family, material cells (m',), and the share of their wall length
-        beside slits.
-        """
+        beside slits."""
         own_edges = np.zeros(len(self.cells.surface.edges.ends), dtype=bool)
         own_edges[self.cells.surface.edges.of[family]] = True
         wall = self._wall_crossings.walls[:, 0]
@@ -260,8 +258,7 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
     merge : "crowded" for the slits of `Openings.crowded_slits` only.
 
-    Openings beside a broader member may become slits. So the function repeats until no slit is left.
-    """
+    Openings beside a broader member may become slits. So the function repeats until no slit is left."""
     filled = 0
     while (openings := Openings.from_sheet(cells)) is not None:
         slits = openings.crowded_slits if merge == "crowded" else openings.slits

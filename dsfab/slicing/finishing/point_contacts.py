@@ -28,8 +28,7 @@ DISC_ROUNDS = 3
 """Most rounds of discs, because a disc can make a new pinch where its rim meets another stripe."""
 CORNER_ROUNDS = 2
 """Most rounds of corner cuts after the discs, which make no new pinch; the second is for neighbours of earlier
-pinches.
-"""
+pinches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +52,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     take the family of the first material cell at their pinch. Pinches on the surface's boundary count too.
 
     Raises PatternError without material, before or after; for an impossible `radius` or `rule`; and for remaining
-    pinches ("join" cannot mend a place where the surface touches itself in a vertex).
-    """
+    pinches ("join" cannot mend a place where the surface touches itself in a vertex)."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):

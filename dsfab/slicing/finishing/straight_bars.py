@@ -148,9 +148,7 @@ UNEVEN = 0.12
 """Bent bars stay if their outline is nearer than this share of their width to the outline with an even bow."""
 FAR = 1.5
 """Bars stay if their outline is farther than this share of their width from the new outline.
-
-Such bars bend in another way, or another member touches them.
-"""
+Such bars bend in another way, or another member touches them."""
 SNAP = 0.02
 """Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers."""
 LARGER = 2.5
@@ -185,8 +183,7 @@ def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tid
     """Bars to replace: nodes (c,) with the stretches that touch them, and stretches near singular points (c,); no
     overlap.
 
-    Crossings that touch a node belong to the node if that makes a bar, because stripes may overlap before they end.
-    """
+    Crossings that touch a node belong to the node if that makes a bar, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))

@@ -30,8 +30,7 @@ EYELET, LARGER = 0.5, 2.5
 """Limits for stubs around an eyelet, an opening smaller than EYELET times its neighbour: LARGER holds instead of
 `LARGE`.
 
-Such a hook divides nothing.
-"""
+Such a hook divides nothing."""
 GOOD = 1.1
 """Stubs stay if all openings beside them are larger, because the stub of a Y divides such openings well."""
 SMALL = 0.6
@@ -178,8 +177,7 @@ class _Bars:
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
         """(b,) the group of each chosen bar (b,), -1 elsewhere, and the number of groups; bars at one opening form
-        a group.
-        """
+        a group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]

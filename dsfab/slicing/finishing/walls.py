@@ -57,8 +57,7 @@ class Walls:
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
         """(k,) the walls `steps` (k,) after `wall` (k,) along its chain, and a mask of those before the end of an
-        open chain.
-        """
+        open chain."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -104,8 +103,7 @@ class Walls:
 
 def next_in_chains(chain: Ints) -> Ints:
     """Return the next position (k,) of each in its chain; the last leads to the first. chains (k,) are runs of one
-    number.
-    """
+    number."""
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
     after[np.append(chain_start[1:], len(chain))[: len(chain_start)] - 1] = chain_start
@@ -145,8 +143,7 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 class Stretches:
     """Parts (p,) of chains; a part that runs over the beginning of a closed chain has two entries.
 
-    low, high : (q,) metres, with all chains laid end to end.    part : (q,) the part of each entry.
-    """
+    low, high : (q,) metres, with all chains laid end to end.    part : (q,) the part of each entry."""
 
     low: Floats
     high: Floats

@@ -261,8 +261,7 @@ class StripeMiddles:
 class _Pieces(NamedTuple):
     """Faces (s,), numbers of lines (s,), and the slots (s, 2) of faces at which pieces end.
 
-    Slots 0 to 2 are corners; slots 3 to 5 are the edges that begin at corner slot - 3.
-    """
+    Slots 0 to 2 are corners; slots 3 to 5 are the edges that begin at corner slot - 3."""
 
     face: Ints
     line: Ints

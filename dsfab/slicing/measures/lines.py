@@ -76,8 +76,7 @@ class Spans(NamedTuple):
     """Remaining parts of segments.
 
     segment : (p,) segment of each part.    begin, end : (p,) positions on it, 0 to 1.
-    of_pair : (q,) the part that each pair of segment and cell belongs to.    cell : (q,) the cell of the pair.
-    """
+    of_pair : (q,) the part that each pair of segment and cell belongs to.    cell : (q,) the cell of the pair."""
 
     segment: Ints
     begin: Floats
@@ -235,8 +234,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
     sheet      : the material.    F : (m, 3) the uncut faces.
     passing    : values of `sheet.family`. The result leaves out lines that run through such cells only, because they
                  pass
-                 below another member and the cut made no member along them.
-    """
+                 below another member and the cut made no member along them."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -258,8 +256,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
     """(p, 2) the nodes of the parts of the segments, at most two parts at each node, and the points of all nodes.
 
-    A cut segment gets a separate node. If more than two segments meet, all of them end there.
-    """
+    A cut segment gets a separate node. If more than two segments meet, all of them end there."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -362,8 +359,7 @@ def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> 
 
     phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d; d = 0 means no member,
     and no middle line even in other material. Both fields are linear in each cell of the sheet, so the lines are exact
-    and end at the edges of the sheet.
-    """
+    and end at the edges of the sheet."""
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0
@@ -398,8 +394,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
     """The boundary as loops of vertices, with a two-sided surface on their left, and the half-edge after each
-    vertex.
-    """
+    vertex."""
     table = surface.edges
     half_edge = table.order[table.start[:-1][table.boundary]]
     start, end = surface.F.ravel(), np.roll(surface.F, -1, axis=1).ravel()

@@ -39,8 +39,7 @@ class DrawnBand:
     field  : at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
     centre : the middle line is where the mean of both columns is a level + centre.
-    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`.
-    """
+    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`."""
 
     family: str
     field: CornerField | Floats

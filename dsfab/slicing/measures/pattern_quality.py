@@ -182,8 +182,7 @@ class Arms(NamedTuple):
     """Strips of material in which a sheet leaves a ball.
 
     direction : (a, 3) unit vectors towards the strips; two zero vectors for a ball that material surrounds.
-    normal    : (a, 3) mean unit normals of the strips.    width : (a,) metres across.
-    """
+    normal    : (a, 3) mean unit normals of the strips.    width : (a,) metres across."""
 
     direction: Floats
     normal: Floats
@@ -310,8 +309,7 @@ class PatternQuality:
     crossing_angle : degrees, the smallest between two members that cross; 90 without crossings.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
                      largest over all symmetries; None without any.
-    turned         : degrees by which the user turned the stripes off the stress; deviations count from there.
-    """
+    turned         : degrees by which the user turned the stripes off the stress; deviations count from there."""
 
     major: FamilyQuality
     minor: FamilyQuality
@@ -379,8 +377,7 @@ def _family(
     chart: StripeChart, k: int, stress: Floats, direction: Floats, confidence: Floats, turning: Floats
 ) -> tuple[FamilyQuality, Bays]:
     """Quality of family k: its members should run along direction k, and its phase should grow along the second
-    direction.
-    """
+    direction."""
     shown = bool((chart.d[:, k] > 0).any())
     area, has_spacing, slope = chart.surface.areas, chart.steep(k) & shown, chart.slope[k]
     spacing = 1 / slope

@@ -217,8 +217,7 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
     """For half-edges (3 m,) on the boundary: loop, metres along the loop to their middle, and True if they run along
     it.
 
-    Returns also the length of each loop. Loops need no orientation of the faces.
-    """
+    Returns also the length of each loop. Loops need no orientation of the faces."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -263,8 +262,7 @@ ROUNDING = 1e-6
 @dataclass(frozen=True, eq=False)
 class Feature:
     """The smallest member, gap or edge: metres, its place (3,), a word for it, and the mesh width of the uncut
-    surface there.
-    """
+    surface there."""
 
     size: float
     place: Floats
@@ -320,8 +318,7 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
     """(b + 1,) limits of `count` equal bins from 0 to about `end`; a bin ends at `limit` if that is below `end`.
 
-    If this would take more than `largest_count` bins, the first bin is narrower and ends at the limit.
-    """
+    If this would take more than `largest_count` bins, the first bin is narrower and ends at the limit."""
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))

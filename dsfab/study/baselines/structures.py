@@ -138,7 +138,6 @@ class ComparisonTask:
 @dataclass(frozen=True, eq=False)
 class Structure:
     """A sheet for a judge.
-
     cells  : all cells, material and void.        names : fields that mark material, see `cut`.
     sheet  : the built sheet, without loose pieces.       pieces : number of its pieces.      thickness : metres.
     """
@@ -350,9 +349,8 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return (2, 3) unit axes along which the surface is longest.
-
-    If axes are equally long, the axes of loads and supports decide.
+    """Return (2, 3) unit axes along which the surface is longest. If axes are equally long, the axes of loads and
+    supports decide.
     """
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
@@ -367,7 +365,6 @@ def principal_axes(task: ComparisonTask) -> Floats:
 def _pair_variants(
     task: ComparisonTask, preset: Preset, diffusion: Callable[[], DiffusionResult], pairs: Iterable[tuple[int, int]]
 ) -> list[Variant]:
-    """Return a variant for each pair of modes; the first variant computes `diffusion` for all."""
     phases = preset.pattern.major.shift, preset.pattern.minor.shift
 
     def structure_of_pair(pair: tuple[int, int]) -> Structure:

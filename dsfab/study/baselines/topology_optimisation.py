@@ -18,9 +18,8 @@ from dsfab.surface import LoadCase, Surface
 
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
-    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart; each row sums to 1.
-
-    A weight is A_f (radius - distance) before it is divided by the sum of its row. The area A_f removes the effect of
+    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart; each row sums to 1. A
+    weight is A_f (radius - distance) before it is divided by the sum of its row. The area A_f removes the effect of
     local refinement [Sigmund 2007].
     """
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
@@ -94,7 +93,6 @@ class Simp:
 @dataclass(frozen=True, eq=False)
 class Densities:
     """Result of SIMP.
-
     density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
     history : (iterations,) compliance (J) before each step. Its sheets have densities between 0 and 1, which cannot be
               built.
@@ -115,11 +113,9 @@ class Densities:
         return float(self.history[-1])
 
     def grey(self, surface: Surface) -> float:
-        """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material.
-
-        The share is large where both principal stresses are equal and opposite, as on a sphere pressed at its pole.
-        There a
-        rib loses across itself the stiffness that it gains along itself, so no start leads to ribs.
+        """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material. The share is
+        large where both principal stresses are equal and opposite, as on a sphere pressed at its pole. There a rib
+        loses across itself the stiffness that it gains along itself, so no start leads to ribs.
         """
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
@@ -133,7 +129,6 @@ def densities(
     options: Simp | None = None,
 ) -> Densities:
     """Return densities of the faces with the least compliance for sum (density x face area) = `area`, square metres.
-
     Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
     membrane and bending stiffness alike. Sensitivities are filtered, and densities follow optimality criteria as in
     top88 [Andreassen et al. 2011]; the matrix is analysed once.
@@ -184,10 +179,9 @@ def simp(task: ComparisonTask) -> list[Variant]:
 
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
-    """Return the task with two kinds of kept regions: painted regions, and discs around loads and supports.
-
-    The discs have the radius of the filter. With the preset's rim, the optimiser would spend its material like the
-    preset: on an L-bracket with 30 % of the material it was 3.2 or 5.0 times as soft as the whole plate.
+    """Return the task with two kinds of kept regions: painted regions, and discs around loads and supports. The discs
+    have the radius of the filter. With the preset's rim, the optimiser would spend its material like the preset: on an
+    L-bracket with 30 % of the material it was 3.2 or 5.0 times as soft as the whole plate.
     """
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
@@ -217,7 +211,6 @@ def _cut_structure(task: ComparisonTask, result: Densities) -> Structure:
 
 
 def _level_set_layers(field: Floats, task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
-    """Return kept layers, and the level of a field (n,) above which `share` of the surface lies."""
     high, low = float(field.max()), float(field.min())
     margin = 1e-3 * (high - low)
     every = np.full(task.surface.n, np.inf)

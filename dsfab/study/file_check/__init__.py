@@ -57,7 +57,6 @@ AGREES, DIFFERS = 0.05, 0.15  # Relative differences of compliance within which 
 @dataclass(frozen=True)
 class Finding:
     """A question and its answer: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
-
     reason : a sentence; empty if the numbers explain the answer.
     """
 
@@ -127,7 +126,6 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check the contents of a file like `check_file`.
-
     With a design, the file must have been read with the deflection that `deflection_for(preset)` returns.
     unit_given : whether the user named the unit of the file's numbers.
     """
@@ -161,10 +159,6 @@ def _file_soundness(contents: FileContents, tell: Progress) -> Soundness:
 def _cut_and_measured(
     contents: FileContents, sound: Soundness, design: Design | None, tell: Progress
 ) -> tuple[list[Finding], Clearances | None, Distance | None]:
-    """Return OCCT's cut of a sound STEP file, walls and gaps, and the distance from a design.
-
-    The cut and the measurement run at the same time.
-    """
     walls_and_gaps, distances = list[Clearances](), list[Distance]()
 
     def measure() -> None:
@@ -204,10 +198,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication]: by the build's measures if the file equals the design, else by the file.
-
-    Rays between the file's triangles do not measure at the places where the build measures, for instance in wedges.
-    """
+    """Check the limits of [fabrication]: by the build's measures if the file equals the design, else by the file."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

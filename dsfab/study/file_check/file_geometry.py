@@ -76,8 +76,7 @@ def read_shipped(
     deflection : tolerance (m) of the triangles of curved STEP faces; 0 is the reader's default.
 
     Raises SurfaceError or ExportError, with one sentence, for a missing, empty, unreadable or unsuitable file. Raises
-    them
-    also for coordinates that are not finite, and for a unit if the file names its unit.
+    them also for coordinates that are not finite, and for a unit if the file names its unit.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -165,14 +164,12 @@ class Clearances:
 
 
 def clearances(V: Floats, F: Ints) -> Clearances:
-    """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards.
-
-    Four rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts
-    if its face is parallel to 20 degrees. The distance is that of the hit face's plane, which is exact between flat
-    faces. Neighbours that are not parallel to 3 degrees are the sides of a tip or a notch, and do not count. Flat
-    facets
-    that meet in a point do not count, nor do triangles too low for a normal in single precision. Widths of members are
-    walls too.
+    """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards. Four
+    rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts if
+    its face is parallel to 20 degrees. The distance is that of the hit face's plane, which is exact between flat faces.
+    Neighbours that are not parallel to 3 degrees are the sides of a tip or a notch, and do not count. Flat facets that
+    meet in a point do not count, nor do triangles too low for a normal in single precision. Widths of members are walls
+    too.
     """
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
@@ -265,7 +262,6 @@ class Distance:
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance between a file's solid and a design's solid, as in a build.
-
     flat   : metres, everywhere.     limits : limits of the smooth solid; None for a file without curved faces.
     """
 
@@ -274,11 +270,8 @@ class Allowance:
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowance of a file.
-
-        Triangles of STL and 3MF are exact. Planar faces of STEP may be simplified. Curved faces may be off by the
-        chord error
-        of the mesh, and their triangles by their deflection.
+        """Return the allowance of a file. Triangles of STL and 3MF are exact. Planar faces of STEP may be simplified.
+        Curved faces may be off by the chord error of the mesh, and their triangles by their deflection.
         """
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
@@ -323,7 +316,6 @@ def distance(contents: FileContents, design: Design) -> Distance:
 def _farthest(
     V: Floats, F: Ints, onto_V: Floats, onto_F: Ints, allowed: Allowance
 ) -> tuple[float, Floats, tuple[float, float]]:
-    """Return the largest distance from another mesh and its place; the largest excess and the allowance there."""
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())

@@ -81,7 +81,6 @@ def _run_gmsh(mesh_data: Mapping[str, Any], seconds: float = 300.0) -> tuple[Flo
 
 
 def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> Tetrahedra:
-    """Orient the tetrahedra to positive volume. Raises StaticsError if they do not fill the solid."""
     P = X[T]
     six = np.einsum("ki,ki->k", P[:, 1] - P[:, 0], np.cross(P[:, 2] - P[:, 0], P[:, 3] - P[:, 0]))
     T = np.where((six < 0)[:, None], T[:, [0, 2, 1, 3]], T)
@@ -194,7 +193,6 @@ def _shapes(local: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class Holding:
     """Springs that support a model, along combinations of its unknowns.
-
     rows : (r, N) a combination for each spring.     stiffness : (r,) N/m; a rigid support is a very stiff spring.
     """
 
@@ -236,7 +234,6 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 @dataclass(frozen=True)
 class SolidCompliance:
     """Compliances (J) of the cut sheet as a shell and of the file as a solid, under the loads that the pattern follows.
-
     tetrahedra, unknowns : their numbers in the solid model.    edge : longest edge on its surface, metres.
     elements : names of the shell's elements.
     """
@@ -284,7 +281,6 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
     """Points of a sheet in a solid of `thickness` metres.
-
     shift : distance from the sheet to the middle of the solid, in half thicknesses.
     """
 

@@ -96,7 +96,6 @@ def nonlinear_check(
 
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
     """Return the design with sharp corners of openings, because fillets are half of a dome's triangles.
-
     edge : edge length (m) of the cut surface if the design's edges are shorter; 0 leaves the design unchanged. A mesh
            that the design takes unchanged from its file stays. Fillets change linear buckling by 0.4 % only. Raises
            StaticsError for an edge that is negative or longer than the surface.
@@ -156,9 +155,8 @@ def _has_no_equilibrium(path: LoadPath) -> bool:
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return the load factors around the step that moves the structure most for its load.
-
-    Returns None if no step moves it much farther than the first, or if the factors differ by less than 2 %.
+    """Return the load factors around the step that moves the structure most for its load. Returns None if no step moves
+    it much farther than the first, or if the factors differ by less than 2 %.
     """
     moves = _relative_moves(path)
     step = int(moves.argmax())
@@ -167,11 +165,10 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
-    """Return the last step of a path that the structure bears, and whether the structure fails after that step.
-
-    It fails if the next step moves it 100 times as far for its load as the first step. It snaps if that step moves it
-    over `JUMP` times as far as the previous step and over `CANDIDATE` times as far as the first step. A path that ends
-    early also counts as failure, unless the time ran out.
+    """Return the last step of a path that the structure bears, and whether the structure fails after that step. It
+    fails if the next step moves it 100 times as far for its load as the first step. It snaps if that step moves it over
+    `JUMP` times as far as the previous step and over `CANDIDATE` times as far as the first step. A path that ends early
+    also counts as failure, unless the time ran out.
     """
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
@@ -182,10 +179,8 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the point at which a path may stop, or None: the end of a snap, or a soft point without equilibrium.
-
-    At a soft point, CalculiX would halve the next step many times in vain. A point is soft if its step moved the
-    structure
+    """Return the point at which a path may stop, or None: the end of a snap, or a soft point without equilibrium. At a
+    soft point, CalculiX would halve the next step many times in vain. A point is soft if its step moved the structure
     over twice as far as the first step, and a load increment under 2.5 % failed.
     """
     limit_step, snaps = limit_of(replace(path, whole=True))

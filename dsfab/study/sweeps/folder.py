@@ -29,10 +29,9 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Lock a sweep folder, so that a single process coordinates the sweep.
-
-    The lock is a file of SQLite; the system releases it when the process ends. A text file names the process that holds
-    the lock. Raises DsfabError while another process holds it.
+    """Lock a sweep folder, so that a single process coordinates the sweep. The lock is a file of SQLite; the system
+    releases it when the process ends. A text file names the process that holds the lock. Raises DsfabError while
+    another process holds it.
     """
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
@@ -214,7 +213,6 @@ class SweepFolder:
                     self.write_tables()
 
     def _make(self, store: Store, crew: Workers, report: Callable[[Progress], None], progress: Progress) -> None:
-        """Make all waiting runs together, then each run alone whose workers were often killed."""
         waiting = store.rows("waiting")
         together = {row.number: row.changes for row in waiting if row.lost < TRIES}
         conduct(store, crew, together, self.deliver, report, progress)
@@ -222,7 +220,6 @@ class SweepFolder:
             conduct(store, OneWorker(crew), careful, self.deliver, report, progress)
 
     def _search(self, store: Store, crew: Workers, report: Callable[[Progress], None], total: int) -> None:
-        """Make the runs that the search proposes, except those that the database already holds."""
         progress = current_progress(store, max(total, sum(store.counts().values())))
 
         def make(proposed: Sequence[Changes]) -> dict[str, RunRow]:
@@ -270,7 +267,6 @@ def prepare(
     plan: Plan, folder: Path, extend: bool = False, checked: tuple[Preset, list[dict[str, Any]]] | None = None
 ) -> SweepFolder:
     """Create or update the folder of a plan and record its runs; call it inside `only_coordinator`.
-
     checked : result of `checked_plan`, if the caller has it.
     extend  : adds the runs of a changed plan and loses none; new metrics or files repeat all runs. Without `extend`, a
               changed plan raises DsfabError.
@@ -317,7 +313,6 @@ def _portable_plan(plan: Plan, runs: list[dict[str, Any]]) -> Plan:
 
 
 def _changed_keys(old: str, new: Plan) -> set[str]:
-    """Return the keys in which two plans differ; the order of varied keys counts."""
     was, now = tomllib.loads(old), tomllib.loads(plan_toml(new))
     return {key for key in {*was, *now} if json.dumps(was.get(key)) != json.dumps(now.get(key))}
 

@@ -29,9 +29,8 @@ def signature(changes: Mapping[str, Any]) -> Signature:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return indices of the runs in an order that shares stages: keys of early stages vary slowest.
-
-    Values of a stage keep the order in which they first appear.
+    """Return indices of the runs in an order that shares stages: keys of early stages vary slowest. Values of a stage
+    keep the order in which they first appear.
     """
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
@@ -102,10 +101,8 @@ def sweep(
     keep    : receives the changes and the Design of each successful run, e.g. to write files.
 
     The order of runs reuses stages: a sweep over pattern keys solves statics and modes once. Metrics by name skip
-    stages
-    that they do not need. A design that cannot be built is a Run with its error. `dsfab sweep` makes sweeps in a
-    folder,
-    in many processes, which can continue after a stop.
+    stages that they do not need. A design that cannot be built is a Run with its error. `dsfab sweep` makes sweeps in a
+    folder, in many processes, which can continue after a stop.
 
     Raises PresetError for invalid keys, metrics or values, before anything is built.
     """
@@ -141,7 +138,6 @@ def _after_thickening(metric: Metric) -> Callable[[Design], float]:
 
 
 def _designs(presets: list[Preset], order: list[int]) -> Iterator[tuple[int, Design | None, str]]:
-    """Yield each design, revised from the previous design, or after a failure from the last successful design."""
     previous: Design | None = None
     for index in order:
         try:

@@ -31,9 +31,8 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the cut sheet's equilibria under the loads that its pattern follows, by name, solved once.
-
-    Raises StaticsError.
+    """Return the cut sheet's equilibria under the loads that its pattern follows, by name, solved once. Raises
+    StaticsError.
     """
 
     def solve() -> dict[str, Equilibrium]:
@@ -93,7 +92,6 @@ def _min_width(design: Design) -> float:
 
 
 def _even_min_width(draft: Design) -> float:
-    """Return the least width of evenly spaced stripes from their chart, before the cut."""
     chart_pattern = stripes_on_chart(draft)
     width, area = zip(*(chart_pattern.member_widths(k) for k in (0, 1)), strict=True)
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
@@ -163,9 +161,6 @@ def _ersatz(design: Design) -> float:
 
 
 def _verdict(design: Design) -> float:
-    """Return the weighted compliance (J) over the loads that the pattern follows. Raises StaticsError for a failed
-    verdict.
-    """
     result = verdict(design)
     if result.status == "fail":
         raise StaticsError(result.reason)
@@ -178,9 +173,6 @@ def _verdict_bound(design: Design) -> float:
 
 
 def _ratio_to_alternative(design: Design, name: str) -> float:
-    """Return the compliance over that of an alternative of the same mass; nan if the alternative does not carry the
-    loads.
-    """
     alternative = next(candidate for candidate in design_alternatives(design) if candidate.name == name)
     return float("nan") if alternative.error else alternative.over
 

@@ -101,11 +101,8 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as dotted keys.
-
-    A table with `from` is a range and stays. Tables of quoted dotted keys stay, because they are values like those
-    after
-    --set. Empty tables stay too.
+    """Return nested tables as dotted keys. A table with `from` is a range and stays. Tables of quoted dotted keys stay,
+    because they are values like those after --set. Empty tables stay too.
     """
     entries: dict[str, Any] = {}
     for key, value in table.items():
@@ -351,10 +348,8 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """Return the complete plan, defaults included, as TOML.
-
-    Varied keys keep their order, because samples and run numbers depend on it. Each range is one line, because tomli_w
-    would put tables behind lists.
+    """Return the complete plan, defaults included, as TOML. Varied keys keep their order, because samples and run
+    numbers depend on it. Each range is one line, because tomli_w would put tables behind lists.
     """
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
@@ -389,7 +384,6 @@ def _from_folder(values: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _sentence(detail: ErrorDetails) -> str:
-    """Return one mistake as 'key = value: rule'."""
     words = [str(part) for part in detail["loc"] if part not in ("range", "list")]
     key, kind = ".".join(words) or "sweep", detail["type"]
     if kind == "extra_forbidden":

@@ -30,9 +30,8 @@ MOST = 1_000_000  # Limit on the number of runs; a grid with more runs is a mist
 
 
 def points(plan: Plan) -> list[Changes]:
-    """Return the changes of each run, without repeats.
-
-    Raises PresetError for grids beyond `MOST` and for CSV files that cannot be read.
+    """Return the changes of each run, without repeats. Raises PresetError for grids beyond `MOST` and for CSV files
+    that cannot be read.
 
     sobol : scrambled Sobol points. The first N of a larger number of points are the same, so a sweep can be extended.
     lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another N gives other points.
@@ -107,9 +106,8 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield one run for each row of a CSV file, with values like those after --set.
-
-    Columns are dotted keys. If columns begin with 'in:', the remaining columns are ignored. Raises PresetError.
+    """Yield one run for each row of a CSV file, with values like those after --set. Columns are dotted keys. If columns
+    begin with 'in:', the remaining columns are ignored. Raises PresetError.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -347,8 +345,7 @@ the user can extend a search.
 
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Costs from which runs miss constraints, failed, or were not made: each class is worse than all classes before it.
-Among
-runs that miss constraints, a smaller miss is better [Deb 2000].
+Among runs that miss constraints, a smaller miss is better [Deb 2000].
 """
 
 
@@ -403,7 +400,6 @@ class _Search:
         )
 
     def _costs(self, u: Floats) -> Floats:
-        """Return costs (S,) of a generation u (k, S); runs beyond the limit of the search are not made."""
         proposed = [point_on_axes(self.axes, np.clip(column, 0.0, 1.0)) for column in u.T]
         names = [digest(changes) for changes in proposed]
         fresh = list(dict.fromkeys(name for name in names if name not in self.made))

@@ -55,7 +55,6 @@ def conduct(
     progress: Progress | None = None,
 ) -> None:
     """Make `runs` (number -> changes), which wait in the store, until each is done, failed or killed.
-
     report   : receives the progress before the first run and after each run.
     progress : progress of the whole sweep, if the sweep has more runs.
 

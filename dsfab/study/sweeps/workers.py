@@ -31,7 +31,6 @@ Drawer = Callable[[Design], bytes]
 @dataclass(frozen=True)
 class Job:
     """Input that all runs of a sweep share, as plain data for all workers.
-
     token   : unique name. preset : the base preset as nested tables. metrics, keep, formats : see `Plan`.
     draw    : function that draws a picture, or None.
     mesh    : content of the preset's mesh file if workers cannot read the file.
@@ -49,7 +48,6 @@ class Job:
 @dataclass(frozen=True)
 class Outcome:
     """Result of a run: its metrics, its error ('' for success) and log, and files by name.
-
     seconds : time on the worker. peak : peak memory of the worker's process, bytes (0 if unknown).
     killed  : True if each attempt ended with a killed worker: in this case the error does not concern the design.
     """
@@ -70,9 +68,8 @@ _thread_state = threading.local()  # State of each worker thread: the job, its b
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Make one run and return its outcome.
-
-    The function does not raise: the outcome holds the error and the metrics up to the error.
+    """Make one run and return its outcome. The function does not raise: the outcome holds the error and the metrics up
+    to the error.
     """
     with _run_lock:
         return _run_job(job, number, changes)
@@ -120,7 +117,6 @@ def _base(job: Job) -> Preset:
 
 
 def _with_original_mesh(job: Job, preset: Preset) -> Preset:
-    """Return the preset with the path of the mesh file on the coordinator's machine."""
     return preset if job.mesh is None else with_overrides(preset, {"surface.file": job.preset["surface"]["file"]})
 
 
@@ -329,10 +325,8 @@ SECONDS = 20  # Time limit for a scheduler's answer.
 
 class DaskWorkers:
     """Workers of a Dask scheduler, including those that join later. If a worker dies, Dask gives its run to another
-    worker.
-
-    Each worker makes one run at a time: start it with one thread (`dask worker --nthreads 1`), one worker to a core.
-    Raises DsfabError if dask is not installed or the scheduler does not answer.
+    worker. Each worker makes one run at a time: start it with one thread (`dask worker --nthreads 1`), one worker to a
+    core. Raises DsfabError if dask is not installed or the scheduler does not answer.
     """
 
     def __init__(self, job: Job, scheduler: str) -> None:
@@ -389,7 +383,6 @@ def map_in_processes(
     job: Callable[[Item], Result], items: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
 ) -> Iterator[Result]:
     """Yield job(item) for each item in order, from `workers` processes of one thread each; 1 runs in this process.
-
     work : relative duration of an item; the longest items start first, so that all processes end about together.
 
     Raises DsfabError if a process dies. If the caller stops iterating, all processes end.

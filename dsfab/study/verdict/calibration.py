@@ -110,7 +110,6 @@ class TrialRow:
 @dataclass(frozen=True)
 class Summary:
     """Statistics of the tested designs of a table.
-
     designs, converged : number of designs, and of converged designs.    inside : share of designs within the bound.
     median_bound  : median bound of the verdict.    largest_error : largest error of the verdict.
     quick_median, quick_most : error of the quick level: its median and its 90 % quantile.
@@ -224,9 +223,8 @@ snap value of the shipped table, not that of its preset.
 
 
 def random_design(kind: str, seed: int) -> Design:
-    """Return a design with random stripes, widths and share; equal seeds give equal designs.
-
-    Raises DsfabError if the design cannot be built.
+    """Return a design with random stripes, widths and share; equal seeds give equal designs. Raises DsfabError if the
+    design cannot be built.
     """
     rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
@@ -242,11 +240,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return a random design solved on up to `count` meshes.
-
-    If the verdict on a large design takes two meshes, the third mesh serves as the truth. Raises DsfabError if the
-    design
-    cannot be built or does not carry its loads.
+    """Return a random design solved on up to `count` meshes. If the verdict on a large design takes two meshes, the
+    third mesh serves as the truth. Raises DsfabError if the design cannot be built or does not carry its loads.
     """
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
@@ -287,7 +282,6 @@ def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *p
 
 def calibrate(count: int = 8, told: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
     """Yield the rows of the first `count` designs of each kind that can be built; this takes a quarter of an hour.
-
     told : receives the kind and the seed before each design.
     """
     for kind in KINDS:

@@ -83,17 +83,12 @@ class ModeEstimate:
 
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
-    """Return value and bound from the lowest eigenvalue on one to three meshes, each of four times the triangles.
-
-    With two meshes, the value extrapolates half of the step, like a compliance. The bound is the whole step, which
-    covers
+    """Return value and bound from the lowest eigenvalue on one to three meshes, each of four times the triangles. With
+    two meshes, the value extrapolates half of the step, like a compliance. The bound is the whole step, which covers
     step ratios from 1.7 up. With three meshes, the value extrapolates by its own ratio, clipped to `STEP_RATIOS`, and
-    the
-    bound is that extrapolation. If the last step turns back, the last value stands with twice that step as its bound.
-    If
-    steps do not shrink, the bound is twice the larger step. The rule is not calibrated on random designs. It covers
-    mesh
-    error alone: the sheet is thin, perfect in shape, and linear until it buckles.
+    the bound is that extrapolation. If the last step turns back, the last value stands with twice that step as its
+    bound. If steps do not shrink, the bound is twice the larger step. The rule is not calibrated on random designs. It
+    covers mesh error alone: the sheet is thin, perfect in shape, and linear until it buckles.
     """
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))

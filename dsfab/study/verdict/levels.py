@@ -44,9 +44,8 @@ class SmoothSurface:
     bulge   : (e, 3) distance of the middle of each edge from its chord, metres; 0 for flat faces and creases.
 
     A cubic curve from a to b leaves both ends at right angles to the normals there; its middle is the middle of the
-    edge
-    [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge does not
-    depend on the sign of the normals. It belongs to the edge, so patches meet without gaps.
+    edge [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge does
+    not depend on the sign of the normals. It belongs to the edge, so patches meet without gaps.
     """
 
     surface: Surface
@@ -88,9 +87,7 @@ def _normal_component(chord: Floats, normal: Floats) -> Floats:
 
 
 def _corner_normals(surface: Surface) -> Floats:
-    """Return unit normals (m, 3, 3) at the corners of each face: the mean around the vertex, or at a crease the
-    face normal.
-    """
+    """Return unit normals (m, 3, 3) at the corners of faces: the mean around a vertex; at a crease the face normal."""
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]
@@ -128,7 +125,6 @@ def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
 
 class Shares(NamedTuple):
     """A load on a sheet, independent of its mesh, newtons.
-
     vertices : (n, 3) forces around each vertex of the uncut surface, where the sheet still has material.
     faces    : (p, 3) forces on the material in each face of the uncut surface, up to the last face with material.
     """
@@ -153,7 +149,6 @@ def on_mesh(
     surface: Surface, sheet: Sheet, uncut_loads: Mapping[str, LoadCase], forces: Mapping[str, Shares]
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
     """Return supports and loads on any mesh of a sheet of the uncut surface.
-
     uncut_loads : loads on the uncut surface.    forces : `shares` of these loads.
 
     The material around a vertex takes the vertex's force, in proportion to the hat function of the uncut mesh. So a
@@ -179,7 +174,6 @@ PARABOLIC_SHEAR = 6 / 5  # Energy factor of shear through the thickness, a parab
 
 class RibSoftening(NamedTuple):
     """Effects that make a solid softer than a thin sheet, as shares of the thin sheet's compliance.
-
     torsion : growth if twisted ribs are bars of their own width and thickness, by a second solve (`solve_cases`); inf
               if that solve is impossible.
     shear   : energy of shear through the thickness, q^2 6 / (5 G h) per square metre. q is the thin sheet's, averaged
@@ -224,9 +218,7 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix (m, m) of area means over faces within `reach` (m), for vectors that change sign with a
-    face's side.
-    """
+    """Return the matrix (m, m) of area means within `reach` (m), for vectors whose sign follows the face's side."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -298,7 +290,6 @@ def level(
     ribs: bool = False,
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
-
     ribs : whether to add a second solve in which ribs twist as bars, see `RibSoftening`.
 
     Raises StaticsError as `equilibria` does.
@@ -345,11 +336,8 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the squared energy errors of membrane and bending, relative to the compliance.
-
-    An error is the difference between the stress and its average around vertices [Zienkiewicz and Zhu 1987]; 0 for
-    stress
-    constant on faces.
+    """Return the squared energy errors of membrane and bending, relative to the compliance. An error is the difference
+    between the stress and its average around vertices [Zienkiewicz and Zhu 1987]; 0 for stress constant on faces.
     """
     if answer.compliance <= 0:
         return 0.0, 0.0

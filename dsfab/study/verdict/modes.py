@@ -47,7 +47,6 @@ class ModeLevel:
 @dataclass(frozen=True)
 class ModeIntervals:
     """Buckling factors and frequency, extrapolated from all meshes.
-
     buckling : the lowest factor of each case with its bound; cases that do not buckle are left out.
     hertz    : the lowest frequency with its bound; None without a request or a result.
     levels   : the meshes, coarse to fine.

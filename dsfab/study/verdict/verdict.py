@@ -74,9 +74,7 @@ def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
     """Return material that reaches a support over edges, dropped pieces (largest first), and the loads on that
-    material.
-
-    Raises StaticsError for no supports, a free rigid motion, and a load on a dropped piece or on no material.
+    material. Raises StaticsError for no supports, a free rigid motion, and a load on a dropped piece or on no material.
     """
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
@@ -203,7 +201,6 @@ COUNT = {2: "two levels", 3: "three levels"}
 @dataclass
 class Refinement:
     """Meshes of a verdict up to now.
-
     stopped  : the reason for the end of refinement, and its status; None after convergence or the last mesh.
     unsolved : True if the solver rejected the last mesh.
     """

@@ -1,4 +1,4 @@
-"""Borders of a mesh: ragged edges evened, and triangles across small holes."""
+"""Repair of borders of a mesh: even lines in place of ragged edges, and triangles across small holes."""
 
 from dataclasses import dataclass
 
@@ -8,19 +8,21 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
-"""Turn of the border in the surface, radians, above which it may be ragged. Finely divided borders turn by less at each
-vertex, except at corners of the design."""
+"""Turn of the border in the surface, radians, above which the border may be ragged. Finely divided borders turn
+less at each vertex, except at corners of the design.
+"""
 LEAST_TURNS = 12
-"""Least number of alternating turns in a row; fewer may be design. A door in a wall has four corners, and an opening of
-a 5 m roof may have fifteen edges. (With such an opening evened, the STEP file by members failed.)"""
-LARGEST_GAP = 3  # Largest number of edges from one turn to the next; teeth of more edges are not those of the mesh.
+"""Least number of alternating turns in a row; fewer turns may be design. A door in a wall has four corners, and an
+opening in a 5 m roof may have fifteen edges. (Evening such an opening made the STEP file by members fail.)
+"""
+LARGEST_GAP = 3  # Largest number of edges from one turn to the next; the design itself has longer teeth.
 FLAT = float(np.radians(150))
-"""Radians; a face with a wider corner at the border has lost its height to evening, and goes."""
+"""Radians. The repair removes a face with a wider corner at the border, because evening has flattened it."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvenEdges:
-    """A mesh V (n, 3), F (m, 3), the number of its moved vertices, and the largest move, in its unit."""
+    """A mesh V (n, 3), F (m, 3), the number of moved vertices, and the largest move, in the mesh's unit."""
 
     V: Floats
     F: Ints
@@ -29,9 +31,10 @@ class EvenEdges:
 
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
-    """Return the mesh V (n, 3), F (m, 3) with even borders; unchanged if an edge has more than two faces. A border is
-    ragged where the sheet turns by more than `TURN`, alternately, `STEPS` times in a row, with no more than `APART`
-    edges between two turns. Its vertices stay if an even line needs a larger move than a mean edge."""
+    """Return the mesh V (n, 3), F (m, 3) with even borders; unchanged if an edge has more than two faces.
+    A border is ragged if the sheet turns alternately by more than `RAGGED_TURN`, `LEAST_TURNS` times in a row, with at
+    most `LARGEST_GAP` edges between two turns. The vertices stay if an even line needs a larger move than a mean edge.
+    """
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -44,7 +47,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
             better = _smoothed_line(V[line], closed)
             moves = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
-            # larger moves belong to a design: teeth deeper than an edge, points of a coarse star
+            # a design needs larger moves: teeth deeper than an edge, points of a coarse star
             if moves.max() > min(step, 0.04 * largest):
                 continue
             changed = _with_line(V, F, line, better)
@@ -55,7 +58,9 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
-    """Return the turn (n,) of the border in the surface at its vertices, radians, towards the sheet; 0 elsewhere."""
+    """Return the turn (n,) of the border in the surface at its vertices, radians, towards the sheet; 0 off the
+    border.
+    """
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
     at_edge[edges.ends[edges.boundary].ravel()] = True
@@ -79,13 +84,12 @@ def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
 
 
 def _alternates(turn: Floats) -> bool:
-    """Return whether turns (k,) in a row cancel, and change their sign often enough."""
     changes = int((turn[1:] * turn[:-1] < 0).sum())
     return changes >= LEAST_TURNS - 1 and bool(np.abs(turn).sum() >= 3 * abs(turn.sum()))
 
 
 def _smoothed_line(P: Floats, closed: bool) -> Floats:
-    """Shrink and swell a line (k, 3) in turns, which keeps its ends and the radius of arcs [Taubin 1995]."""
+    """Shrink and swell a line (k, 3) alternately, which preserves its ends and the radius of arcs [Taubin 1995]."""
     for k in range(20):
         step = (-0.53 if k % 2 else 0.5) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
         if not closed:
@@ -107,7 +111,6 @@ def _with_line(V: Floats, F: Ints, line: Ints, better: Floats) -> tuple[Floats, 
 
 
 def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
-    """Return the touched faces (k,) that have two open edges at a vertex of the line and are flat or turned there."""
     once = np.bincount(F.ravel(), minlength=len(V)) == 1
     on_line = np.zeros(len(V), dtype=bool)
     on_line[line] = True
@@ -121,7 +124,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 
     joined : (k, k) pairs of points that already have an edge in the mesh, which must not be created again.
 
-    The triangles run around as the outline does.
+    The triangles have the direction of the outline.
     """
     k = len(P)
     if k == 3:
@@ -142,7 +145,9 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 
 
 def _triangle_costs(a: Floats, X: Floats, b: Floats) -> Floats:
-    """Return the area (k,) of the triangles a, X, b; of equal areas, the smaller is that with shorter edges."""
+    """Return the area (k,) of the triangles a, X, b. Of equal areas, the triangle with shorter edges counts as
+    smaller.
+    """
     area = lengths(np.cross(X - a, b - a)) / 2
     return np.asarray(area + 1e-3 * (((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)))
 

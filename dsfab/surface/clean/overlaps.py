@@ -12,8 +12,8 @@ from dsfab.surface.topology import EdgeTable, edge_table, link_components, piece
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Return the pairs (p,) of coincident vertices (p, 2) at which sheets of faces F (m, 3) cross. They are inner
-    vertices of both sheets, and the ends of such a crossing at the borders of both."""
+    """Return the pairs (p,) of coincident vertices (p, 2) at which sheets of faces F (m, 3) cross.
+    These are inner vertices of both sheets, and the ends of such a crossing at the borders of both sheets."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -29,7 +29,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that repeat others once each vertex is replaced by `became` (n,)."""
+    """Return the vertices (n,) of faces that coincide with further faces once `became` (n,) replaces each vertex."""
     _, group, count = np.unique(np.sort(became[F], axis=1), axis=0, return_inverse=True, return_counts=True)
     twice = np.zeros(len(became), dtype=bool)
     twice[F[(count > 1)[group.ravel()]]] = True
@@ -37,7 +37,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Return the other pairs (p,) that are neighbours of a crossing pair, along edges (e, 2) on both sides."""
+    """Return the non-crossing pairs (p,) that are neighbours of a crossing pair, along edges (e, 2) on both sides."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -54,10 +54,10 @@ def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
     return ends
 
 
-COPY_GAP = 1 / 500  # Share of the side of a square of their area: a nearer second sheet is a copy.
-PARALLEL_GAP = 0.08  # The same share for two parallel sheets that are reported, and for the two faces of a slab.
+COPY_GAP = 1 / 500  # Share of the side of a square of the sheet's area; a nearer second sheet is a copy.
+PARALLEL_GAP = 0.08  # Such a share for two parallel sheets that dsfab reports, and for the two faces of a slab.
 LEAST_AREA_RATIO = 0.8  # Least ratio of the areas of the two faces of a slab, or of two parallel sheets.
-IGNORED_SHARE = 0.1  # Share of the area at either end of the distances: sides, which are near both faces.
+IGNORED_SHARE = 0.1  # Share of the area with the least and the largest distances, at the sides of a slab.
 
 
 _REMARKS = {
@@ -77,15 +77,12 @@ _REPAIRS = {
 @dataclass(frozen=True, eq=False)
 class ParallelParts:
     """Two parallel parts of a mesh.
-
     keep, other : (k,), (l,) their faces. Of a slab the smaller part comes first, because sides that fold little may
-    belong
-                  to the other; otherwise the part that comes first in the file.
-    gap         : the median distance between them, in the mesh's unit.
-    kind        : copy, the same sheet again; slab, the two faces of a solid; apart, two sheets.
-    piece       : (p,) all faces of the piece that a slab is.
-    way         : (3,) translation from the first to the second part of an extruded slab; else empty, (0,).
-    """
+    belong to the larger part; otherwise the first part in the file comes first.
+    gap         : the median distance between the parts, in the mesh's unit.
+    kind        : copy, a sheet twice at the same place; slab, the two faces of a solid; apart, two sheets.
+    piece       : (p,) all faces of a piece that is a slab.
+    way         : (3,) translation from the first to the second part of an extruded slab; else empty, (0,)."""
 
     keep: Ints
     other: Ints
@@ -119,15 +116,14 @@ def parallel_parts(V: Floats, F: Ints) -> tuple[ParallelParts, ...]:
 
 
 def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, int]]) -> Iterator[ParallelParts]:
-    """Yield the closed pieces that consist of two parallel faces and their sides; the sides have no parallel part."""
     area, paired = lengths(area_vectors(V, F)) / 2, np.isin(part, np.unique(pairs))
     for p in np.unique(piece[paired]):
         piece_faces, faces = np.flatnonzero(piece == p), np.flatnonzero((piece == p) & paired)
         names, which = np.unique(part[faces], return_inverse=True)
         count = len(names)
-        if count > 2:  # folded faces
+        if count > 2:  # a slab with folded faces has more than two parts
             count, which = pieces(F[faces], edge_table(F[faces]))
-        # the two faces of a slab are the most part of its area
+        # the two faces of a slab have most of its area
         if count != 2 or edge_table(F[piece_faces]).boundary.any() or area[faces].sum() < 0.7 * area[piece_faces].sum():
             continue
         first_part, second_part = sorted(
@@ -145,15 +141,19 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if len(translation):
                 to = V[F[first_part]].mean(axis=1) + translation
-                # sides that fold little are off by a third of the gap or more
+                # sides that fold little miss the second part by a third of the gap or more
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) that moves a part (k, 3) onto the other (l, 3); empty (0,) if it is none. An extruded
-    slab is far thinner than it is high on its steep faces: 20 mm of 100 at the foot of a half barrel. The method is the
-    registration of scans [Chen and Medioni 1992]: it removes the distance across the faces in rounds."""
+    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if no translation
+    does.
+
+    An extruded slab is far thinner on its steep faces than it is high, for example 20 mm of 100 at the foot of a half
+    barrel. The method is the registration of scans [Chen and Medioni 1992]: it removes the distance across the faces
+    in rounds.
+    """
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -178,7 +178,9 @@ def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) ->
 
 
 def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
-    """Return the part (m,) of each face; faces across an edge of two belong together unless they fold by 60 degrees."""
+    """Return the part (m,) of each face. Two faces with a common edge belong together unless they fold by 60
+    degrees there.
+    """
     pair = edges.pairs
     ends = V[edges.ends[edges.count == 2]]
     along = ends[:, 1] - ends[:, 0]
@@ -191,7 +193,6 @@ def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
 
 
 def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[tuple[int, int]]:
-    """Yield pairs of parts over 1 % of the area with similar area and box, the first in the file before the other."""
     large = np.flatnonzero(area >= 0.01 * area.sum())
     boxes = {k: V[F[part == k]].reshape(-1, 3) for k in large}
     low = {k: P.min(axis=0) for k, P in boxes.items()}
@@ -205,12 +206,14 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of parts (k, 3), (l, 3) that cover each other, else None; even: nearly constant."""
+    """Return the median distance of parts (k, 3), (l, 3) that cover each other, else None; even: require a nearly
+    constant distance.
+    """
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # a cushion, which ends in an edge, has larger ratios
+    uneven = 2.5  # a cushion has larger ratios, because it ends in an edge
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)
@@ -223,11 +226,11 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
-    """Return the mesh V (n, 3), F (m, 3) with one sheet in place of copies and slabs, and a short text for each.
+    """Return the mesh V (n, 3), F (m, 3) with one sheet in place of copies and slabs, and a short text for each repair.
 
-    metres : of the mesh's unit, for the texts.
+    metres : metres in the mesh's unit, for the texts.
 
-    The first of two copies stays. Of a slab the face without its sides stays, moved halfway towards the other.
+    The first of two copies stays. Of a slab one face stays without the sides, moved halfway towards the second face.
     """
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)

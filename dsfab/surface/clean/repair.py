@@ -1,4 +1,4 @@
-"""Repair of a mesh: small faults mended, and raw scans turned into clean sheets."""
+"""Repair of a mesh: removal of small faults, and conversion of raw scans to clean sheets."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,8 +26,8 @@ from dsfab.surface.topology import (
 )
 
 WELD = 5e-5  # Share of the largest side within which vertices become one vertex.
-CRUMB = 0.01  # Share of the area below which a loose piece is dropped.
-PINHOLE = 1e-3  # Share of the largest side; a hole with a shorter outline is closed by a fan of faces.
+CRUMB = 0.01  # The repair drops a loose piece below this share of the area.
+PINHOLE = 1e-3  # Share of the largest side; a fan of faces closes a hole with a shorter outline.
 
 _NO_AREA = "without area"
 _DOUBT = ", many of all: is a part of it in another unit?"
@@ -38,14 +38,14 @@ _ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the 
 @dataclass(frozen=True, eq=False)
 class MendedMesh:
     """A mesh and its repairs.
-    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a few words each, empty for a sound mesh."""
+    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a short text for each repair, empty for a sound mesh."""
 
     V: Floats
     F: Ints
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with these faces (k,) alone; the repair calls the others `which`."""
+        """Return the mesh with only these faces (k,); the text of the repair calls all removed faces `which`."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -54,19 +54,19 @@ class MendedMesh:
         return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
 
 
-Fault = tuple[Callable[[Floats, Ints], Ints], str]  # Filter of sound faces, and the words for the others.
+Fault = tuple[Callable[[Floats, Ints], Ints], str]  # Filter of sound faces, and the words for removed faces.
 
 
 def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """Return the mesh V (n, 3), F (m, 3), in any unit, without faults that no design contains.
 
-    metres : of that unit, for the texts of the repairs.
+    metres : metres in that unit, for the texts of the repairs.
 
-    Vertices within `WELD` of the largest side become one, except where sheets cross. Removed are faces without area,
-    repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. Pinholes with outlines
-    below `PINHOLE` are closed. Seams of patches with different divisions are stitched, and parts that touch in a point
-    are joined there (`dsfab.surface.clean.seams`). Copies go, and a slab becomes its middle sheet
-    (`dsfab.surface.clean.overlaps`). Ragged borders are evened (`dsfab.surface.clean.borders`). The rest is unchanged.
+    Vertices within `WELD` of the largest side become one vertex, except where sheets cross. The repair removes faces
+    without area, repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. It
+    closes pinholes with outlines below `PINHOLE`. It stitches seams of patches with different divisions, and joins
+    parts that touch in a point (`dsfab.surface.clean.seams`). Copies go, and a slab becomes its middle sheet
+    (`dsfab.surface.clean.overlaps`). Ragged borders become even (`dsfab.surface.clean.borders`). All else is unchanged.
     """
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = _without(stitched_mesh(_without(mesh, _TOO_MANY)), _TOO_SMALL)
@@ -75,8 +75,9 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, with touching vertices welded and without unusable faces:
-    without area, repeated, or with corners that are not finite or far from all others."""
+    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces.
+    A face is unusable if it has no area, is repeated, or has a corner that is not finite or far from all other
+    vertices."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -87,7 +88,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one sheet in place of two copies or a slab; `metres` of its unit, for the texts."""
+    """Return the mesh with one sheet in place of two copies or a slab; `metres` in its unit, for the texts."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -137,8 +138,9 @@ def _with_area(V: Floats, F: Ints) -> Ints:
 
 
 def _distinct_faces(_: Floats, F: Ints) -> Ints:
-    """Return the faces (k,) without repetitions. A repeated face goes altogether if two other faces continue at one of
-    its edges: it and its twin lie flat between them, as in the corners of a cushion sewn from two sheets."""
+    """Return the faces (k,) without repetitions.
+    Both copies of a face go if two further faces continue at one of its edges. Such a pair of faces lies flat between
+    its neighbours, as in the corners of a cushion sewn from two sheets."""
     twins = duplicate_faces(F)
     once = complement(twins, len(F))
     if not len(twins):
@@ -193,18 +195,23 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15  # Share of the largest side; holes with a shorter outline are filled, up to a twentieth of the side wide.
-SPECK = 0.05  # Share of the area of the largest piece below which other pieces are dropped.
+HOLE = 0.15  # Share of the largest side; the repair fills a hole with a shorter outline and under a twentieth wide.
+SPECK = 0.05  # Share of the area of the largest piece; the repair drops smaller pieces.
 
 FINE, SEVERAL = 0.01, 3
 """A mesh counts as a scan if its mean edge is below this share of its largest side, and it has this number of small
-holes, or of edges with more than two faces."""
+holes, or of edges with more than two faces.
+"""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh with mean edges below the first share counts as a scan if more than the second share of faces is folded over.
-Sample meshes of designs had 0.02 % at most, a mesh with noise of 2 mm on edges of 70 mm had 0.3 %."""
+"""Limits for scans: mean edges below the first share of the largest side, and more folded faces than the second share.
+
+Sample meshes of designs had 0.02 % of folded faces at most. A mesh with noise of 2 mm on edges of 70 mm had 0.3 %.
+"""
 TILTED, LOW = 0.7, 0.5
-"""Noise has tilted a face if it is lower than the second share of the mean edge, and its normal is off those around by
-more than the angle of the first cosine, 45 degrees. Noise tilts low faces most; real bends also tilt high faces."""
+"""Limits for faces tilted by noise: a cosine (45 degrees) and a share of the mean edge. The height of such a face
+is below this share, and its normal deviates from neighbouring normals by more than this angle. Noise tilts low faces
+most; real bends also tilt high faces.
+"""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
@@ -227,13 +234,12 @@ def is_scan(V: Floats, F: Ints) -> bool:
 def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """Return the mesh V (n, 3), F (m, 3), in any unit, of a scan as a clean sheet, with the number of each repair.
 
-    metres : of V's unit, for the texts.
+    metres : metres in V's unit, for the texts.
 
-    Repairs beyond `mended_mesh`: of an edge with three or more faces, the two that continue most smoothly keep it,
-    and the
-    others get their own vertices. Parts that touch in a point are separated. Faces are oriented alike. Pieces below
-    `SPECK`
-    of the largest go. Holes with outlines below `HOLE` are filled. Faces folded over by noise lose their shortest edge.
+    This function repairs more than `mended_mesh`. At an edge with three or more faces, the two faces with the
+    smoothest continuation stay joined, and all further faces get separate vertices. Parts that touch in a point are
+    separated. Faces get the same orientation. Pieces below `SPECK` of the largest go. Holes with outlines below `HOLE`
+    are filled. Faces that noise has folded over lose their shortest edge.
     """
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):
@@ -257,7 +263,7 @@ def _split_junctions(mesh: MendedMesh) -> MendedMesh:
 
 
 def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
-    """Return the two half-edges (k, 2) of each crowded edge (k,) whose faces turn least from one to the other."""
+    """Return the two half-edges (k, 2) of each crowded edge (k,) whose faces have the smallest turn between them."""
     smoothest_pairs = []
     for edge in crowded.tolist():
         h = edges.order[edges.start[edge] : edges.start[edge + 1]]
@@ -268,7 +274,7 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # smooth neighbours point away from each other
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # smooth neighbours point away from their edge
         smoothest_pairs.append((h[i], h[j]))
     return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 
@@ -295,7 +301,6 @@ def _without_specks(mesh: MendedMesh) -> MendedMesh:
 
 
 def _fill_holes(mesh: MendedMesh) -> MendedMesh:
-    """Fill small holes, in time cubic in their edges; unchanged if the faces cannot be oriented."""
     V, F = mesh.V, mesh.F
     edges = edge_table(F)
     if flips_to_orient(F, edges) is None:
@@ -313,12 +318,13 @@ def _fill_holes(mesh: MendedMesh) -> MendedMesh:
 
 
 def _folded_faces(V: Floats, F: Ints) -> Bools:
-    """Return the faces (m,) whose normals oppose those around; no crease between two sides does."""
+    """Return the faces (m,) whose normals oppose the normals around them. Faces at a crease between two sides do
+    not.
+    """
     return _cosines(V, F) < 0
 
 
 def _cosines(V: Floats, F: Ints) -> Floats:
-    """Return the cosines (m,) between the normal of each face and the mean normal of those around it."""
     area = area_vectors(V, F)
     around = group_sums(F.ravel(), np.repeat(area, 3, axis=0), len(V))[F].sum(axis=1) - 3 * area
     return np.asarray(np.einsum("ij,ij->i", around, area) / np.maximum(lengths(around) * lengths(area), 1e-300))
@@ -331,7 +337,6 @@ def _crumpled_faces(V: Floats, F: Ints) -> Bools:
 
 
 def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
-    """Collapse the shortest edges of crumpled faces until noise is less than the edges' lengths, if oriented alike."""
     V, F = mesh.V, mesh.F
     if not _folded_faces(V, F).any() or len(misoriented_edges(F, edge_table(F))):
         return mesh
@@ -350,8 +355,12 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse the shortest edges of crumpled faces (m,): return the vertices (n, 3), and the target (n,) of each. The
-    target is the middle, or the boundary. Edges that would join two boundaries or change the topology stay."""
+    """Collapse the shortest edges of crumpled faces (m,); return the vertices (n, 3), and the target (n,) of each
+    vertex.
+
+    The target is the middle of the edge, or its end on the boundary. Edges that would join two boundaries or change
+    the topology stay.
+    """
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

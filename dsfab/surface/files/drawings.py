@@ -36,8 +36,8 @@ SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURF
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the curves of a DXF file, text or binary, with blocks expanded, its layers and its unit. Raises
-    MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
+    """Return the curves of a DXF file, text or binary, with blocks expanded, its layers and its unit.
+    Raises MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
     for entity in _Entities(budget).leaves(document.modelspace(), 0):
@@ -53,8 +53,8 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
-    """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded. Vertices at
-    exactly the same place become one. Raises SurfaceError for a file without meshes and beyond the budget,
+    """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded.
+    Vertices at exactly the same place become one. Raises SurfaceError for a file without meshes and beyond the budget,
     MalformedFileError as `read_dxf` does."""
     document = _document(path)
     V, corners, sizes, count, solids = list[Floats](), list[Ints](), list[Ints](), 0, 0
@@ -119,7 +119,7 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 
 
 class _Entities:
-    """Iterator over the drawn entities that counts them, because nested blocks may repeat one a million times."""
+    """Iterator over the drawn entities. It counts them, because nested blocks may repeat an entity a million times."""
 
     def __init__(self, budget: DrawingBudget) -> None:
         self.budget, self.count = budget, 0
@@ -150,7 +150,6 @@ def _require_numbers(entity: Any) -> None:
 
 
 def _curves(entity: Any) -> Iterator[Floats]:
-    """Yield the points (k, 3) of each part of an entity; nothing for texts, points and dimensions."""
     from ezdxf import path as paths
 
     if entity.dxftype() == "SPLINE":
@@ -173,8 +172,9 @@ def _path_points(part: Any, closed: bool) -> Floats:
 
 
 def _spline_points(spline: Any) -> Floats:
-    """Return the points (k, 3) of a spline between its first and last effective knot. Paths of ezdxf extend beyond
-    these knots unless the end knots are repeated, which closed splines do not."""
+    """Return the points (k, 3) of a spline between its first and last effective knot.
+    Paths of ezdxf extend beyond these knots unless the end knots are repeated, and closed splines do not repeat them.
+    """
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
@@ -193,12 +193,12 @@ class Marks:
     curves: tuple[Floats, ...]
 
     def about(self, origin: Sequence[float]) -> "Marks":
-        """Return the marks with this point, metres, as the origin."""
+        """Return the marks with the given point, metres, as the new origin."""
         return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
 
     @property
     def closed_runs(self) -> list[Floats]:
-        """Curves that end where they begin."""
+        """Curves that end at their first point."""
         return [run for run in self.curves if _ends_meet(run)]
 
     @property
@@ -216,13 +216,13 @@ _READERS = {".dxf": read_dxf, ".3dm": read_rhino_in_process}
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
-    """Return the closed curves (k, 3) of a drawing, metres, of one layer or of all; lines and arcs that meet are one
-    curve.
+    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers. Touching lines and arcs
+    form one curve.
 
-    unit : of the file's numbers; by default the unit that the file declares.
+    unit : unit of the file's numbers; by default the unit that the file declares.
 
-    Raises SurfaceError for a missing file or layer, no closed curve, open curves, a missing unit, and a drawing beyond
-    the limits of `DrawingBudget`.
+    Raises SurfaceError for a missing file, layer, unit or closed curve, for open curves, and for a drawing beyond the
+    limits of `DrawingBudget`.
     """
     path = Path(path)
     if path.suffix.lower() not in _READERS:
@@ -236,8 +236,8 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
     """Return the content of the layers with these names (any case), by name; empty layers are left out.
-    metres : in one unit of the file's numbers. Raises SurfaceError for a file that cannot be read, as `closed_curves`.
-    """
+    metres : metres in one unit of the file's numbers. Raises SurfaceError for an unreadable file, as `closed_curves`
+             does."""
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
     marks = {}
@@ -252,7 +252,7 @@ def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str
 
 @lru_cache(maxsize=16)
 def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: int, size: int) -> tuple[Floats, ...]:
-    """Return the curves of a file in its present state, cached because pickers read them repeatedly."""
+    """Return the curves of a file in its present state. A cache holds them, because pickers read them repeatedly."""
     budget = DrawingBudget()
     drawing = _drawing(path, size, budget)
     if layer is not None and layer not in drawing.layers:
@@ -282,10 +282,10 @@ def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
 
 
 def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join runs whose ends meet; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
+    """Join runs with common ends; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
-    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # 2 k is where run k begins, 2 k + 1 its end
+    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # 2 k: start of run k, 2 k + 1: its end
     free = np.ones(len(runs), dtype=bool)
     for start in range(len(runs)):
         if not free[start]:

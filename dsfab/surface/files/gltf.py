@@ -25,7 +25,9 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """Buffers that a file's JSON `tree` names; `binary` is that in the file, `beside` reads a file next to it."""
+    """Buffers that a file's JSON `tree` names. `binary` is the buffer in the file; `beside` reads a neighbouring
+    file.
+    """
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -34,8 +36,8 @@ class Buffers:
     known: dict[int, bytes] = field(default_factory=dict)
 
     def view(self, number: int) -> tuple[bytes, int]:
-        """Return the bytes of a view of a buffer, and the distance between its elements, 0 for none. Raises
-        MalformedFileError for a view that reaches beyond its buffer."""
+        """Return the bytes of a view of a buffer, and the distance between its elements (0 for none).
+        Raises MalformedFileError for a view that extends beyond its buffer."""
         view = self.tree["bufferViews"][number]
         start, length = _count(view.get("byteOffset", 0)), _count(view["byteLength"])
         data = self._buffer(_count(view["buffer"]))
@@ -69,8 +71,8 @@ class Buffers:
 
 
 def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) -> NDArray[Any]:
-    """Return the content (count, width) of an accessor; normalised integers become shares. Raises MalformedFileError
-    for another width or too few bytes, before it takes memory."""
+    """Return the content (count, width) of an accessor; normalised integers become shares.
+    Raises MalformedFileError for a different width or missing bytes, before it allocates memory."""
     entry = tree["accessors"][_count(number)]
     count, kind = _count(entry["count"]), _TYPES.get(entry["componentType"])
     if kind is None or _WIDTHS.get(entry["type"]) != width:
@@ -113,7 +115,7 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
 
 
 def _count(value: Any) -> int:
-    """Return a nonnegative integer of the JSON; raises MalformedFileError for other values."""
+    """Return a nonnegative integer of the JSON; raises MalformedFileError for any other value."""
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise MalformedFileError("a number of its JSON is negative or none")
     return value
@@ -153,8 +155,9 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
 
 
 def read_gltf(data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes]) -> TriangleFile:
-    """Return the triangles of a JSON file, coincident vertices merged, y turned to z; `read_neighbour` returns a file
-    next to it. Raises MalformedFileError for a broken file, SurfaceError beyond the budget."""
+    """Return the triangles of a JSON file, with coincident vertices merged and y turned to z.
+    read_neighbour : function that returns a file in the same folder. Raises MalformedFileError for a broken file,
+                     SurfaceError beyond the budget."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, read_neighbour)
     file = text_file(data)
@@ -253,7 +256,6 @@ class _Scene:
         return V, self._faces(order, mode)
 
     def _faces(self, order: Ints, mode: int) -> Ints:
-        """Return the triangles (m, 3); every second triangle of a strip is reversed."""
         if mode == _TRIANGLES:
             if len(order) % 3:
                 self.passed["corner beyond the last triangle"] += len(order) % 3
@@ -264,13 +266,12 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # transitions between strips
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # such triangles only connect strips
         strip: Ints = F[~tied]
         return strip
 
 
 def _matrix(node: dict[str, Any]) -> Floats:
-    """Return the transformation (4, 4) of a node: a matrix, columns first, or scale, rotation and translation."""
     if "matrix" in node:
         return _numbers(node["matrix"], 16).reshape(4, 4).T
     x, y, z, w = _numbers(node.get("rotation", [0, 0, 0, 1]), 4)

@@ -1,4 +1,4 @@
-"""Mesh file of any format to raw arrays, with shared vertices joined."""
+"""Reader of mesh files in any format. It returns raw arrays with shared vertices."""
 
 import difflib
 from collections.abc import Callable
@@ -23,12 +23,10 @@ from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices, where the file separates them by its format only.
-
-    That is so if no two faces share a vertex, as in STL files, or if every free edge has an exact twin, so that no free
-    edge remains. No edge may get more than two faces. Other coincident vertices stay apart, because they may be a
-    joint. Returns the file and a text about the repair.
-    """
+    """Join the faces of a mesh at coincident vertices if only the format of the file separates them.
+    This holds if no two faces share a vertex, as in STL files, or if every free edge has an exact twin, so that no
+    free edge remains. No edge may get more than two faces. All further coincident vertices stay apart, because they
+    may be a joint. Returns the file and a text about the repair."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
@@ -51,7 +49,7 @@ def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...
 
 
 def _some_places_twice(V: Floats) -> bool:
-    """Return whether vertices may coincide, from one number per vertex, which sorts quickly."""
+    """Return whether vertices may coincide. A single number per vertex decides, because such numbers sort quickly."""
     if not np.isfinite(V).all():
         return False
     numbers = V[:, 0] * 0.5298 + V[:, 1] * 0.6741 + V[:, 2] * 0.5144
@@ -68,7 +66,6 @@ def _first_at_each_place(V: Floats) -> tuple[Ints, Ints]:
 
 
 def _edge_numbers(mesh: Polygons, corners: Ints) -> Ints:
-    """Return a number (c,) for the edge from each corner to the next one of its face, the same in both directions."""
     last_corners = np.cumsum(mesh.sizes) - 1
     following = np.roll(corners, -1)
     has_corners = mesh.sizes > 0
@@ -85,13 +82,11 @@ def _free_edges(mesh: Polygons, corners: Ints) -> Bools:
 @dataclass(frozen=True, eq=False)
 class RawMesh:
     """Vertices V (n, 3) in the file's own numbers, faces F (m, 3), and the file's declarations.
-
-    polygons : number of faces in the file, before they were cut into triangles.
+    polygons : number of faces in the file, before dsfab cut them into triangles.
     unit     : the unit that the file declares, or None.
-    metres   : in one of the file's units; 1 without a declaration.
+    metres   : metres in one of the file's units; 1 without a declaration.
     record   : texts about reading and repairs so far.
-    up       : the default up axis of the program that wrote the file, "y" or "z"; None if unknown.
-    """
+    up       : the default up axis of the program that wrote the file, "y" or "z"; None if unknown."""
 
     V: Floats
     F: Ints
@@ -107,15 +102,15 @@ CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".
 
 
 def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMesh:
-    """Read OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP, by the suffix.
+    """Read a file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP format, according to the suffix.
 
-    glTF's y axis (up, by its specification) becomes z. Quads are cut along a fold, or along the shorter diagonal. STL
-    and glTF vertices at exactly the same place become one, and those of other files if faces share none; unused
-    vertices go.
+    glTF's y axis (up, by its specification) becomes z. dsfab cuts quads along a fold, or along the shorter diagonal.
+    STL and glTF vertices at exactly the same place become one vertex. So do vertices of further formats if no faces
+    share a vertex. Unused vertices are removed.
 
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
 
-    Raises SurfaceError for a path that is no readable mesh file, and for a file beyond the limits.
+    Raises SurfaceError for a path that is not a readable mesh file, and for a file beyond the limits.
     """
     path = Path(path)
     suffix = _suffix(path)
@@ -182,7 +177,7 @@ def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
 
 
 def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
-    over = "".join(f"; passed over: {what}" for what in raw.record.dropped)  # often the reason
+    over = "".join(f"; passed over: {what}" for what in raw.record.dropped)  # ignored content is often the reason
     if not len(raw.F):
         text = f"{path} holds {len(raw.V)} vertices and no faces"
         raise SurfaceError(f"{text}{over}; give a mesh with at least one triangle")

@@ -28,7 +28,7 @@ _IGNORED_WORDS = frozenset(
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
 """Lines without effect on the shape of polygons, or parts of free-form curves and surfaces."""
-_NUMBERS = {3, 4, 6, 7}  # Possible counts of numbers of a vertex: its place, a weight, a colour.
+_NUMBERS = {3, 4, 6, 7}  # Possible counts of numbers in a vertex: its place, a weight, a colour.
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
 _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at a line's end between two words.
 _DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a comma, which some programs write in some languages.
@@ -36,8 +36,11 @@ LINES_PER_CHECK = 1 << 14  # Lines between two checks of the numbers of vertices
 
 
 def read_obj(data: bytes, budget: Budget) -> PolygonFile:
-    """Return vertices and faces; textures, normals and groups are ignored, lines, points and free forms counted. Raises
-    MalformedFileError with the number of an unreadable line, SurfaceError beyond the budget."""
+    """Return vertices and faces. The reader ignores textures, normals and groups, and counts lines, points and free
+    forms.
+
+    Raises MalformedFileError with the number of an unreadable line, SurfaceError beyond the budget.
+    """
     file = text_file(data)
     comments = declarations_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
@@ -74,10 +77,10 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
-    """Return whether the last face of a file may be incomplete: fewer corners than `largest`, or a part of the last
+    """Return whether the last face of a file may be incomplete: it has fewer corners than `largest`, or half a last
     corner.
 
-    count : of vertices.    text : that of the file.
+    count : number of vertices.    text : text of the file.
     """
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
@@ -88,8 +91,11 @@ def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
 
 
 def _join_lines(text: str) -> str:
-    """Join lines that end with a backslash with the next line; comments, which may end with a path, do not continue.
-    Raises MalformedFileError if no space is between them, because programs disagree whether a number continues."""
+    """Join each line that ends with a backslash with the next line. Comments, which may end with a path, do not
+    continue.
+
+    Raises MalformedFileError without a space between the lines, because programs disagree whether a number continues.
+    """
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1
@@ -102,11 +108,10 @@ def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
         raise ValueError
     V.extend(map(float, words[1:4]))
     if len(words) > 4:
-        list(map(float, words[4:]))  # refuses two vertices on one line
+        list(map(float, words[4:]))  # ValueError for two vertices on one line
 
 
 def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:
-    """Add corners, which count from 1, or backwards from -1, the last vertex so far; 0 is invalid."""
     sizes.append(len(words) - 1)
     for word in words[1:]:
         i = int(word.partition("/")[0] if "/" in word else word)
@@ -127,12 +132,12 @@ def _ignored_texts(ignored: Counter[str], odd: str) -> tuple[str, ...]:
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
-"""First words of files with three coordinates, and with colours, normals or textures."""
+"""First words of files with three coordinates, also with colours, normals or textures."""
 
 
 def read_off(data: bytes, budget: Budget) -> PolygonFile:
-    """Return vertices and faces; colours, normals and textures are ignored. Raises MalformedFileError for a foreign or
-    incomplete file, SurfaceError beyond the budget."""
+    """Return vertices and faces; the reader ignores colours, normals and textures.
+    Raises MalformedFileError for a foreign or incomplete file, SurfaceError beyond the budget."""
     file = text_file(data)
     lines = ((number, words) for number, line in file.numbered_lines(budget) if (words := line.split("#")[0].split()))
     n, m = _sizes(lines)
@@ -155,7 +160,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
             except (ValueError, IndexError, OverflowError):
                 raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
     extra_lines = sum(1 for _ in lines)
-    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # without colour
+    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # the face has no colour
     doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     dropped = (f"{count_phrase(extra_lines, 'line')} after the last face",) if extra_lines else ()

@@ -1,4 +1,4 @@
-"""Meshes of trimesh, pyvista and compas as surfaces, and surfaces as meshes of these libraries, imported on use."""
+"""Conversion of meshes of trimesh, pyvista and compas to surfaces and back. dsfab imports these libraries on use."""
 
 import importlib.util
 import warnings
@@ -28,15 +28,14 @@ def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     """Return a surface from vertices V (n, 3), numbers in `unit`, and polygons F: (m, 3), (m, 4), or lists of any
     length.
 
-    Polygons are cut into triangles, and faces oriented, as in `dsfab.read_surface`. Vertices keep their numbers, so
-    that coincident vertices stay apart. Raises SurfaceError for invalid meshes, and as `read_surface` does.
+    dsfab cuts polygons into triangles and orients faces as in `dsfab.read_surface`. Vertices keep their numbers, so
+    coincident vertices stay apart. Raises SurfaceError for invalid meshes, and as `read_surface` does.
     """
     mesh = _polygons(V, F)
     return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
 
 
 def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
-    """Return the surface with coincident vertices merged, which libraries have where a mesh was cut or has a seam."""
     mesh = _polygons(V, F)
     fewer, became = merged_vertices(mesh.V)
     mesh = replace(mesh, V=fewer, corners=became[mesh.corners])
@@ -57,12 +56,12 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
 
 
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
-    """Return the surface of a mesh of trimesh, pyvista, compas, meshio, or any mesh with vertices and faces.
+    """Convert a mesh of trimesh, pyvista, compas, meshio, or any mesh with vertices and faces, to a surface.
 
-    unit : unit of the coordinates; None takes the mesh's own unit (trimesh may have one), else metres.
+    unit : unit of the coordinates. None takes the unit of the mesh (trimesh may have a unit), else metres.
 
-    Vertices at the same place become one, as in STL and GLB files; a `Surface` is returned unchanged.
-    Raises SurfaceError for other types, and as `surface_from` does.
+    Vertices at the same place become one, as in STL and GLB files. A `Surface` is returned unchanged. Raises
+    SurfaceError for any other type, and as `surface_from` does.
     """
     if isinstance(mesh, Surface):
         return mesh
@@ -93,7 +92,7 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
             warnings.simplefilter("ignore")
             mesh: Any = trimesh.load(path, file_type="stl", force="mesh", process=False)
         return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
-    except Exception:  # trimesh raises many types at a bad file
+    except Exception:  # trimesh raises many types of errors for a bad file
         raise SurfaceError(f"{path} cannot be read by trimesh, though dsfab reads it; export it again") from None
 
 
@@ -110,7 +109,7 @@ def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
     """Return a pyvista mesh of V (n, 3), metres, and F (m, 3), unchanged."""
     import pyvista
 
-    build: Any = pyvista.PolyData.from_regular_faces  # typed for Python's own numbers only
+    build: Any = pyvista.PolyData.from_regular_faces  # its types allow Python's own numbers only
     mesh: pyvista.PolyData = build(np.asarray(V), np.asarray(F))
     return mesh
 

@@ -25,13 +25,13 @@ from dsfab.surface.files.reading import (
 )
 
 CHUNK = 1 << 16  # Records between two checks of the time.
-BLOCK = 1 << 20  # Bytes of text that are converted together.
+BLOCK = 1 << 20  # Number of bytes of text that the reader converts together.
 _SPACE = re.compile(rb"\s")
 
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """A property of an element; a list also has the type of its length."""
+    """A property of an element; for a list it also has the type of the list's length."""
 
     name: str
     type: str
@@ -40,7 +40,7 @@ class PlyProperty:
 
 @dataclass(frozen=True)
 class PlyElement:
-    """An element: its name, the number of its records, and the properties of each."""
+    """An element of a PLY file: its name, the number of its records, and the properties of each record."""
 
     name: str
     count: int
@@ -58,11 +58,11 @@ class PlyElement:
         )
 
 
-Columns = dict[str, Any]  # By property an array (count,); for a list all values (c,), and the number of each.
+Columns = dict[str, Any]  # An array (count,) per property; for a list all values (c,), and the length of each list.
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
-    """Return the numbers (c,) of a text up to the first other word, and whether such a word exists."""
+    """Return the numbers (c,) of a text up to the first word that is not a number, and whether such a word exists."""
     parts, position, odd = [np.empty(0)], 0, False
     while position < len(body) and not odd:
         gap = _SPACE.search(body, position + BLOCK)
@@ -89,8 +89,11 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and their end.
-    Raises MalformedFileError for a file that ends before, or has a word that is no number there."""
+    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and the end of
+    these records.
+
+    Raises MalformedFileError for a file that ends too early, or has a word in place of a number.
+    """
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
@@ -103,7 +106,9 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return start and count (count, p) of each property in each record, and their end; None for unequal lists."""
+    """Return start and count (count, p) of each property in each record, and the end of the records; None for
+    unequal lists.
+    """
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -146,11 +151,8 @@ def _text_walk(numbers: Floats, position: int, element: PlyElement, budget: Budg
 
 
 def binary_element(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of a binary element from byte `position`, and their end; faster if all lists are of
-    equal length.
-
-    order : '<' little endian, '>' big endian.
-    """
+    """Return the properties of a binary element from byte `position`, and the end of the element.
+    Equal lengths of all lists make this faster. order : '<' little endian, '>' big endian."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
@@ -191,7 +193,6 @@ def _first_record(body: bytes, position: int, element: PlyElement, order: str) -
 
 
 def _binary_walk(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Ints, Ints, int]:
-    """Return the start byte and the count (count, p) of each property in each record, and the end."""
     byte = "little" if order == "<" else "big"
     steps = [
         (
@@ -218,7 +219,6 @@ def _binary_walk(body: bytes, position: int, element: PlyElement, order: str, bu
 
 
 def _places(begin: Ints, count: Ints, step: int) -> Ints:
-    """Return the positions (c,) of the values of a property: `count` of them from `begin`, `step` apart."""
     within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
     places: Ints = np.repeat(begin, count) + step * within
     return places
@@ -246,15 +246,15 @@ _NUMBERS = (
 _TYPES = dict(pair.split("=") for pair in _NUMBERS.split())
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _END = re.compile(rb"(?<=[\r\n])end_header[ \t]*(\r\n|\n|\r|\Z)")
-LONGEST_HEADER = 1 << 20  # Bytes within which a header ends.
+LONGEST_HEADER = 1 << 20  # Largest number of bytes of a header.
 
 _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
 def read_ply(data: bytes, budget: Budget) -> PolygonFile:
-    """Return vertices and faces of a PLY file; colours, normals and other elements are ignored. Raises
-    MalformedFileError for a foreign or incomplete file or a missing property, and SurfaceError beyond the budget,
-    before it takes memory for the announced records."""
+    """Return vertices and faces of a PLY file; the reader ignores colours, normals and all further elements.
+    Raises MalformedFileError for a foreign or incomplete file or a missing property. Raises SurfaceError beyond the
+    budget, before it allocates memory for the records."""
     if data[:3] != b"ply":  # the text may have a byte order mark or be UTF-16
         file = text_file(data)
         if not file.text.startswith("ply"):

@@ -11,19 +11,24 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Cosines between the two triangles of a quad: above the first it is flat, below the second it may cross a fold."""
+"""Cosines between the two triangles of a quad. Above the first cosine a quad is flat; below the second it may cross
+a fold.
+"""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""The longer diagonal is right if its triangles continue flat neighbours within `ON`, 10 degrees as a chord, and within
-the share `BETTER` of the bend with the shorter diagonal."""
+"""The longer diagonal is right if its triangles continue flat neighbours within `ON`, the chord of 10 degrees.
+Their bend must also be less than the share `BETTER` of the bend with the shorter diagonal.
+"""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     """Return the two triangles (2 q, 3) of each of the faces `quads` (q,), which have four corners.
 
-    V : (n, 3).    corners : (c,) of all faces in a row; quads with corners outside 0..n-1 are cut in any way.
+    V : (n, 3).    corners : (c,) corners of all faces, face after face. Quads with a corner outside 0..n-1 are cut
+        arbitrarily.
     sizes : (f,) number of corners of each face.
 
-    The cut follows the only diagonal inside the quad, else a fold, else the shorter diagonal, else that from corner 0.
+    The cut follows the only diagonal inside the quad, else a fold, else the shorter diagonal, else the diagonal from
+    corner 0.
     """
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
@@ -50,7 +55,7 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
 
 
 _TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of quads cut from 0 to 2, and from 1 to 3.
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each side (from the corner of its number), for both cuts.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each side of a quad (side k begins at corner k), for both cuts.
 
 
 def _inside(corners: Ints, n: int) -> Ints:
@@ -58,13 +63,13 @@ def _inside(corners: Ints, n: int) -> Ints:
 
 
 def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
-    """Return the largest distance (r,) of unit normals (r, 4, 3) from the neighbours' normals: chords of angles."""
+    """Return the largest distance (r,) of unit normals (r, 4, 3) from the neighbours' normals, as chords of angles."""
     has_neighbour = (neighbour_normals != 0).any(axis=2)
     return np.asarray((np.linalg.norm(normals - neighbour_normals, axis=2) * has_neighbour).max(axis=1))
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return the unit normals (r, 4, 3) of the flat faces beyond the sides of quads, 0 for none or more than one.
+    """Return the unit normals (r, 4, 3) of the flat faces beyond the sides of quads; 0 without exactly one such face.
     bent : (f,) faces that are not flat.    starts : (r,) the places of the first corners among `corners`."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
@@ -75,7 +80,7 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     N = unit_vectors(np.stack([np.bincount(owner, x, len(sizes)) for x in turned.T], axis=1))
     _, edge, count = np.unique(np.minimum(a, b) * len(V) + np.maximum(a, b), return_inverse=True, return_counts=True)
     side = starts[:, None] + np.arange(4)
-    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the sum of both minus the first
+    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the sum of both half-edges minus the first
     beyond = np.where(count[edge[side]] == 2, beyond, side)
     is_flat = (beyond != side) & ~bent[owner[beyond]]
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
@@ -83,15 +88,23 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
 
 MOST_CORNERS_FOR_EARS = 12  # Largest number of corners for cutting ears, which takes k^3 steps.
 MANY = 2000  # Number of corners above which triangles are Delaunay's: a comb of 100,000 takes 0.2 s, with earcut 4 s.
+"""Number of corners above which dsfab uses Delaunay triangles: a comb of 100,000 corners takes 0.2 s, with earcut 4
+s.
+"""
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""Distance from the line of its neighbours, as a share of the largest coordinate, below which a corner is straight."""
-ORDER = cdt.VertexInsertionOrder.AUTO  # Order of insertion: near points follow each other.
-TOGETHER = 1 << 12  # Polygons of one size that are cut together; their numbers fit into the processor's cache.
+"""A corner is straight if it is nearer than this to the line of its neighbours, as a share of the largest
+coordinate.
+"""
+ORDER = cdt.VertexInsertionOrder.AUTO  # The order of insertion, in which near points follow each other.
+TOGETHER = 1 << 12  # Number of polygons that are cut together, so that their data fit into the processor's cache.
 
 
 def small_polygon_triangles(P: Floats) -> Ints:
-    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3) with 5 <= k <= `FEW` corners. If no
-    corner is an ear (a polygon that crosses itself), the shortest cut is taken."""
+    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3) with 5 <= k <=
+    `MOST_CORNERS_FOR_EARS` corners.
+
+    If no corner is an ear (the polygon crosses itself), the function takes the shortest cut.
+    """
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
 
@@ -117,7 +130,7 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
     k = P.shape[1]
     a, b, c = np.roll(P, 1, axis=1), P, np.roll(P, -1, axis=1)
     convex = np.einsum("qki,qi->qk", np.cross(b - a, c - b), normal) > 0
-    other_corners = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3): corners outside the ear
+    other_corners = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3) corners outside the ear
     within = np.ones(other_corners.shape[:3], dtype=bool)
     for start, end in ((a, b), (b, c), (c, a)):
         side = np.cross((end - start)[:, :, None], other_corners - start[:, :, None])
@@ -127,9 +140,9 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 
 
 def large_polygon_triangles(P: Floats) -> Ints | None:
-    """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal. None if it crosses
-    itself there, or has no area. Every corner is a corner of a triangle, also in the middle of a straight side, because
-    neighbours may end there."""
+    """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal.
+    None if the polygon crosses itself in this view, or has no area. Every corner is a corner of a triangle, also in
+    the middle of a straight side, because neighbours may end there."""
     flat, noise = _in_plane(P)
     x, y = flat.T
     area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -151,12 +164,12 @@ def _ring_cut(flat: Floats) -> Ints:
     if len(flat) <= MANY:
         return _earcut(flat)
     cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
-    points: Any = np.ascontiguousarray(flat)  # a buffer; Python has a type for it from 3.12 on
+    points: Any = np.ascontiguousarray(flat)  # the type is a buffer, which Python names from version 3.12 on
     sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
     try:
         cut.insert_vertices(points)
         cut.insert_edges(sides)
-    except RuntimeError:  # repeated points, or crossing sides
+    except RuntimeError:  # the outline has repeated points or crossing sides
         return _earcut(flat)
     cut.erase_outer_triangles()
     return np.asarray(cut.triangles_array()["vertices"], dtype=np.int64)
@@ -170,7 +183,7 @@ def _earcut(flat: Floats) -> Ints:
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, over its size; and its noise."""
+    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, over its size; and the noise of P."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size
@@ -191,8 +204,8 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Return for each corner of an outline (k, 2) its distance to the right of its neighbours' line, and whether the
-    outline goes on there rather than back."""
+    """Return the distance of each corner of an outline (k, 2) to the right of the line through its neighbours.
+    Return also whether the outline continues forward there, and not back."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
@@ -201,7 +214,6 @@ def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
 
 
 def _without_straight(flat: Floats, noise: float) -> tuple[Ints, list[Ints]]:
-    """Return the corners where the outline turns, and the straight runs between two of them, with both ends."""
     k = len(flat)
     height, onward = _corner_turns(flat)
     turning = np.flatnonzero((np.abs(height) > noise) | ~onward)
@@ -212,7 +224,6 @@ def _without_straight(flat: Floats, noise: float) -> tuple[Ints, list[Ints]]:
 
 
 def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
-    """Replace sides of triangles F (t, 3) by straight runs; a run fans out from the corner opposite its side."""
     if not runs:
         return F
     table = {edge: apex for a, b, c in F.tolist() for edge, apex in (((a, b), c), ((b, c), a), ((c, a), b))}
@@ -232,7 +243,9 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """A mesh of polygons: V (n, 3) in the file's unit, and `corners` (c,) in a row; face k has sizes[k] of them."""
+    """A mesh of polygons: V (n, 3) in the file's unit, and `corners` (c,), face after face; face k has sizes[k]
+    corners.
+    """
 
     V: Floats
     corners: Ints
@@ -256,10 +269,8 @@ def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
 @dataclass(frozen=True, eq=False)
 class CutPolygons:
     """Triangles of polygons.
-
-    F : (m, 3) vertex indices. owner : (m,) the polygon of each, ascending.
-    fanned : (p,) polygons that cross themselves and are cut as fans from their first corners.
-    """
+    F : (m, 3) vertex indices. owner : (m,) the polygon of each triangle, ascending.
+    fanned : (p,) polygons that cross themselves and are cut as fans from their first corners."""
 
     F: Ints
     owner: Ints
@@ -267,11 +278,11 @@ class CutPolygons:
 
 
 def triangles(mesh: Polygons) -> CutPolygons:
-    """Cut polygons into triangles: quads by `quad_triangles`, larger ones by `small_polygon_triangles` or
+    """Cut polygons into triangles: quads by `quad_triangles`, larger polygons by `small_polygon_triangles` or
     `large_polygon_triangles`.
 
-    Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or one that is not finite, is
-    cut as a fan, and the caller has to refuse it.
+    Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or a vertex that is not
+    finite, becomes a fan, and the caller has to refuse it.
     """
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)

@@ -1,4 +1,4 @@
-"""Checked, oriented `Surface` from a mesh file, and the facts about a mesh file."""
+"""Reader of mesh files: a checked, oriented `Surface`, and facts about the file."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,7 +32,7 @@ from dsfab.surface.topology import (
 
 @dataclass(frozen=True, eq=False)
 class SurfaceInFile:
-    """The surface in a file, metres, and the record of reading and repairing it."""
+    """The surface in a file, metres, and the record of reading and repairs."""
 
     surface: Surface
     record: FileRecord
@@ -48,20 +48,20 @@ def read_surface(
 ) -> Surface:
     """Return the surface in a mesh file, or in a file of a CAD program (`MESH_SUFFIXES`), in metres.
 
-    unit : of the numbers in the file; None takes the unit the file declares (3MF, 3DM, DXF, STEP; glTF is in metres),
-           else metres.
+    unit : unit of the numbers in the file; None takes the unit that the file declares (3MF, 3DM, DXF, STEP; glTF is in
+           metres), else metres.
     up   : the file's axis that points to the sky.
     mend : whether to mend small faults first: see `dsfab.surface.clean.repair`.
-    max_triangles : limit on triangles; the other limits of reading follow from it.
-    repair : whether the file is a raw scan, to be turned into a sheet first: see `dsfab.surface.clean.repair`.
+    max_triangles : limit on triangles; all further limits of reading follow from it.
+    repair : whether the file is a raw scan, which dsfab first converts to a sheet: see `dsfab.surface.clean.repair`.
 
-    Faces are flipped so that neighbours agree, as few as possible, and closed pieces face outward. A piece with one
-    side only (a Moebius strip) keeps a seam where neighbours disagree. A GLB file has y up by its specification and is
-    rotated to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file` the
-    repairs.
+    dsfab flips as few faces as possible so that neighbours agree, and closed pieces face outward. A piece with one
+    side only (a Moebius strip) keeps a seam where neighbours disagree. A GLB file has y up by its specification, and
+    dsfab rotates it to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file`
+    the repairs.
 
-    Raises SurfaceError for a file that cannot be read, coordinates that are not finite, collapsed or repeated faces,
-    and edges with more than two faces.
+    Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, and edges
+    with more than two faces.
     """
     return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
 
@@ -74,13 +74,13 @@ def surface_in_file(
     max_triangles: int = DEFAULT_TRIANGLES,
     repair: bool = False,
 ) -> SurfaceInFile:
-    """Return the surface in a file with the record of reading and repairing it; see `read_surface`."""
+    """Return the surface in a file with the record of reading and repairs; see `read_surface`."""
     raw = raw_mesh(path, max_triangles)
     return surface_of_file(path, mended_raw_mesh(raw, repair, unit) if mend or repair else raw, unit, up)
 
 
 def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
-    """Return a raw mesh mended, or repaired as a scan, with its repairs; unit : by default that of the file."""
+    """Mend a raw mesh, or repair it as a scan; return the mesh with its repairs. unit : by default the file's unit."""
     metres = metres_per(unit) if unit else raw.metres
     better = (repaired_scan if scan else mended_mesh)(raw.V, raw.F, metres)
     if not better.repairs:
@@ -118,7 +118,9 @@ def oriented_surface(V: Floats, F: Ints) -> Surface:
 
 
 def normalized_surface(surface: Surface) -> Surface:
-    """Return the surface oriented, every vertex (n, 3) on a face (m, 3). Raises SurfaceError as `read_surface` does."""
+    """Return the surface oriented, with every vertex (n, 3) on a face (m, 3). Raises SurfaceError as `read_surface`
+    does.
+    """
     used, F = np.unique(surface.F, return_inverse=True)
     if len(used) < surface.n:
         return oriented_surface(surface.V[used], F.reshape(-1, 3))
@@ -162,14 +164,12 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """Facts about a mesh file, sound or not. Lengths in metres by the unit in use; faces are triangles.
-
-    Faces with vertices that are not finite count in `faces` and nowhere else. `volume` is None unless the mesh is
-    closed and oriented; `genus` is None unless it is one oriented manifold piece. `faults` are the reasons why it is
-    not an oriented manifold, a sentence each. `smallest_angle` is in degrees and leaves the degenerate faces out.
-    `unit_guess` is the file's own unit, or a guess from the size of the numbers, according to `unit_said`. `record`
-    lists the repairs and dropped parts.
-    """
+    """Facts about a mesh file, sound or not. Lengths are in metres by the unit in use; faces are triangles.
+    Faces with vertices that are not finite count in `faces` only. `volume` is None unless the mesh is closed and
+    oriented; `genus` is None unless it is a single oriented manifold piece. `faults` are sentences on why the mesh is
+    not an oriented manifold. `smallest_angle` is in degrees and ignores degenerate faces. `unit_guess` is the unit
+    that the file declares, or a guess from the size of the numbers; `unit_said` tells which. `record` lists the
+    repairs and dropped parts."""
 
     path: str
     unit: str
@@ -210,8 +210,8 @@ class MeshFacts:
 
 
 def describe(path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES) -> MeshFacts:
-    """Return the facts about a mesh file, also about a file that `read_surface` refuses. Raises SurfaceError if the
-    file cannot be read at all or has no face with finite corners."""
+    """Return the facts about a mesh file, also about a file that `read_surface` refuses.
+    Raises SurfaceError if the file is unreadable or has no face with finite corners."""
     return mesh_facts(path, raw_mesh(path, max_triangles), unit)
 
 
@@ -259,7 +259,7 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
 
 
 def finite_faces(path: str | Path, raw: RawMesh) -> Ints:
-    """Return the faces (k, 3) of a raw mesh whose corners are finite; raises SurfaceError if none are."""
+    """Return the faces (k, 3) of a raw mesh with finite corners; raises SurfaceError if the mesh has no such face."""
     finite: Bools = np.asarray(np.isfinite(raw.V).all(axis=1))
     F = raw.F[finite[raw.F].all(axis=1)]
     if not len(F):
@@ -272,7 +272,6 @@ def _triple(x: Floats) -> tuple[float, float, float]:
 
 
 def _boundary_lengths(V: Floats, F: Ints, edges: EdgeTable) -> tuple[float, ...]:
-    """Return the lengths of the boundary loops, longest first, metres, with the mesh oriented if possible."""
     flips = flips_to_orient(F, edges)
     turned = F if flips is None else _flipped_faces(F, flips)
     loops = boundary_loops(turned, edge_table(turned))
@@ -280,13 +279,14 @@ def _boundary_lengths(V: Floats, F: Ints, edges: EdgeTable) -> tuple[float, ...]
 
 
 def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, float]:
-    """Return the areas (m,), square metres, and the smallest angle of faces with an area, degrees."""
     areas = lengths(area_vectors(V, F)) / 2
     sound = areas > ZERO_AREA * size**2
     return areas, float(np.degrees(face_angles(V, F[sound])).min()) if sound.any() else 0.0
 
 
 def unit_guess(raw: RawMesh) -> str:
-    """Return the declared unit, else metres for a box up to 250 long (few shells are longer), else millimetres."""
+    """Return the declared unit. Without a declaration, return metres for a box up to 250 long (few shells are
+    longer), else millimetres.
+    """
     V = raw.V[in_reach(raw.V)]
     return raw.unit or ("m" if np.ptp(V, axis=0).max() <= 250.0 else "mm")

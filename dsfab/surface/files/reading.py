@@ -21,7 +21,7 @@ DEFAULT_TRIANGLES = 4_000_000  # Most triangles of a file: twice the largest mes
 
 
 class MalformedFileError(ValueError):
-    """Error in the content of a file, in words for its user; `readable` adds the file's name."""
+    """Error in the content of a file, in words for the user; `readable` adds the file's name."""
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,15 @@ class Budget:
         return max(20.0, 6e-5 * self.triangles)
 
     def require_triangles(self, count: int) -> None:
-        """Raise SurfaceError for more triangles than accepted."""
+        """Raise SurfaceError for more triangles than the limit."""
         self._require(count, self.triangles, "triangles")
 
     def require_vertices(self, count: int, what: str = "vertices") -> None:
-        """Raise SurfaceError for more vertices, or other records, than three for each accepted triangle."""
+        """Raise SurfaceError for more than three vertices, or three records `what`, per allowed triangle."""
         self._require(count, 3 * self.triangles, what)
 
     def require_bytes(self, count: int, what: str = "bytes") -> None:
-        """Raise SurfaceError for more bytes than accepted; `what` names their kind."""
+        """Raise SurfaceError for more bytes than the limit; `what` names their kind."""
         self._require(count, self.bytes, what)
 
     def require_time(self) -> None:
@@ -68,7 +68,7 @@ class Budget:
 
 
 _LIFT = "make the mesh coarser, or allow more with --max-triangles N (surface.max_triangles in a preset)"
-"""Remedy for any of the limits."""
+"""Remedy for every limit."""
 
 
 log = logging.getLogger(__name__)
@@ -110,7 +110,7 @@ class FileRecord:
     dropped: tuple[str, ...] = ()
 
     def also(self, repaired: tuple[str, ...] = (), dropped: tuple[str, ...] = ()) -> "FileRecord":
-        """Return the record with more repairs and dropped parts."""
+        """Return the record with additional repairs and dropped parts."""
         return replace(self, repaired=(*self.repaired, *repaired), dropped=(*self.dropped, *dropped))
 
     @property
@@ -126,10 +126,8 @@ NOTHING_READ = FileRecord()
 @dataclass(frozen=True, eq=False)
 class PolygonFile:
     """The polygons of a file, and remarks about the file.
-
-    doubts : oddities that may be faults. dropped : ignored parts. unit : the unit in its comments.
-    up : the default up axis of the program that wrote it, "y" or "z". None if unknown.
-    """
+    doubts : oddities that may be faults. dropped : ignored parts. unit : the unit in the file's comments.
+    up : the default up axis of the program that wrote the file, "y" or "z". None stands for unknown."""
 
     mesh: Polygons
     doubts: tuple[str, ...] = ()
@@ -140,8 +138,11 @@ class PolygonFile:
 
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
-    """Triangles of a file: vertices V (n, 3) in its unit and faces F (m, 3); and remarks as of a `PolygonFile`.
-    unit : the unit that the file declares, or None. metres : in one of it."""
+    """Triangles of a file: vertices V (n, 3) in the file's unit and faces F (m, 3); and remarks like those of a
+    `PolygonFile`.
+
+    unit : the unit that the file declares, or None. metres : metres in this unit.
+    """
 
     V: Floats
     F: Ints
@@ -153,7 +154,7 @@ class TriangleFile:
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because this mark begins with that of UTF-16
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because its mark begins like this mark
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
@@ -161,14 +162,14 @@ _MARKS = (
 _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IGNORECASE)
 """A comment with a unit: '# File units = inches', 'comment unit: mm'."""
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
-"""Programs whose OBJ files have y up by default (first group), or z."""
+"""Programs whose OBJ files have y up by default (first group), and programs with z up."""
 
-BLOCK = 1 << 20  # Letters that are split into lines together, between two checks of the time.
+BLOCK = 1 << 20  # Number of letters that the reader splits into lines between two checks of the time.
 
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file with plain line ends, doubts about it, and whether its last line has an end."""
+    """The text of a file with plain line ends, doubts about the text, and whether the last line has an end."""
 
     text: str
     doubts: tuple[str, ...]
@@ -177,7 +178,7 @@ class TextFile:
     def numbered_lines(self, budget: Budget) -> Iterator[tuple[int, str]]:
         """Yield the line numbers from 1, and the lines. Raises SurfaceError if reading takes too long."""
         number, position, text = 0, 0, self.text
-        while position <= len(text):  # in blocks, because a list of all lines takes several times the file
+        while position <= len(text):  # in blocks, because a list of all lines needs much memory
             end = text.find("\n", position + BLOCK)
             end = len(text) if end < 0 else end
             budget.require_time()
@@ -187,7 +188,9 @@ class TextFile:
             position = end + 1
 
     def cut_off(self, part: str) -> tuple[str, ...]:
-        """Return a doubt about a last line without an end, which should be part of `part`; nothing if it has an end."""
+        """Return a doubt about a last line without an end, which should be part of `part`; nothing if the line has
+        an end.
+        """
         return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 
@@ -199,8 +202,9 @@ def may_lack_digits(word: str, count: int) -> bool:
 
 
 def text_file(data: bytes) -> TextFile:
-    """Return the text in `data`: UTF-8, or the encoding of a byte order mark or of zeros between the letters. Invalid
-    bytes become a letter that no number has. Raises MalformedFileError for incomplete UTF-16."""
+    """Return the text in `data`: UTF-8, or an encoding that a byte order mark or zeros between the letters indicate.
+    Each invalid byte becomes a letter that never occurs in a number. Raises MalformedFileError for incomplete UTF-16.
+    """
     encoding, doubt, skipped = "utf-8", "", 0
     for mark, name, word in _MARKS:
         if data.startswith(mark):
@@ -221,7 +225,7 @@ def text_file(data: bytes) -> TextFile:
 
 @dataclass(frozen=True)
 class CommentDeclarations:
-    """Declarations in comments at the beginning of a file; None for missing ones.
+    """Declarations in comments at the beginning of a file; None for missing declarations.
     unit : a key of METRES_PER.    up : "y" or "z", the default up axis of the program that wrote the file."""
 
     unit: str | None = None
@@ -238,27 +242,28 @@ def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclar
 
 
 def float_of(word: str) -> float:
-    """Return a number; raises ValueError, also for Python's own notation (1_0)."""
+    """Return a number; raises ValueError for any other text, also for Python's own notation (1_0)."""
     if "_" in word:
         raise ValueError
     return float(word)
 
 
 def whole_number(word: str) -> int:
-    """Return a whole number; raises ValueError, also for Python's own notation (1_0)."""
+    """Return a whole number; raises ValueError for any other text, also for Python's own notation (1_0)."""
     if "_" in word:
         raise ValueError
     return int(word)
 
 
 CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon's sides from its curve, as a share of the curve's size.
-LARGEST_NUMBER = 1e12  # Larger numbers are no lengths or angles, and foreign libraries may loop endlessly on them.
+LARGEST_NUMBER = 1e12  # Larger numbers cannot be lengths or angles, and libraries may loop endlessly on them.
 
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Content of a drawing, in its unit: layer and points (k, 3) of each curve; the layers; the unit, or None; layer
-    and place (1, 3) of each point."""
+    """Content of a drawing, in its unit: curves with layer and points (k, 3), layers, the unit or None, and points
+    with layer and place (1, 3).
+    """
 
     runs: tuple[tuple[str, Floats], ...]
     layers: tuple[str, ...]
@@ -269,10 +274,8 @@ class Drawing:
 @dataclass(frozen=True)
 class DrawingBudget:
     """Limits of a drawing of outlines, far beyond the size of drawn doors and supports.
-
-    bytes, entities (those of a block count at each insertion), points of all curves, seconds; depth of nested blocks.
-    started : start of reading, seconds of the process's clock.
-    """
+    The limits are: bytes, entities (each insertion counts those of its block), points of all curves, seconds, and
+    depth of nested blocks. started : start of reading, seconds of the process's clock."""
 
     bytes: int = 50_000_000
     entities: int = 50_000
@@ -282,22 +285,26 @@ class DrawingBudget:
     started: float = field(default_factory=time.monotonic)
 
     def require(self, kind: str, count: int) -> None:
-        """Raise SurfaceError for more of a kind ("bytes", "entities", "points") than accepted, or after too long."""
+        """Raise SurfaceError for more of a kind ("bytes", "entities", "points") than the limit, or after too long a
+        time.
+        """
         if count > getattr(self, kind):
             raise SurfaceError(f"the drawing has {count:,} {kind}, and {getattr(self, kind):,} is the limit; {_APART}")
         self.require_time()
 
     def require_time(self) -> None:
-        """Raise SurfaceError after too long."""
+        """Raise SurfaceError if reading has taken too long."""
         if time.monotonic() - self.started > self.seconds:
             raise SurfaceError(f"reading the drawing took more than {self.seconds:.0f} s; {_APART}")
 
 
-_APART = "put the outlines into a drawing of their own"  # Remedy for any of the limits.
+_APART = "put the outlines into a drawing of their own"  # Remedy for every limit.
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of `curve` at the ends of spans (s,) and, up to 1024 a span, between to be within `FLAT`."""
+    """Return points (k, 3) of `curve` at the ends of spans (s,), and between them as `CURVE_TOLERANCE` requires (up
+    to 1024 per span).
+    """
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

@@ -1,4 +1,4 @@
-"""Readers of 3DM (Rhino), STEP and BREP files, on the libraries rhino3dm and OCCT."""
+"""Readers of 3DM (Rhino), STEP and BREP files. They use the libraries rhino3dm and OCCT."""
 
 import importlib.util
 from collections.abc import Iterable, Iterator
@@ -20,13 +20,13 @@ UNITS = {
 }  # fmt: skip
 """Units by their names in rhino3dm."""
 MARKS = ("Point", "TextDot", "PolylineCurve", "LineCurve", "ArcCurve", "NurbsCurve", "PolyCurve", "Light")
-"""Objects beside a surface that need no remark."""
+"""Objects that may lie beside a surface without a remark."""
 
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the curves of a 3DM file, with blocks expanded, its layers and its unit. Raises SurfaceError without the
-    library and beyond the budget, MalformedFileError for another file. The library may crash on a damaged file;
-    `separate_process.read_rhino_apart` is safe for foreign files."""
+    """Return the curves of a 3DM file, with blocks expanded, its layers and its unit.
+    Raises SurfaceError without the library and beyond the budget, MalformedFileError for another file. The library may
+    crash on a damaged file; `separate_process.read_rhino_in_process` is safe for foreign files."""
     require_rhino()
     import rhino3dm
 
@@ -44,8 +44,11 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
-    """Return the meshes of a 3DM file and the saved meshes of its surfaces, with blocks expanded and nothing joined.
-    Raises SurfaceError for a file whose surfaces were saved without meshes, and as `read_rhino` does."""
+    """Return the meshes of a 3DM file and the saved meshes of its surfaces, with blocks expanded and vertices not
+    joined.
+
+    Raises SurfaceError for a file whose surfaces have no saved meshes, and as `read_rhino` does.
+    """
     model = _model(path)
     V, F, count, bare, other_objects = list[Floats](), list[Ints](), 0, 0, 0
     for _, thing, place in _DrawnObjects.of_model(model, budget):
@@ -67,7 +70,7 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
 
 
 def _meshes(thing: Any) -> list[Any] | None:
-    """Return the meshes of an object; [] if it is no surface, None for a surface that was saved without a mesh."""
+    """Return the meshes of an object; [] if it is not a surface, None for a surface without a saved mesh."""
     import rhino3dm
 
     if isinstance(thing, rhino3dm.Mesh):
@@ -98,8 +101,9 @@ def _model(path: Path) -> Any:
 
 
 class _DrawnObjects:
-    """Iterator over the drawn objects that counts them. The content of a block is among all objects, and is drawn where
-    the block is inserted, moved by its matrix."""
+    """Iterator over the drawn objects that counts them.
+    A file lists the content of a block among all objects. The iterator draws it at each insertion of the block, moved
+    by the insertion's matrix."""
 
     def __init__(self, model: Any, budget: DrawingBudget) -> None:
         self.model, self.budget, self.count = model, budget, 0
@@ -127,7 +131,9 @@ class _DrawnObjects:
                 yield self.layers.get(thing.Attributes.LayerIndex, ""), thing.Geometry, place
 
     def _block_objects(self, number: Any) -> list[Any]:
-        """Return the content of a block; raises MalformedFileError if it is not in the file, as in a linked block."""
+        """Return the content of a block; raises MalformedFileError if the file lacks it, for example for a linked
+        block.
+        """
         block = self.model.InstanceDefinitions.FindId(number)
         inside = [self.model.Objects.FindId(object_id) for object_id in block.GetObjectIds()] if block else []
         if not inside or None in inside:
@@ -151,7 +157,6 @@ def require_rhino() -> None:
 
 
 def _points(curve: Any) -> Floats:
-    """Return points (k, 3) of a curve, enough to be within `FLAT` of it; the corners of a polyline."""
     line = curve.TryGetPolyline()
     if curve.IsPolyline() and line is not None:
         return np.array([[p.X, p.Y, p.Z] for p in line])
@@ -160,8 +165,11 @@ def _points(curve: Any) -> Floats:
 
 
 def read_occt(path: Path) -> TriangleFile:
-    """Return the triangles of all faces, not joined; STEP files are converted into millimetres, BREP files declare no
-    unit. Raises MalformedFileError for files that OCCT cannot read, and for a file without faces."""
+    """Return the triangles of all faces, not joined. STEP files are converted to millimetres; BREP files declare no
+    unit.
+
+    Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces.
+    """
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
@@ -173,7 +181,7 @@ def read_occt(path: Path) -> TriangleFile:
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
         raise MalformedFileError("it holds no faces, only curves or points")
-    # triangles within this share of the diagonal of the box, 0.2 radians between neighbours
+    # triangles deviate by this share of the box's diagonal, and neighbours by 0.2 radians
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
     V, F, count, lost = list[Floats](), list[Ints](), 0, 0
     while faces.More():

@@ -1,7 +1,7 @@
 """Separate process for the readers of 3DM, STEP and BREP files, with limits on time and memory.
 
-rhino3dm crashes on some damaged files of 7 kB, and takes 6.7 GB or half a minute for others. OCCT may take any time for
-a surface, and may end the process.
+rhino3dm crashes on some damaged files of 7 kB, and needs 6.7 GB or half a minute for similar files. OCCT may take any
+time for a surface, and may end the process.
 """
 
 import importlib.util
@@ -22,7 +22,7 @@ from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino
 
 GIB = 2**30
 MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}  # Bytes of address space for reading.
-SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}  # Seconds of the processor for a small file, and again for each 10 MB.
+SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}  # Processor seconds for a small file, and additionally for each 10 MB.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}
 
@@ -55,7 +55,7 @@ def read_cad(path: Path, budget: Budget) -> TriangleFile:
     """Return the faces of a STEP or BREP file as triangles, joined along common edges. Raises like
     `read_rhino_in_process`."""
     mesh = _triangles("cad", path, budget)
-    V, became = merged_vertices(mesh.V, 1e-7)  # points of two faces on a common edge are as near as this
+    V, became = merged_vertices(mesh.V, 1e-7)  # two faces have points this near on a common edge
     F = became[mesh.F]
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return TriangleFile(V, F[is_triangle], mesh.unit, mesh.metres, mesh.doubts, mesh.dropped)
@@ -91,7 +91,7 @@ def _raise_refusal(answer: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Run the program (kind of file, path, seconds); the answer is a line of JSON, for meshes inside an .npz file."""
+    """Run the program (kind of file, path, seconds). The answer is a line of JSON; meshes are in an .npz file."""
     kind, path, seconds = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])
     if kind == "drawing":
@@ -123,7 +123,6 @@ def _meshes(kind: str, path: Path) -> tuple[dict[str, Any], Any, Any]:
 
 
 def _limit(seconds: int, memory: int) -> None:
-    """Limit memory and time of this process, where the system supports it (not on Windows)."""
     if importlib.util.find_spec("resource") is None:
         return
     import resource

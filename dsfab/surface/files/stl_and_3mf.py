@@ -29,8 +29,9 @@ CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles, coincident corners merged. Length tells text from binary files, because many of these begin
-    with "solid". Raises MalformedFileError for an incomplete or other file, SurfaceError beyond the budget."""
+    """Return the triangles, with coincident corners merged.
+    The length tells binary files from text, because many binary files also begin with "solid". Raises
+    MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -82,7 +83,6 @@ def _number(word: str) -> float:
 
 
 def _line_number(text: str, position: int) -> int:
-    """Return the number, from 1, of the line of the first letter behind position `position`."""
     return (
         text.count("\n", 0, position)
         + text[position:].count("\n", 0, len(text) - position - len(text[position:].lstrip()))
@@ -101,8 +101,9 @@ Key = tuple[str, bytes]  # A part of the file, and the number of an object in it
 
 
 def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
-    """Return all objects on the build plate, moved to their places. Raises MalformedFileError for a damaged file,
-    SurfaceError beyond the budget, both before lib3mf reads it."""
+    """Return all objects on the build plate, at their places.
+    Raises MalformedFileError for a damaged file and SurfaceError beyond the budget, both before lib3mf reads the file.
+    """
     plate = _Plate(data, budget)
     budget.require_triangles(plate.triangles())
     import lib3mf
@@ -132,7 +133,7 @@ def _meshes(model: Any) -> Iterator[tuple[Floats, Ints]]:
 
 
 class _Plate:
-    """Content of a file that takes memory: triangles and components of objects, and the items on the plate."""
+    """Content of a file that needs memory: triangles and components of objects, and the items on the plate."""
 
     def __init__(self, data: bytes, budget: Budget) -> None:
         self.own: dict[Key, int] = {}
@@ -175,11 +176,10 @@ class _Plate:
 
 
 def _models(data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:
-    """Yield names and texts of the parts of a file with objects, after a check that all parts are small and sound."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(entry.file_size for entry in packed.infolist())
-            # numbers shrink to a tenth, the same triangle over and over to a hundredth
+            # compression shrinks numbers to a tenth, and repeated triangles to a hundredth
             if size > max(1 << 24, 60 * len(data)):
                 raise MalformedFileError(f"it unpacks to {size / len(data):,.0f} times its size, which no mesh does")
             budget.require_bytes(size, "bytes once it is unpacked")

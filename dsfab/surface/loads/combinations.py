@@ -1,4 +1,4 @@
-"""Load cases by name, and their combinations, the user's own and those after EN 1990."""
+"""Load cases by name, and their combinations: those of the user, and those after EN 1990."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,16 +17,14 @@ from dsfab.surface.mesh import Surface
 
 LimitState = Literal["ULS", "SLS", ""]  # Ultimate and serviceability limit state.
 
-COMBINED = "combined"  # Value of [diffusion] follow for all cases at once, hence no name of a case or combination.
+COMBINED = "combined"  # Value of [diffusion] follow for all cases at once; no case may have this name.
 
 
 @dataclass(frozen=True)
 class Combination:
     """A sum of cases: `[[surface.combination]]  name = "uls"  factors = { dead = 1.35, snow = 1.5 }`.
-
-    factors     : case -> factor on its loads; other cases take no part.
-    limit_state : ULS, for stress and buckling; SLS, for displacements; empty: both.
-    """
+    factors     : case -> factor on its loads; a case without a factor takes no part.
+    limit_state : ULS, for stress and buckling; SLS, for displacements; empty: both."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     name: CaseName
@@ -47,9 +45,9 @@ def case_names(loads: Sequence[Load]) -> list[str]:
 def load_cases(
     surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0
 ) -> dict[str, LoadCase]:
-    """Return the `LoadCase.build` of each case, all with the same supports. `loaded` is also the same: vertices under a
-    concentrated load of any case, because the pattern has to carry them all. Raises SurfaceError as `LoadCase.build`
-    does, with the name of the case if there are several."""
+    """Return the `LoadCase.build` of each case, with equal supports.
+    All have the same `loaded`: the vertices under a concentrated load of any case, because the pattern has to carry
+    all of these loads. Raises SurfaceError as `LoadCase.build` does, with the name of the case if there are several."""
     names = case_names(loads)
     if len(names) < 2:
         return {name: LoadCase.build(surface, supports, loads, weight) for name in names or ["load"]}
@@ -64,7 +62,7 @@ def load_cases(
 
 
 def combined_case(cases: Mapping[str, LoadCase], factors: Mapping[str, float] | None = None) -> LoadCase:
-    """Return the sum of cases that act at the same time, with their factors; by default all cases once."""
+    """Return the sum of simultaneous cases with their factors; by default all cases once."""
     first_case = next(iter(cases.values()))
     taken = dict.fromkeys(cases, 1.0) if factors is None else factors
     force = np.sum([factor * cases[name].force for name, factor in taken.items()], axis=0)
@@ -89,7 +87,7 @@ PSI: dict[str, Psi] = {
     "imposed G": (0.7, 0.5, 0.3),  # vehicles up to 160 kN
     "imposed H": (0.0, 0.0, 0.0),  # roofs, for maintenance
     "snow": (0.5, 0.2, 0.0),  # up to 1000 m above the sea
-    "snow high": (0.7, 0.5, 0.2),  # higher, and the Nordic countries
+    "snow high": (0.7, 0.5, 0.2),  # above 1000 m, and in the Nordic countries
     "wind": (0.6, 0.2, 0.0),
     "temperature": (0.6, 0.5, 0.0),
 }
@@ -117,9 +115,9 @@ ACTION_OF_LOAD: dict[str, ActionKind] = {
     "snow": "snow",
     "wind": "wind",
 }
-"""Kinds of actions for kinds of loads; for other loads the preset has to state it."""
+"""Kind of action for each kind of load; the preset has to state it for any load that is not in this table."""
 
-ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")  # Kinds with exclusive cases, as wind from one side.
+ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")  # Two cases of such a kind never act together.
 
 
 @dataclass(frozen=True)
@@ -128,7 +126,7 @@ class DesignFactors:
     0.0] }`.
 
     permanent  : gamma_G of unfavourable permanent loads.
-    favourable : gamma_G of favourable ones, like weight against wind.
+    favourable : gamma_G of favourable permanent loads, such as weight against wind.
     variable   : gamma_Q.
     reduction  : xi, of permanent loads in 6.10b.
     psi        : psi_0, psi_1 and psi_2 of kinds of actions that differ from Table A1.1.
@@ -181,9 +179,10 @@ def action_mistakes(
 def en1990_combinations(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule, factors: DesignFactors
 ) -> list[Combination]:
-    """Return all combinations of the cases of loads, with distinct factors; ultimate limit states come first. Each
-    selection of variable cases takes part, with at most one case of mutually exclusive kinds, and each case leads in
-    turn. Favourable weight is combined with wind only, because other loads press down too."""
+    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first.
+    Each selection of variable cases takes part, with at most one case of mutually exclusive kinds. Each of its cases
+    is the leading action once. Favourable weight is combined with wind only, because all further loads press down too.
+    """
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
     combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):
@@ -198,7 +197,6 @@ def en1990_combinations(
 def _ordered_combinations(
     permanent: Sequence[str], order: Sequence[_Variable], rule: CombinationRule, factors: DesignFactors
 ) -> Iterator[Combination]:
-    """Yield the combinations in which the first of the variable actions leads."""
     gamma = factors.variable
     lead = [gamma * (1.0 if not k else action.psi[0]) for k, action in enumerate(order)]
     behind = [gamma * action.psi[0] for action in order]
@@ -214,7 +212,7 @@ def _ordered_combinations(
         "SLS-quasi": [action.psi[2] for action in order],
     }
     for name, (weight, variable) in (uls | {name: (1.0, shares) for name, shares in sls.items()}).items():
-        if variable and not variable[0]:  # the leading action has no effect; another order covers the rest
+        if variable and not variable[0]:  # no effect; an order with a different leading action covers the rest
             continue
         acting = {action.case: factor for action, factor in zip(order, variable, strict=True) if factor}
         taken = dict.fromkeys(permanent, weight) | acting
@@ -227,7 +225,6 @@ def _ordered_combinations(
 def _permanent_and_groups(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], psi: Mapping[ActionKind, Psi]
 ) -> tuple[list[str], list[list[_Variable | None]]]:
-    """Return the permanent cases, and the choices in each group of variable cases: none, or one case."""
     permanent: list[str] = []
     groups: dict[str, list[_Variable | None]] = {}
     for case in case_names(loads):

@@ -22,11 +22,11 @@ EDGE_ON = 1e-12  # Share of a normal along a direction below which the face coun
 class Snow:
     """A load in pascals per *plan* area, which falls along `direction` (any length): s A |n . d| d on each face.
 
-    s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]; reduce it, or pick less, where snow
-    slides off. Open sheets carry it whatever their normals, so pick the upper part of an overhanging sheet. On closed
-    surfaces only faces that look against `direction` carry.
+    s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. Reduce s, or pick fewer faces, where
+    snow slides off. Open sheets carry snow whatever the direction of their normals, so pick the upper part of an
+    overhanging sheet. On closed surfaces only faces that look against `direction` carry snow.
 
-    covered : whether a cover of the openings carries it to the ribs; otherwise it lies on the ribs alone.
+    covered : whether a cover of the openings carries the snow to the ribs; otherwise the snow lies on the ribs alone.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -39,7 +39,7 @@ class Snow:
     covered: bool = True
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """Return the traction (m, 3), Pa; times the areas it sums to `pressure` times the plan area of the faces."""
+        """Return the traction (m, 3), Pa. Its sum over the areas is `pressure` times the plan area of the faces."""
         _require_pressure("snow", self.pressure)
         d = unit_vector(self.direction, "a load of kind 'snow'")
         towards = -(outward_normals(surface) @ d)
@@ -60,7 +60,7 @@ class Wind:
     """Wind of velocity pressure q, Pa, that blows towards `direction`: a pressure -c q n on each face, with
 
         c = windward (-n . d)   where the outside faces the wind (pressure),
-        c = -leeward (n . d)    where it faces away (suction).
+        c = -leeward (n . d)    where the outside faces away (suction).
 
     Normals point to the outside; on closed surfaces the outside does not depend on them. The defaults give the walls
     across the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1], and fade
@@ -128,7 +128,7 @@ def _require_pressure(kind: str, pressure: float) -> None:
         raise SurfaceError(f"a load of kind '{kind}' needs a positive pressure in pascals, not {pressure:g}")
 
 
-SPREAD_PARTS = ("weight", "bare", "covered")  # Parts of loads that are spread over faces.
+SPREAD_PARTS = ("weight", "bare", "covered")  # Load parts that act on faces.
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +137,9 @@ class LoadParts:
     faces.
 
     point   : (n, 3) newtons: forces and lines.
-    weight  : (m, 3) Pa, of the sheet itself, in proportion to its material.
-    bare    : (m, 3) Pa that act on material alone: snow and wind on an open lattice.
-    covered : (m, 3) Pa that also act on openings with a cover: glass, a membrane, boards.
+    weight  : (m, 3) Pa, weight of the sheet itself, in proportion to its material.
+    bare    : (m, 3) Pa, loads that act on material alone: snow and wind on an open lattice.
+    covered : (m, 3) Pa, loads that also act on openings with a cover: glass, a membrane, boards.
     """
 
     point: Floats
@@ -155,7 +155,7 @@ class LoadParts:
 
     @classmethod
     def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
-        """Return the sum of the parts, each times its factor."""
+        """Return the sum of the parts, each multiplied by its factor."""
         weight = {name: factors.get(name, 0.0) for name in parts}
         sums = (
             np.sum([f * getattr(parts[k], part) for k, f in weight.items()], axis=0)
@@ -165,7 +165,7 @@ class LoadParts:
 
     @property
     def traction(self) -> Floats:
-        """Traction (m, 3) of all spread loads, Pa."""
+        """Traction (m, 3) of all loads on faces, Pa."""
         return np.asarray(self.weight + self.bare + self.covered)
 
     def forces(self, surface: Surface) -> Floats:
@@ -176,7 +176,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the parts with loads on material multiplied by shares of it, a number or (m,)."""
+        """Multiply loads on material by shares of the material, a number or (m,), and return the parts."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         return replace(
             self, **{part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
@@ -185,7 +185,9 @@ class LoadParts:
 
 @dataclass(frozen=True)
 class Force:
-    """A total force in newtons, spread over the picked vertices by their areas; on one vertex a point force."""
+    """A total force in newtons, spread over the picked vertices by their areas; on a single vertex it is a point
+    force.
+    """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker
@@ -260,8 +262,9 @@ class SelfWeight:
 
 @dataclass(frozen=True)
 class Cladding:
-    """The weight of a cover (glass, membrane, boards): a permanent load, pascals of the surface's own area, along
-    `direction` (any length) on faces with all corners picked, also on openings, which it carries to the ribs."""
+    """The weight of a cover (glass, membrane, boards): a permanent load, pascals of the surface's own area.
+    It acts along `direction` (any length) on faces with all corners picked. The cover carries it to the ribs over
+    openings."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -288,11 +291,9 @@ class Cladding:
 
 @dataclass(frozen=True)
 class Line:
-    """A load in newtons per metre along edges: each edge gives half of its share to both of its ends.
-
+    """A load in newtons per metre along edges: each edge passes half of its load to each of its ends.
     edges : `boundary`, the free edges whose ends are both picked; `all`, every edge whose ends are both picked, for a
-            path through the sheet (pick a line of vertices, not a region).
-    """
+            path through the sheet (pick a line of vertices, not a region)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker
@@ -303,7 +304,7 @@ class Line:
     name: Name = ""
 
     def on_edges(self, surface: Surface) -> Floats:
-        """Return the load (e, 3), N/m; times the lengths it sums to `per_metre` times the line's length."""
+        """Return the load (e, 3), N/m. Its sum over the lengths of edges is `per_metre` times the line's length."""
         if not any(self.per_metre):
             raise SurfaceError("a load of kind 'line' is zero; give per_metre = [fx, fy, fz] in newtons per metre")
         line: Bools = np.asarray(self.at.vertices(surface)[surface.edges.ends].all(axis=1))
@@ -330,8 +331,9 @@ Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, 
 
 
 def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
-    """Return the loads in parts by what they act on.
-    weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that does."""
+    """Return the loads in parts, by the place on which they act.
+    weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that method does.
+    """
     spread: dict[str, Floats] = {part: np.zeros((surface.m, 3)) for part in SPREAD_PARTS}
     point = np.zeros((surface.n, 3))
     for load in loads:
@@ -347,17 +349,15 @@ def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> 
 @dataclass(frozen=True, eq=False)
 class LoadCase:
     """Supports and loads on the vertices of one surface.
-
     fixed  : (n, 3) True where a vertex may not move along x, y, z.
     force  : (n, 3) force on each vertex, newtons.
     loaded : (n,) True at the vertices under a concentrated load (a force or a line, not a load on faces), which the
              pattern may protect with `keep`.
     spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
-    clamped: (e,) edges that may not rotate about themselves; empty, as by default, for none.
-    fixed_edges : (e, 3) True where an edge may not move between its ends either; empty, as by default, if the supported
-             vertices decide (`spanned_edges`).
-    parts  : the forces by what they act on; None if all act on the vertices themselves.
-    """
+    clamped: (e,) edges that may not rotate about themselves; empty (the default) if no edge is clamped.
+    fixed_edges : (e, 3) True where an edge may not move between its ends either; empty (the default) if the supported
+                  vertices decide (`spanned_edges`).
+    parts  : the forces by the place on which they act; None if all act on the vertices themselves."""
 
     fixed: Bools
     force: Floats
@@ -407,7 +407,7 @@ class LoadCase:
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
         clamped = np.logical_or.reduce([support.clamped_edges(surface) for support in supports])
-        # a free edge between supported ends is supported too, for elements with nodes in the middle
+        # a free edge between supported ends is supported, because elements may have nodes in its middle
         between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
         between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
         return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))
@@ -419,29 +419,29 @@ class LoadCase:
 
     @property
     def point(self) -> Floats:
-        """Forces (n, 3) of forces and lines, which act on the vertices themselves, newtons."""
+        """Forces (n, 3) of the loads of kind force and line, which act on the vertices themselves, newtons."""
         return self.force if self.parts is None else self.parts.point
 
     def with_forces(self, force: Floats, loaded: Bools | None = None) -> Self:
-        """Return the same supports under other forces (n, 3), newtons, on the vertices."""
+        """Return the supports with different forces (n, 3), newtons, on the vertices."""
         return replace(self, force=force, loaded=self.loaded if loaded is None else loaded, parts=None)
 
     def with_parts(self, surface: Surface, parts: LoadParts) -> Self:
-        """Return the same supports under other parts of loads."""
+        """Return the supports with different parts of loads."""
         return replace(self, force=parts.forces(surface), parts=parts)
 
     def with_loads(self, surface: Surface, loads: Sequence[Load], weight: float) -> Self:
-        """Return the same supports under other loads; `weight` of the sheet, newtons per square metre."""
+        """Return the supports with different loads; `weight` of the sheet, newtons per square metre."""
         return self.with_parts(surface, load_parts(surface, loads, weight))
 
     def of_thickness(self, surface: Surface, share: float) -> Self:
-        """Return the load case on a sheet of `share` times the thickness, with its smaller weight."""
+        """Return the load case of a thinner or thicker sheet, with its weight: `share` times the thickness."""
         if self.parts is None or share == 1:
             return self
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """Return the load case where only shares (m,) of the faces exist, which carry themselves and their loads."""
+        """Return the load case if only shares (m,) of the faces exist, which carry themselves and their loads."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

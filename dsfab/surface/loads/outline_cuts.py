@@ -13,13 +13,13 @@ from dsfab.surface.loads.pickers import Extent, pierced_faces
 from dsfab.surface.mesh import Surface
 
 LINE_TOLERANCE = 0.002  # Largest distance of edges from the curved line that they follow, as a share of `Extent.width`.
-SNAP_SHARE = 0.25  # Share of an edge within which its end moves along it onto the line.
+SNAP_SHARE = 0.25  # The end of an edge moves along it onto the line within this share of its length.
 TEST_POINTS = 7  # Number of points between the ends of an edge that are tested against the line.
 
 
 @dataclass(frozen=True, eq=False)
 class OutlinedSurface:
-    """A surface with vertices (n,) `on` the current line, and `fixed` ones (n,) on earlier lines, which stay."""
+    """A surface with vertices (n,) `on` the current line, and vertices (n,) `fixed` on earlier lines, which stay."""
 
     surface: Surface
     on: Bools
@@ -59,7 +59,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Edges (k,) that the line crosses, ascending, shares (k,), 0 at the first end to 1, and places (k, 3)."""
+    """Crossings of the line: edges (k,), ascending, shares (k,) from 0 at the first end to 1, and places (k, 3)."""
 
     edge: Ints
     share: Floats
@@ -67,8 +67,8 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
-    """Return the crossings of the line with edges between its inside and its outside, by bisection. An edge from the
-    line to its one side may begin on the other side; then it crosses the line again."""
+    """Return the crossings of the line with edges between its inside and its outside, by bisection.
+    An edge from the line to one side may begin on the opposite side; in this case it crosses the line again."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -84,7 +84,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
     edge, start, sides = edge[order], start[order], sides[order]
     a, b = s.V[s.edges.ends[edge]].transpose(1, 0, 2)
     low, high = start, np.where(sign[edge, 1] == 0, 0.0, 1.0)
-    for _ in range(48 if len(edge) else 0):  # to the last digit
+    for _ in range(48 if len(edge) else 0):  # bisect to the last digit
         middle = (low + high) / 2
         is_same_side = np.sign(extent.depth(a + middle[:, None] * (b - a))) == sides
         low, high = np.where(is_same_side, middle, low), np.where(is_same_side, high, middle)
@@ -94,7 +94,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
     """Return the share of edges (k,), from an end (0 or 1) on the line, up to which they are on the wrong side, or 0.
-    sign : (k,) of the side of their other end."""
+    sign : (k,) side of the opposite end."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):
@@ -121,7 +121,6 @@ def with_corners(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
 
 
 def _with_vertex(outlined: OutlinedSurface, face: int, place: Floats, tolerance: float) -> OutlinedSurface:
-    """Create a vertex on the line at a place (3,) in a face: a moved corner, a divided side, or a new vertex inside."""
     s = outlined.surface
     share = _shares(s.V[s.F[face]], place)
     corner, side = int(share.argmax()), (int(share.argmin()) + 1) % 3
@@ -142,7 +141,9 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 
 def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[OutlinedSurface, int]:
-    """Move vertices close to the line onto it, each along one of its edges; return also their number."""
+    """Move each vertex close to the line along one of its edges onto the line; return also the number of such
+    vertices.
+    """
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
@@ -166,8 +167,9 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return which vertices (k,) may move to places (k, 3): not fixed, and without moving the surface or its boundary.
-    tolerance : metres. Vertices at creases stay, where a face leans from the step by more than a sine of 0.2."""
+    """Return which vertices (k,) may move to places (k, 3).
+    Such a vertex is not fixed, and its move must not change the shape of the surface or its boundary. Vertices at
+    creases stay: a face there leans from the step by more than a sine of 0.2. tolerance : metres."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -200,13 +202,12 @@ def _keeps_boundary(s: Surface, vertex: int, faces: Ints, step: Floats, toleranc
 
 
 def _spoilt(s: Surface, V: Floats) -> Bools:
-    """Return the faces (m,) that turn or shrink too much if the vertices move to V (n, 3)."""
     a, b, c = (V[s.F[:, k]] for k in range(3))
     return np.asarray((np.einsum("mi,mi->m", np.cross(b - a, c - a), s.normals) / 2) < 0.3 * s.areas)
 
 
 def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Mark vertices very close to the line, which could not move, as vertices on it."""
+    """Mark vertices as on the line that are very close to it but could not move."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, share = s.edges.ends[crossed.edge], crossed.share
     close_vertices = np.concatenate([ends[share < 0.05, 0], ends[share > 1 - 0.05, 1]])
@@ -220,8 +221,8 @@ def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurf
 
     fixed : (n,) vertices on earlier outlines, which stay in place.
 
-    Corners of the line are vertices; edges follow its curves within `EVEN`. Raises SurfaceError for a line that is so
-    fine that it needs too many faces.
+    Corners of the line are vertices; edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError for a line
+    so fine that it needs too many faces.
     """
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
@@ -269,7 +270,9 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) near the line that are longer than the extent is wide: it could slip through them."""
+    """Return the edges (e,) near the line that are longer than the extent is wide: the extent could pass between
+    their ends.
+    """
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -279,7 +282,9 @@ def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
 
 
 def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) that the line crosses more than once, and sides of faces in which it is not straight."""
+    """Return the edges (e,) that the line crosses more than once, and sides of faces in which the line is not
+    straight.
+    """
     s, even = outlined.surface, LINE_TOLERANCE * extent.width
     depth, size = outlined.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -318,7 +323,9 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that the line crosses, and the distance (k,) of the middle of their chords from it."""
+    """Return the faces (k,) that the line crosses, and the distance (k,) from the line to the middle of its chord
+    in each face.
+    """
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -329,7 +336,9 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces with all corners on lines along an inner edge, because a field that is 0 there has no sides."""
+    """Divide faces with all corners on lines along an inner edge, because a field that is 0 at all corners defines
+    no sides.
+    """
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

@@ -1,4 +1,6 @@
-"""Pickers by an outline: polygon in plan, closed curves of a drawing, brush stroke; `Picker`, the union of all."""
+"""Pickers by an outline: polygon in plan, closed curves of a drawing, brush stroke; and `Picker`, the union of all
+pickers.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +40,10 @@ from dsfab.surface.topology import spanned_edges
 
 def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
     """Return the distance (p,) of points P (p, 2) from polygons (k, 2), in their unit; positive inside, negative
-    outside. A point is inside if it is within an odd number of polygons: a polygon in another is an island."""
+    outside.
+
+    A point is inside if it is within an odd number of polygons: a polygon inside a second polygon is an island.
+    """
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
     space = np.zeros((2 * len(start), 3))
@@ -82,7 +87,9 @@ def bend_corners(P: Floats) -> Bools:
 
 
 def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
-    """Return the first two sides of a polygon (k, 2) that cross or touch, no neighbours, and where (2,), or None."""
+    """Return the first two sides of a polygon (k, 2) that cross or touch, except neighbours, and the place (2,); or
+    None.
+    """
     k, Q = len(P), np.roll(P, -1, axis=0)
     for i in range(k - 2):
         j = np.arange(i + 2, k - (i == 0))
@@ -106,7 +113,7 @@ def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 LEVEL = float(np.cos(np.radians(1)))  # A curve whose plane is within a degree of horizontal is projected from above.
-ONE_PLANE = 1e-3  # Share of their size within which curves are in one plane.
+ONE_PLANE = 1e-3  # Curves are in one plane within this share of their size.
 
 
 class OutlineError(SurfaceError, ValueError):
@@ -160,13 +167,14 @@ class PlanPolygon:
 class ClosedCurves:
     """The space inside closed curves of a drawing: `{ pick = "curve", file = "door.dxf", layer = "door" }`.
 
-    Horizontal curves are projected from above, all others along the normal of their plane, like a door in elevation.
+    Horizontal curves are projected from above. All further curves are projected along the normal of their plane, like
+    a door in elevation.
 
     file   : DXF or 3DM; relative paths start at the preset's folder, in Python at the current folder.
     layer  : layer of the curves; by default all.    unit : of the file's numbers; by default the file's own.
-    curves : their points instead of a file, metres: each curve a polygon.
-    depth  : metres to both sides of their plane. By default, horizontal curves reach everywhere, others as far as the
-             nearest part of the surface: a door in the front leaves the back unchanged.
+    curves : points of the curves instead of a file, metres: each curve a polygon.
+    depth  : metres to both sides of the curves' plane. By default, horizontal curves reach everywhere. All further
+             curves reach as far as the nearest part of the surface: a door in the front leaves the back unchanged.
 
     Raises OutlineError unless either a file or curves are set.
     """
@@ -192,7 +200,9 @@ class ClosedCurves:
         return tuple(np.array(curve, dtype=np.float64) for curve in self.curves or ())
 
     def extent(self, surface: Surface) -> Extent:
-        """Return the prisms through the curves, square to their planes; raises SurfaceError for invalid outlines."""
+        """Return the prisms through the curves, perpendicular to their planes; raises SurfaceError for invalid
+        outlines.
+        """
         planes: list[_Plane] = []
         for number, loop in enumerate(self.loops()):
             loop = without_repeats(loop)
@@ -213,7 +223,7 @@ class ClosedCurves:
 @dataclass(frozen=True)
 class Brush:
     """The space of a brush stroke: within `radius` of any point, metres, or of the segment to the next point.
-    A segment counts only if the balls around its ends overlap; points further apart begin another stroke."""
+    A segment counts only if the balls around its ends overlap; otherwise the next point begins a new stroke."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -238,7 +248,7 @@ class Brush:
 
 
 def check_polygon(P: Floats, name: str) -> None:
-    """Raise OutlineError, with this name, for a polygon (k, 2), metres, that has no area or crosses itself."""
+    """Raise OutlineError, with this name, for a polygon (k, 2), metres, without area or with crossing sides."""
     P = without_repeats(P)
     if len(P) < 3:
         raise OutlineError(f"{name} has {len(P)} different corners; give three or more")
@@ -254,7 +264,7 @@ def check_polygon(P: Floats, name: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """A plane with curves in it: a point (3,), its axes (3, 3), the normal last, and the curves (k, 3)."""
+    """A plane with curves in it: a point (3,), its axes (3, 3) with the normal as the last, and the curves (k, 3)."""
 
     origin: Floats
     axes: Floats
@@ -290,7 +300,9 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism through the curves, as deep to both sides as `depth`, or as the surface's nearest part."""
+        """Return the prism through the curves. To both sides its depth is `depth`, or the depth of the surface's
+        nearest part.
+        """
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
@@ -307,8 +319,9 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return how far the prism reaches to both sides, from lines of sight through the curves. Each line first meets
-        the nearest part of the surface; the prism ends halfway between this part and the next."""
+        """Return the depth of the prism to both sides, from lines of sight through the curves.
+        Each line first meets the nearest part of the surface. The prism ends halfway between this part and the next
+        part."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():
@@ -328,7 +341,6 @@ class _Plane:
         return low, (min(above) + highest) / 2 if above else np.inf
 
     def _sight_points(self) -> Floats:
-        """Return points (k, 3) on the curves and halfway to their middles, about 96 in all."""
         points = list[Floats]()
         for loop in self.loops:
             sample = loop[:: max(2 * len(self.loops) * len(loop) // 48, 1)]
@@ -337,12 +349,12 @@ class _Plane:
 
 
 def _width(P: Floats) -> float:
-    """Return half the width of a slender polygon (k, 2): the radius of a circle."""
     return 2 * enclosed_area(P) / polygon_perimeter(P)
 
 
 def self_contained(picker: Any) -> Any:
-    """Return a picker with the curves of its file in it, or itself. Raises SurfaceError as `closed_curves` does."""
+    """Return a picker with the curves of its file in place of the file; any other picker unchanged.
+    Raises SurfaceError as `closed_curves` does."""
     if not isinstance(picker, ClosedCurves) or picker.file is None:
         return picker
     curves = tuple(tuple((float(x), float(y), float(z)) for x, y, z in loop) for loop in picker.loops())
@@ -356,15 +368,15 @@ Picker = Annotated[
 
 
 def has_outline(picker: Picker) -> bool:
-    """Return whether a picker stands for a part of space, so that its region ends along a line."""
+    """Return whether a picker stands for a part of space, so that its region has a line as edge."""
     return isinstance(picker, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(
         picker, "boundary", False
     )
 
 
 def extent_of(picker: Picker, surface: Surface) -> Extent | None:
-    """Return the part of space that a picker stands for; None for pickers of vertices or faces. Raises SurfaceError as
-    `ClosedCurves.extent` does."""
+    """Return the part of space that a picker stands for; None for pickers of vertices or faces.
+    Raises SurfaceError as `ClosedCurves.extent` does."""
     if isinstance(picker, PlanPolygon | ClosedCurves | Brush):
         return picker.extent(surface)
     if isinstance(picker, Ball):
@@ -379,11 +391,9 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
     """Return the edges (e,) of a picker, for its picked vertices; raises SurfaceError as the picker does.
-
     A picker of the boundary has free edges alone. A part of space, or a direction of normals, has the edges with both
-    ends in it. An outline, which may be hollow, also needs their middle in it. Named vertices have the edges that they
-    span (`spanned_edges`).
-    """
+    ends in it. For an outline, which may be hollow, the middles of edges must be in it too. Named vertices have the
+    edges that they span (`spanned_edges`)."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

@@ -1,4 +1,4 @@
-"""Pickers: the vertices of a support or a load, by side, box, ball, boundary and more, and the space they cover."""
+"""Pickers of vertices for supports and loads, by side, box, ball, boundary and more, and the space that they cover."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -20,11 +20,9 @@ from dsfab.surface.topology import on_boundary
 @dataclass(frozen=True, eq=False)
 class Extent:
     """A part of space.
-
-    depth   : (k,) metres that points (k, 3) are inside it, negative outside.
+    depth   : function that returns how deep (k,) points (k, 3) are inside, metres; negative outside.
     creases : (c, 2, 3) segments along which its walls bend; its line on a surface has corners there.
-    width   : metres, about half of its width where it is slender; the mesh has to be finer.
-    """
+    width   : metres, about half the width of the part where it is slender; the mesh has to be finer."""
 
     depth: Callable[[Floats], Floats]
     creases: Floats
@@ -65,18 +63,21 @@ class Extent:
 
     @classmethod
     def below(cls, direction: Floats, height: float, width: float) -> "Extent":
-        """Return the space whose product with a unit direction (3,) is below a height, metres."""
+        """Return the space below a height, metres, along a unit direction (3,)."""
         return cls(lambda P: height - P @ direction, np.empty((0, 2, 3)), width)
 
 
 def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that the segment from a to b (3,), metres, meets, and their shares (k,), 0 to 1, in order.
-    Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
+    """Return the faces (k,) that the segment from a to b (3,), metres, meets, and their positions (k,), 0 to 1, in
+    order.
+
+    Faces parallel to the segment do not count [Moeller and Trumbore 1997].
+    """
     P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
     ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
     normal, to = cross(ray, v), a - P
     volume = np.einsum("mi,mi->m", u, normal)
-    inside = -1e-9  # rounding of barycentric coordinates
+    inside = -1e-9  # limit for barycentric coordinates, because they are rounded
     least = 1e-12 * np.linalg.norm(b - a) * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
     safe = np.where(np.abs(volume) > least, volume, np.inf)
     u_share, side = np.einsum("mi,mi->m", to, normal) / safe, cross(to, u)
@@ -99,7 +100,7 @@ Vector = tuple[Real, Real, Real]
 CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
 PICKER_TOLERANCE = 1e-6  # Tolerance of a picker, as a share of the surface's size, because coordinates are rounded.
-STRICT: ConfigDict = {"extra": "forbid"}  # pydantic: refuse unknown keys.
+STRICT: ConfigDict = {"extra": "forbid"}  # Make pydantic refuse unknown keys.
 
 
 class _HasPick(Protocol):
@@ -139,7 +140,7 @@ class Box:
         return _in_metres([self.min, self.max], surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,); raises SurfaceError if none are, or if min is beyond max."""
+        """Return the picked vertices (n,); raises SurfaceError if the box is empty, or if min is beyond max."""
         low, high = self.corners(surface)
         if (low > high).any():
             raise SurfaceError(f"{picker_words(self)} has min beyond max; swap them")
@@ -152,10 +153,8 @@ class Box:
 @dataclass(frozen=True)
 class Ball:
     """The vertices within `radius` of `center`, metres.
-
-    relative : whether the centre is in shares of the surface's box, 0 to 1 along each axis, and the radius one of its
-               diagonal.
-    """
+    relative : whether the centre is in shares of the surface's box, 0 to 1 along each axis, and the radius is a share
+               of its diagonal."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     center: Vector
@@ -176,8 +175,11 @@ class Ball:
 
 @dataclass(frozen=True)
 class Side:
-    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 those on it.
-    relative : whether the depth is a share of the surface's extent along the axis."""
+    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 exactly at this
+    coordinate.
+
+    relative : whether the depth is a share of the surface's extent along the axis.
+    """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     axis: Literal["x", "y", "z"]
@@ -211,7 +213,7 @@ class Nearest:
         return _in_metres(self.points, surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Return the picked vertices (n,), the first of equally near ones; raises SurfaceError without points."""
+        """Return the picked vertices (n,); of equally near vertices the first. Raises SurfaceError without points."""
         picked = np.zeros(surface.n, dtype=bool)
         for point in self.places(surface):
             picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
@@ -220,7 +222,7 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Boundary:
-    """The vertices of all free edges, or of one boundary loop: 0 is the longest in metres, 1 the next."""
+    """The vertices of all free edges, or of one boundary loop. Loop 0 is the longest in metres, loop 1 the next."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     loop: Literal["all"] | Annotated[int, Ge(0)] = "all"
@@ -286,7 +288,9 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
-    """The rest of another picker after voids: vertices, and edges between them by `ends`, the smaller first."""
+    """The remaining vertices of a picker beside voids. `ends` names the edges between them, with the smaller index
+    first.
+    """
 
     ends: tuple[tuple[int, int], ...] = ()
 
@@ -298,7 +302,7 @@ class VerticesLeft(Vertices):
 
 
 def unit_vector(direction: Vector, whose: str) -> Floats:
-    """Return the direction (3,) at length 1; raises SurfaceError for the zero vector."""
+    """Return the direction (3,) with length 1; raises SurfaceError for the zero vector."""
     d = np.array(direction, dtype=np.float64)
     length = np.linalg.norm(d)
     if not np.isfinite(length) or length == 0:
@@ -307,14 +311,15 @@ def unit_vector(direction: Vector, whose: str) -> Floats:
 
 
 def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Floats:
-    """Return points (k, 3) in metres, from metres or from shares of the surface's box."""
     P = np.array(points, dtype=np.float64).reshape(-1, 3)
     low, high = surface.V.min(axis=0), surface.V.max(axis=0)
     return low + P * (high - low) if relative else P
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError for none."""
+    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError without
+    vertices.
+    """
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 
@@ -327,7 +332,7 @@ def _require_picked(picker: _HasPick, surface: Surface, picked: Bools, why: str)
 
 
 def picker_words(picker: _HasPick) -> str:
-    """Return the picker as in its table, without defaults and with long values shortened."""
+    """Return the picker as in its table in a preset, without defaults and with long values shortened."""
     items = ((f.name, getattr(picker, f.name)) for f in fields(picker))  # type: ignore[arg-type]
     values = ", ".join(
         f"{name} = {_short(value)}"
@@ -339,4 +344,4 @@ def picker_words(picker: _HasPick) -> str:
 
 def _short(value: object) -> str:
     text = repr(str(value) if isinstance(value, Path) else value)
-    return text if len(text) <= 160 else f"{text[:160]}..."  # polygons may have thousands
+    return text if len(text) <= 160 else f"{text[:160]}..."  # polygons may have thousands of corners

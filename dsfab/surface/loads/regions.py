@@ -1,7 +1,7 @@
 """`PatternRegion`: a region of the surface, `[[pattern.region]]` in a preset: solid, void, or with a solid band.
 
-The mesh is cut along the outlines of regions before any analysis, so that statics, pattern, sheet and solid all have
-edges there. A void is a hole in the surface for each of them.
+dsfab cuts the mesh along the outlines of regions before any analysis, so statics, pattern, sheet and solid all have
+edges along them. For each of these stages a void is a hole in the surface.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,11 +29,11 @@ class RegionError(SurfaceError, ValueError):
 class PatternRegion:
     """A part of the surface with its own treatment.
 
-    at    : its picker. The pickers plan, curve, brush, ball, box and side have a line as edge; for the others, the edge
-            runs halfway between picked and other vertices.
-    do    : keep, it is solid; void, it is empty; rim, it has a solid band inside of its edge.
-    width : of the band, metres along the surface; by default that of pattern.rim, or an eighth of the region's.
-    name  : for messages.
+    at    : its picker. The pickers plan, curve, brush, ball, box and side have a line as edge. For any other picker,
+            the edge is halfway between picked and unpicked vertices.
+    do    : keep, the region is solid; void, it is empty; rim, it has a solid band inside its edge.
+    width : of the band, metres along the surface; by default the width in pattern.rim, or an eighth of the region's.
+    name  : text for messages.
 
     Raises RegionError for a width without a band, and for a band without an outline.
     """
@@ -54,8 +54,8 @@ class PatternRegion:
             )
 
     def faces(self, surface: Surface) -> Bools:
-        """Return the faces (m,) in the region, of a surface that is cut along its outline (see `with_regions`). Raises
-        SurfaceError as its picker does."""
+        """Return the faces (m,) in the region, of a surface that is cut along its outline (see `with_regions`).
+        Raises SurfaceError as its picker does."""
         extent = extent_of(self.at, surface)
         return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
 
@@ -71,10 +71,8 @@ def region_key(regions: Sequence[PatternRegion], k: int) -> str:
 
 class RegionedSurface(NamedTuple):
     """A surface that is cut along the outlines of regions.
-
-    surface : without the voids.             taken    : (k,) the area of each void, m2.
-    whole   : the same with the voids.       vertices : (n,) the index in `whole` of each vertex of `surface`.
-    """
+    surface : the surface without the voids.  taken    : (k,) the area of each void, m2.
+    whole   : the surface with the voids.     vertices : (n,) the index in `whole` of each vertex of `surface`."""
 
     surface: Surface
     taken: Floats
@@ -84,7 +82,7 @@ class RegionedSurface(NamedTuple):
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
     """Return the surface with edges along outlines of regions, without voids; old vertices come first in `whole`.
-    Raises SurfaceError, which names the region, for a region off the surface, and for voids that take all of it."""
+    Raises SurfaceError, which names the region, for a region off the surface, and for voids that leave no surface."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     outlined = OutlinedSurface(surface, nothing, nothing)
     for k in _voids_first(regions):
@@ -105,7 +103,6 @@ def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> Regioned
 def _without_voids(
     surface: Surface, regions: Sequence[PatternRegion], extents: Sequence[Extent | None], picked: Bools
 ) -> RegionedSurface:
-    """Remove the voids of a surface that is cut along outlines; picked (k, n) are vertices in voids without outline."""
     taken, gone = np.zeros(len(regions)), np.zeros(surface.m, dtype=bool)
     marks = np.zeros((len(regions), surface.n), dtype=bool)
     marks[:, : picked.shape[1]] = picked
@@ -127,7 +124,6 @@ def _without_voids(
 
 
 def _voids_first(regions: Sequence[PatternRegion]) -> list[int]:
-    """Return the indices of regions in the order in which they take their part of the surface."""
     return sorted(range(len(regions)), key=lambda k: regions[k].do != "void")
 
 
@@ -153,7 +149,6 @@ def _how_far(surface: Surface, extent: Extent | None) -> str:
 
 
 def _compact(F: Ints) -> tuple[Ints, Ints]:
-    """Return the vertices that faces (m, 3) use, and the faces on them, separated where they touch in a point."""
     used, F = np.unique(F, return_inverse=True)
     F = F.reshape(-1, 3)
     fans = corner_fans(F, edge_table(F))

@@ -29,7 +29,7 @@ def _checked_name(name: str) -> str:
     return name
 
 
-Name = Annotated[str, AfterValidator(_checked_name)]  # User's name of a support or a load, or empty; changes no result.
+Name = Annotated[str, AfterValidator(_checked_name)]  # User's name of a support or load, or empty.
 
 
 class _Support(Protocol):
@@ -43,12 +43,14 @@ class _Load(_Support, Protocol):
 
 
 def support_names(supports: Sequence[_Support]) -> list[str]:
-    """Return the names of supports, with 'support 2' for the second one if it has none."""
+    """Return the names of supports. A support without a name gets its number: 'support 2'."""
     return [support.name or f"support {number}" for number, support in enumerate(supports, 1)]
 
 
 def load_names(loads: Sequence[_Load]) -> list[str]:
-    """Return the names of loads, with their kinds for those without: 'snow', or 'snow 1' and 'snow 2' for several."""
+    """Return the names of loads. A load without a name gets its kind: 'snow', or 'snow 1' and 'snow 2' for several
+    loads.
+    """
     kinds = [load.kind.replace("_", " ") for load in loads]
     several = Counter(kind for kind, load in zip(kinds, loads, strict=True) if not load.name)
     numbers = {kind: count(1) for kind in several}
@@ -69,12 +71,12 @@ class SupportError(SurfaceError, ValueError):
 class Support:
     """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
 
-    hold   : fixed directions, along the surface's own axes: by default all, or none if there is a `spring`.
-    spring : total stiffness along x, y and z, newtons per metre, spread over the picked vertices in proportion to their
-             areas. 0 leaves a direction free (or to `hold`).
+    hold   : fixed directions, along the surface's own axes: by default all, or none if a `spring` is set.
+    spring : total stiffness along x, y and z, newtons per metre, spread over the picked vertices in proportion to
+             their areas. A stiffness of 0 leaves a direction free (or fixed by `hold`).
     clamp  : whether the edges of the picker (`edges_of`) cannot rotate about themselves either. Edges across an ear of
              the mesh (a face with two boundary edges) lie inside and stay free.
-    name   : for lists of supports; it changes no result.
+    name   : text for lists of supports; it does not affect results.
 
     Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction.
     """
@@ -113,7 +115,7 @@ class Support:
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:
-        """Return the stiffness (n, 3), N/m, with sum `spring`. Raises SurfaceError on vertices without faces."""
+        """Return the stiffness (n, 3), N/m, whose sum is `spring`. Raises SurfaceError for vertices without faces."""
         if self.spring is None:
             return np.zeros((surface.n, 3))
         share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
@@ -122,7 +124,7 @@ class Support:
         return np.asarray((share / share.sum())[:, None] * np.array(self.spring))
 
     def clamped_edges(self, surface: Surface) -> Bools:
-        """Return the clamped edges (e,); raises SurfaceError if `clamp` has none."""
+        """Return the clamped edges (e,); raises SurfaceError if `clamp` is set but no edge exists."""
         if not self.clamp:
             return np.zeros(len(surface.edges.ends), dtype=bool)
         edges = surface.edges

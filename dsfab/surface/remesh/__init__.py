@@ -1,7 +1,7 @@
-"""Remeshing: even triangles of a wanted size on the same surface, with its boundaries, creases and corners.
+"""Remeshing: even triangles of a wanted size on an unchanged surface, with its boundaries, creases and corners.
 
-Edges are divided, collapsed and flipped, and vertices moved [Botsch and Kobbelt 2004]. Each step treats whole arrays of
-edges that do not touch, ordered by length or gain and then by index, so that the same surface gives the same mesh.
+The method divides, collapses and flips edges, and moves vertices [Botsch and Kobbelt 2004]. Each step treats arrays of
+edges that do not touch, in the order of length or gain and then of index, so equal surfaces give equal meshes.
 """
 
 from dsfab.surface.remesh.remeshing import remeshed_surface

@@ -1,4 +1,4 @@
-"""Edge operations of remeshing: long edges halved, short edges collapsed, edges flipped."""
+"""Edge operations of remeshing: halving of long edges, collapse of short edges, flips."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +21,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import EdgeTable, edge_table, faces_at, next_half_edge, on_boundary
 
-FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: on the surface, on one of its curves, fixed.
+FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: free on the surface, on one of its curves, fixed.
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +38,8 @@ class NetFaces:
 @dataclass(frozen=True, eq=False)
 class Net:
     """Vertices V (n, 3), metres, of kind (n,), the faces between them, and the nodes on the curves.
-
-    node  : (k,) the vertices along each curve, curve after curve.     at : (k,) their positions on the curves' axis, m.
-    curve : (k,) the curve of each.     size : (n,) the wanted length of edges, metres.
-    """
+    node  : (k,) the vertices along each curve, curve after curve.     at : (k,) positions of the nodes on the axis, m.
+    curve : (k,) the curve of each node.     size : (n,) the wanted length of edges, metres."""
 
     V: Floats
     faces: NetFaces
@@ -53,7 +51,7 @@ class Net:
 
     @classmethod
     def from_surface(cls, surface: Surface, curves: FeatureCurves, size: float) -> Self:
-        """Return the surface itself as a net, to be remeshed to edges of one size."""
+        """Return the surface itself as a net for remeshing to edges of one size."""
         kind = np.full(surface.n, FREE)
         kind[curves.vertex] = ON_CURVE
         kind[curves.fixed] = FIXED
@@ -117,10 +115,11 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Return the candidates (c,) of less cost than all others near them, so that no two touch the same vertex.
+    """Return the candidates (c,) of less cost than all candidates near them, so that no two results touch the same
+    vertex.
 
-    touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels, because costs that rise along a
-              strip would select its end only. A hash orders each level [Knuth 1973, multiplicative hashing].
+    touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels, because costs that rise along
+              a strip would select its end only. A hash orders each level [Knuth 1973, multiplicative hashing].
     edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbours either.
     """
     if not len(cost):
@@ -135,8 +134,8 @@ LONGEST = 4 / 3  # Ratio to the wanted length above which an edge is halved [Bot
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Return the net with its long edges halved once, or itself; edges along curves also if they miss the curve.
-    edge : metres, to which the tolerance is relative."""
+    """Halve the long edges of the net once, and edges along curves that are too far from the curve.
+    edge : length in metres to which the tolerance is relative."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -147,9 +146,9 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the long edges (e,) that are among the longest of their faces. They have 70 % of the longest edge. In a
-    needle (twofold area over longest edge squared below 0.35; at best 0.87) only the longest counts, because halving
-    both long edges leaves parts as bad."""
+    """Return the long edges (e,) that have at least 70 % of the longest edge of their faces.
+    In a needle (twofold area over longest edge squared below 0.35; at best 0.87) only the longest edge counts, because
+    halving both long edges would leave further needles."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -161,7 +160,9 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Halve marked edges (e,); those along curves at positions (l,) of the axis, or at the middle where nan."""
+    """Halve marked edges (e,). Edges along curves are halved at positions (l,) of the axis, or at the middle where
+    nan.
+    """
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -203,7 +204,7 @@ class _Collapses:
 
 
 def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int = 12) -> Net:
-    """Return the net with its short edges collapsed in batches; the tolerance is relative to `edge`, metres."""
+    """Collapse the short edges of the net in batches; the tolerance is relative to `edge`, metres."""
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
@@ -216,8 +217,9 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Return collapses of short edges that preserve topology and curves, and their costs (c,). A free vertex goes to
-    any other, two free ones to their middle, a vertex on a curve along it, a fixed one nowhere."""
+    """Return collapses of short edges that preserve topology and curves, and their costs (c,).
+    A free vertex may merge with any vertex, two free vertices merge at their middle. A vertex on a curve moves along
+    the curve only, a fixed vertex never."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -234,8 +236,8 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
-    """Return which vertices (c,) on a curve may go to a neighbour on it. The longer edge must stay near the curve, must
-    not be too long and must not exist."""
+    """Return which vertices (c,) on a curve may merge with a neighbour on the curve.
+    The longer edge must stay near the curve, must not be too long and must not exist yet."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -252,7 +254,6 @@ def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edg
 
 
 def _keeps_faces(net: Net, collapses: _Collapses) -> Bools:
-    """Return the collapses (c,) that turn no face by over 45 degrees, and create no long edges or new needles."""
     onto, collapse_of = np.arange(net.n), np.full(net.n, -1)
     onto[collapses.gone] = collapses.kept
     collapse_of[collapses.kept] = collapse_of[collapses.gone] = np.arange(len(collapses.kept))
@@ -279,7 +280,6 @@ def _group_minima(values: Floats, group: Ints, count: int) -> Floats:
 
 
 def _roundness(V: Floats, F: Ints) -> Floats:
-    """Return twofold areas (m,) over longest edges squared; at best 0.87."""
     return np.asarray(lengths(area_vectors(V, F)) / _longest(V, F) ** 2)
 
 
@@ -302,11 +302,11 @@ def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     )
 
 
-LEAST_ANGLE = np.radians(25)  # A flip must not leave a least angle below this and below the least before.
+LEAST_ANGLE = np.radians(25)  # A flip must not reduce the least angle to a value below this.
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
-    """Return the net with edges flipped, except along curves, in a number of rounds at most."""
+    """Flip edges of the net, except along curves, in at most this number of rounds."""
     angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
     for _ in range(rounds):
         edges = net.edges
@@ -327,21 +327,20 @@ def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
 
 
 def _valence_gain(net: Net, quad: Ints) -> Floats:
-    """Return the decrease (q,) of the squared differences from the best number of edges, over movable vertices."""
     edges = net.edges
     valence = np.bincount(edges.ends.ravel(), minlength=net.n)
     ideal = np.where(net.kind == FREE, 6, valence)
     ideal[(net.kind > FREE) & (net.kind < FIXED)] = 6
     ideal[on_boundary(edges, net.n) & (net.kind < FIXED)] = 4
     excess, free = valence - ideal, net.kind < FIXED
-    decrease = np.where(free, 2 * excess - 1, 0)  # off^2 - (off - 1)^2
+    decrease = np.where(free, 2 * excess - 1, 0)  # excess^2 - (excess - 1)^2
     increase = np.where(free, -2 * excess - 1, 0)
     a, b, c, d = quad.T
     return np.asarray(decrease[a] + decrease[b] + increase[c] + increase[d], dtype=np.float64)
 
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
-    """Return by how much (q,) the angles opposite edges together exceed half a turn, radians.
+    """Return the excess (q,) over half a turn of the sum of the two angles opposite each edge, radians.
     angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges."""
     first_angle, second_angle = angles.ravel()[next_half_edge(pairs.T, 2)]
     return np.asarray(first_angle + second_angle - np.pi - 1e-6)
@@ -352,7 +351,9 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return edges (q,) whose new faces lie like the old ones within 37 degrees, and are no worse where bad."""
+    """Return edges (q,) whose new faces deviate from the old faces by at most 37 degrees. Bad faces must not get
+    worse.
+    """
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -368,7 +369,7 @@ def _sound(V: Floats, quad: Ints) -> Bools:
 
 
 def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Floats:
-    """Return the angles (q,) at vertices between two others, radians."""
+    """Return the angles (q,) at vertices `apex` between the directions to two further vertices, radians."""
     u, v = V[first_end] - V[apex], V[second_end] - V[apex]
     x, y, z = u.T
     r, s, t = v.T
@@ -377,18 +378,16 @@ def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Float
 
 
 def with_ears_flipped(surface: Surface) -> Surface:
-    """Return the surface whose ears share their tip with the face behind, by flipping the edge between.
-
+    """Return the surface with flipped edges behind ears, so that each ear shares its tip with the face behind.
     An ear is a flat triangle with two border edges and over 150 degrees at its tip, all three corners on a curved
     border. Meshes of a disc have ears where a corner of a grid lies on the border. An ear spans two chords of the
-    border, which seems like a crease that the shape does not have.
-    """
+    border. This seems like a crease, but the shape has none."""
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
     quad = quads(surface.F, pairs)
     a, b, c, d = quad.T
-    alike = surface.F.ravel()[pairs[:, 1]] == b  # true for faces of the same orientation
+    alike = surface.F.ravel()[pairs[:, 1]] == b  # true if both faces have the same orientation
     ear = bare[pairs[:, 0] // 3] & ~bare[pairs[:, 1] // 3] & alike & has_new_diagonal(quad, edges, n)
     ear &= angles_at(surface.V, c, a, b) > np.radians(150.0)
     for start, end in ((a, b), (b, a)):  # neither new face turns over

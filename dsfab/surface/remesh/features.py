@@ -12,15 +12,16 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
 TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from those of the input, as a share of the edge.
-CORNER = 30.0  # Degrees of turn of a curve at a vertex from which the vertex is a corner.
-DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease, below which only a few faces form it.
+CORNER = 30.0  # Degrees. A vertex is a corner if a curve turns there by at least this angle.
+DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease; a duller crease has few faces.
 
 FINE = 1 / 80  # Share of the box's diagonal; a file with longer edges is designed, not scanned.
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) in which just two edges meet, these edges (k, 2), their turn (k,), radians, and the shorter length
-    (k,), metres."""
+    """Vertices (k,) with exactly two edges, these edges (k, 2), their turn (k,), radians, and the shorter length
+    (k,), metres.
+    """
 
     vertex: Ints
     edges: Ints
@@ -29,7 +30,7 @@ class SmoothVertices(NamedTuple):
 
 
 def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
-    """Return the vertices of V (n, 3) in which two of the edges (e, 2) meet."""
+    """Return the vertices of V (n, 3) at which exactly two of the edges (e, 2) meet."""
     order = np.argsort(ends.ravel(), kind="stable")
     vertex = ends.ravel()[order]
     start = np.flatnonzero(np.diff(vertex, prepend=-1))
@@ -45,7 +46,7 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 def design_features(surface: Surface, edge: float) -> Bools:
     """Return the boundaries, seams and creases (e,), without short dull pieces of creases from slivers or noise.
     Normals are averaged over the new `edge`, metres, or over twice the mean edge of a scan, the width of its noise.
-    Dull pieces shorter than twice that length go; a longer one is a small step of the design."""
+    Dull pieces shorter than twice that length go; a longer piece is a small step of the design."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
@@ -56,7 +57,6 @@ def design_features(surface: Surface, edge: float) -> Bools:
 
 
 def _crease_lengths(surface: Surface, crease: Ints) -> Floats:
-    """Return the length (c,) of the smooth curve of creases (c,) that contains each, metres."""
     passes = vertices_of_two_edges(surface.V, surface.edges.ends[crease])
     smooth = passes.edges[passes.turn < np.radians(CORNER)]
     count, part = link_components(len(crease), smooth[:, 0], smooth[:, 1])
@@ -82,17 +82,15 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     u, v = (np.einsum("ck,cki->ci", weight * on_side, surface.normals[near_faces]) for on_side in (side > 0, side <= 0))
     bend = np.arctan2(lengths(np.cross(u, v)), np.einsum("ci,ci->c", u, v))
     slight = np.minimum(lengths(u), lengths(v)) < TOLERANCE * radius * surface.edge_lengths[crease]
-    return np.where(slight, 0, bend)  # a single sliver at the boundary has no direction
+    return np.where(slight, 0, bend)  # the normal of a single sliver at the boundary is unreliable
 
 
 @dataclass(frozen=True, eq=False)
 class FeatureCurves:
-    """The boundaries and creases of a surface: curves between corners, in a row on one axis of length.
-
+    """The boundaries and creases of a surface: curves between corners, one after another on an axis of length.
     points : (p, 3) the vertices of all curves in their order, metres.   at : (p,) their positions on the axis, metres.
-    curve  : (p,) the curve of each.   vertex : (p,) the vertex of the surface.
-    fixed  : (q,) vertices of the surface that stay: corners, and the extremes of its box.
-    """
+    curve  : (p,) the curve of each point.   vertex : (p,) the vertex of the surface at each point.
+    fixed  : (q,) vertices of the surface that stay: corners, and the extremes of its box."""
 
     points: Floats
     at: Floats
@@ -114,7 +112,9 @@ class FeatureCurves:
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the distance (k,) of the curves from chords start to end (k,), metres, and its position (k,)."""
+        """Return the distance (k,) of the curves from chords start to end (k,), metres, and the position (k,) of
+        this distance.
+        """
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
@@ -126,8 +126,8 @@ class FeatureCurves:
 
 
 def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
-    """Return the boundaries, the creases and the seams of a one-sided surface, for edges of `edge` metres. Fixed
-    vertices are ends and branches of curves, sharp turns, and the extremes of the surface in x, y or z."""
+    """Return the boundaries, the creases and the seams of a one-sided surface, for edges of `edge` metres.
+    Fixed vertices are ends and branches of curves, sharp turns, and the extremes of the surface in x, y or z."""
     ends = surface.edges.ends[design_features(surface, edge)]
     extremes = np.concatenate([surface.V.argmin(axis=0), surface.V.argmax(axis=0), surface.pinches])
     corners = np.zeros(surface.n, dtype=bool)
@@ -145,7 +145,6 @@ def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
 
 
 def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
-    """Return the vertices (n,) of the feature edges (e, 2) that no curve passes smoothly."""
     degree = np.bincount(ends.ravel(), minlength=len(V))
     corners: Bools = (degree > 0) & (degree != 2)
     passes = vertices_of_two_edges(V, ends)
@@ -155,7 +154,9 @@ def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
 
 
 def _chains(ends: Ints, corners: Bools) -> list[Ints]:
-    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2); closed ones from their first."""
+    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2); a closed curve begins at its
+    first vertex.
+    """
     around: dict[int, list[int]] = {}
     for a, b in ends.tolist():
         around.setdefault(a, []).append(b)

@@ -1,4 +1,4 @@
-"""Mirror symmetries of a surface, and one of its mirrored parts cut out and copied to the others."""
+"""Mirror symmetries of a surface. dsfab cuts out one mirrored part and copies its new mesh to all further parts."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -43,15 +43,15 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
-    """Return the unit directions (k, 3) to the points x (n, 3) farthest from the axis, which is their origin.
-    count : least number of points; points as far as the last one count too."""
+    """Return the unit directions (k, 3) to the points x (n, 3) farthest from the axis, which passes through the origin.
+    count : least number of points; points as far as the last point count too."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals of mirrors through an axis that may exchange the directions far (k, 3), of the first 24."""
+    """Yield normals of mirrors through an axis that may exchange the first 24 of the directions far (k, 3)."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -75,15 +75,14 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
 
 
 IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, as a share of the edge: files are rounded.
-ROUND_ANGLES = (0.7, 1.9)  # Radians; a surface with mirrors there too is round, and two of them suffice.
-MOST_SIDES = 16  # Largest number of sides by mirrors through an axis, 22.5 degrees each; else two mirrors serve.
+ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface with further mirrors at these angles is round, and two mirrors suffice.
+MOST_SIDES = 16  # Largest number of sides by mirrors through an axis, 22.5 degrees each; for more, two mirrors suffice.
 
 
 @dataclass(frozen=True, eq=False)
 class Mirrors:
     """A group of mirrors through the middle of a surface.
-
-    centre  : (3,) in all of their planes, metres.
+    centre  : (3,) point in the planes of all mirrors, metres.
     normals : (k, 3) unit, of all mirrors of the group.    group : (g, 3, 3) mirrors and rotations, the identity first.
     """
 
@@ -103,7 +102,7 @@ class Mirrors:
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
         for normal in _candidate_mirrors(look):
-            with suppress(OverflowError):  # planes that fit nearly, but not together
+            with suppress(OverflowError):  # each plane fits nearly, but the planes contradict each other
                 group, normals = _mirror_group([*normals, normal], 2 * MOST_SIDES), [*normals, normal]
         if not normals:
             return None
@@ -127,7 +126,9 @@ class _MirrorTest:
 
     @cached_property
     def places_on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
-        """Function of points (k, 3): the nearest places (k, 3) of the surface, and its normals (k, 3)."""
+        """Function of points (k, 3) that returns the nearest places (k, 3) of the surface, and the normals (k, 3)
+        there.
+        """
         surface, find = self.surface, self.find
         patches = SmoothPatches(surface) if self.smooth else None
 
@@ -143,7 +144,6 @@ class _MirrorTest:
 
     @cached_property
     def _features(self) -> Floats:
-        """Points (k, 3) on its boundaries and creases, no farther apart than an edge; metres."""
         a, b = self.surface.V[self._lines].transpose(1, 0, 2)
         count = np.ceil(lengths(b - a) / self.edge).astype(np.int64)
         line = np.repeat(np.arange(len(a)), count)
@@ -151,11 +151,13 @@ class _MirrorTest:
         return np.concatenate([a, a[line] + t[:, None] * (b - a)[line]])
 
     def holds(self, normal: Floats) -> bool:
-        """Return whether the surface, its boundaries and its creases are their own mirror images, sides included."""
+        """Return whether the surface, its boundaries and its creases coincide with their mirror images, sides
+        included.
+        """
         s, R, limit = self.surface, mirror(normal), IMAGE_TOLERANCE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False
-        step = max(s.n // 100, 1)  # a sample of the vertices comes first
+        step = max(s.n // 100, 1)  # test a sample of the vertices first
         for points in (s.V[::step], s.V):
             image = self._image(points, R)
             if lengths(self.places_on(image)[0] - image).max() > limit:
@@ -175,7 +177,6 @@ class _MirrorTest:
 
 
 def _candidate_mirrors(look: _MirrorTest) -> Iterator[Floats]:
-    """Yield unit normals of mirrors that hold, in the order in which groups should be built."""
     surface, tried = look.surface, list[Floats]()
 
     def is_new_mirror(normal: Floats) -> bool:
@@ -195,7 +196,6 @@ def _candidate_mirrors(look: _MirrorTest) -> Iterator[Floats]:
 
 
 def _mirrors_around(look: _MirrorTest, axis: Floats) -> list[Floats]:
-    """Return normals of mirrors through an axis about which the surface is nearly equal; two if it is round."""
     x = look.surface.V - look.centre
     x = x - np.outer(x @ axis, axis)
     directions = far_directions(x, look.surface.size)
@@ -225,12 +225,12 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Share of the edge within which vertices are on a plane, and images of vertices are one.
+PLANE_TOLERANCE = 1e-3  # Share of the edge within which a vertex is on a plane, or two images are one vertex.
 
 
 @dataclass(frozen=True, eq=False)
 class Chamber:
-    """The part of a surface on one side of each mirror plane, to which unit normals `toward` (k, 3) point."""
+    """The part of a surface on one side of each mirror plane. Unit normals `toward` (k, 3) point to this side."""
 
     whole: Surface
     mirrors: Mirrors
@@ -239,13 +239,13 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the side of a point that rotates with the surface and lies in none of the planes."""
+        """Return the part around a point that rotates with the surface and does not lie in any of the planes."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
     @cached_property
     def piece(self) -> Surface | None:
-        """The part of the surface on the side; None if the surface has faces within the planes."""
+        """The surface within the chamber; None if the surface has faces within the planes."""
         V, F = self.whole.V, self.whole.F
         for normal in self.toward:
             cut = _positive_side(V - self.mirrors.centre, F, normal, PLANE_TOLERANCE * self.edge)
@@ -261,14 +261,17 @@ class Chamber:
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
         """Move points V (p, 3) into their planes (k, p)."""
         moved = V.copy()
-        for _ in range(2 * len(self.toward)):  # in turns, because several planes may meet
+        for _ in range(2 * len(self.toward)):  # repeat this, because several planes may meet at a point
             for normal, in_plane in zip(self.toward, planes, strict=True):
                 moved[in_plane] -= np.outer((moved[in_plane] - self.mirrors.centre) @ normal, normal)
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from the side's new vertices V (p, 3) and faces F, and the original in V of each
-        vertex (n,). None if the topology or the boundary differs."""
+        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the original in V of each
+        vertex (n,).
+
+        None if the topology or the boundary differs.
+        """
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]
@@ -286,7 +289,6 @@ class Chamber:
         return (surface, first_image[order] % n) if self._is_like_whole(surface) else None
 
     def _is_like_whole(self, surface: Surface) -> bool:
-        """Return whether a surface has the pieces, the holes and nearly the boundary length of the whole."""
         original = self.whole
 
         def facts(s: Surface) -> tuple[int, ...]:

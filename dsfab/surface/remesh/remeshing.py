@@ -32,7 +32,7 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import duplicate_faces, named_edges
 
-SHARP_ANGLE = 20.0  # Smallest angle, degrees, below which the mirrored mesh must compete with one of the whole surface.
+SHARP_ANGLE = 20.0  # Degrees. If its smallest angle is less, a mirrored mesh competes with a mesh of the whole surface.
 
 
 def remeshed_surface(
@@ -40,20 +40,20 @@ def remeshed_surface(
 ) -> Surface:
     """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
 
-    finest : metres; where the surface is curved, edges are shorter, down to this, so that it turns by 15 degrees along
-             an edge; 0 disables this.
-    smooth : whether new vertices lie on the smooth surface through the old ones [Vlachos et al. 2001], or on its
+    finest : metres. Edges are shorter on curved parts, but at least this long, so that the surface turns by 15 degrees
+             along an edge; 0 disables this.
+    smooth : whether new vertices lie on the smooth surface through the old vertices [Vlachos et al. 2001], or on its
              facets.
-    sizes  : lengths wanted at vertices of this surface or of others that lie on it, metres; the shortest counts.
+    sizes  : lengths wanted at vertices of this surface or of further surfaces on it, metres; the shortest counts.
 
     Boundaries, and creases of more than 30 degrees, stay within a fiftieth of `edge`, their corners exactly. So do the
     extent, the number of pieces and holes, and the sides of the faces. Creases of slivers and noise go
-    (`design_features`), and ears (`with_ears_flipped`). Edges are shorter where this requires it, and between close
-    curves. The same surface gives the same mesh. Without `sizes`, a surface with mirror symmetries (within a twentieth
-    of `edge`) gets an exactly symmetric mesh, whose extent is within a fiftieth of `edge`.
+    (`design_features`), and ears (`with_ears_flipped`). Edges are shorter if these limits require it, and between
+    close curves. Equal surfaces give equal meshes. Without `sizes`, a surface with mirror symmetries (within a
+    twentieth of `edge`) gets an exactly symmetric mesh, whose extent is within a fiftieth of `edge`.
 
     Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
-    and a surface with repeated faces or edges of more than two.
+    repeated faces, and edges of more than two faces.
     """
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ from side to side
@@ -77,12 +77,14 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Remesh one side of all mirrors and copy it; None without mirrors, or for a small or unlike result."""
+    """Remesh one side of all mirrors and copy it; None without mirrors, or for a result that is small or differs in
+    topology.
+    """
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
     piece = chamber.piece if chamber else None
-    # fixed edges of a side with fewer than 100 triangles leave no room for even ones
+    # a side with fewer than 100 triangles has mostly fixed edges, so its triangles would be uneven
     if chamber is None or piece is None or piece.area < 100 * np.sqrt(3) / 4 * edge**2:
         return None
     net = _net(NearestOnSurface(piece), sizes, edge)
@@ -104,8 +106,8 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return the places (n, 3) of a net's vertices on boundaries, creases and corners, and on facets if not smooth. The
-    images of one side are a little beside the curves of another side."""
+    """Return the places (n, 3) of a net's vertices on boundaries, creases and corners, and on facets if not smooth.
+    Mirror images of one side lie a little beside the curves of the next side."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -130,7 +132,6 @@ def _net(nearest_on: NearestOnSurface, sizes: Sequence[SizeField], edge: float) 
 def _even_net(
     net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Sequence[SizeField], edge: float
 ) -> Net:
-    """Return the net after all rounds; wanted edges are `edge` metres long, or as the shortest of the sizes."""
     chords = chord_lengths(curves, edge)
     finer = [field for field in sizes if np.ptp(field.length)]
     trees = [nearest, *map(NearestOnSurface, {field.surface for field in finer} - {nearest.surface})]
@@ -151,7 +152,9 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until none is left, with flips and collapses between, because needles create many points."""
+    """Halve long edges until no long edge remains. Flips and collapses follow each round, because needles create
+    many points.
+    """
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
@@ -163,7 +166,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the shortest (k,) of the fields' lengths at points (k, 3), metres; one tree for fields on one surface."""
+    """Return the shortest (k,) of the fields' lengths at points (k, 3), metres; fields on one surface share a tree."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

@@ -27,8 +27,11 @@ class SizeField(NamedTuple):
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
     """Return lengths (n,) of edges over which the surface turns by `TURN_PER_EDGE`, between `finest` and `edge`,
-    metres. The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and
-    Morvan 2003], over the faces around its neighbours. Creases do not count."""
+    metres.
+
+    The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
+    2003], over the faces around its neighbours. Creases do not count.
+    """
     two = surface.edges.count == 2
     shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
@@ -44,9 +47,9 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
 
     field : (m, 3, 3) tensors in the planes of the faces; `CHANGE_PER_EDGE` refers to their root mean square.
 
-    Differences along edges are those of the means around their ends [as Zienkiewicz and Zhu 1987 recover stress],
-    without the rotation of the surface between them. The square of the gradient at a vertex is twice the mean square of
-    such slopes around it, which lie in all directions.
+    Differences along an edge are differences of the means around its ends [as Zienkiewicz and Zhu 1987 recover
+    stress], without the rotation of the surface between them. The square of the gradient at a vertex is twice the mean
+    square of the slopes of all edges around the vertex.
     """
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
@@ -76,7 +79,9 @@ def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return for values (e, k) of edges (e, 2) the sums (n, k) at each vertex and its neighbours over their areas."""
+    """Sum the values (e, k) of edges (e, 2) at each vertex and its neighbours; return the sums (n, k) over the
+    areas there.
+    """
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -84,7 +89,9 @@ def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
 
 
 def _transported_tensors(tensors: Floats, normal: Floats, onto: Floats) -> Floats:
-    """Rotate symmetric tensors (k, 3, 3) from planes with unit normals (k, 3) into others: rows, then columns."""
+    """Rotate symmetric tensors (k, 3, 3) from planes with unit normals (k, 3) into planes with normals `onto` (k,
+    3).
+    """
     normal, onto = np.repeat(normal, 3, axis=0), np.repeat(onto, 3, axis=0)
     rows = transported_vectors(onto, normal, tensors.reshape(-1, 3)).reshape(-1, 3, 3)
     return transported_vectors(onto, normal, rows.transpose(0, 2, 1).reshape(-1, 3)).reshape(-1, 3, 3)
@@ -105,7 +112,9 @@ CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, 
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded lengths: `base` (n,) or a number, metres, within the chords (p,) of its curves."""
+    """Return the net with graded lengths: `base` (n,) or a number, metres, but at most the chords (p,) of its
+    curves.
+    """
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -114,13 +123,13 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
     for vertex, width, slope in _narrow_places(net):
         wide = width > TOLERANCE * edge  # narrower places are slivers
-        row = 1.25 * np.maximum(width, edge * slope)[wide]  # one row of triangles fills the width
+        row = 1.25 * np.maximum(width, edge * slope)[wide]  # a single row of triangles fills the width
         np.minimum.at(size, vertex[wide], np.maximum(row, least))
     return replace(net, size=graded_sizes(net.V, net.edges.ends, size))
 
 
 def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
-    """Return the largest sizes (n,) below the input, metres, whose slope along edges (e, 2) is at most `GRADE`."""
+    """Return the largest sizes (n,) up to the input, metres, whose slope along edges (e, 2) is at most `GRADE`."""
     length = GRADE * edge_lengths(V, ends)
     a, b = ends.T
     while True:
@@ -134,8 +143,11 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
     """Return fixed and curve vertices (k,), the width (k,) of the surface there, metres, and its slope (k,) as in
-    `_slopes`. The width is an edge from curve to curve, the height of a face between them, or an edge between corners.
-    The face in the angle of a corner does not count, because it is narrow at any size."""
+    `_slopes`.
+
+    The width is an edge from curve to curve, the height of a face between them, or an edge between corners. The face
+    in the angle of a corner does not count, because it is narrow at any size.
+    """
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -178,8 +190,11 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the vertices (n, 2) at the ends of each vertex's curve, -1 off curves, and the distances (n, 2) along it,
-    metres. A corner has itself twice."""
+    """Return the vertices (n, 2) at the ends of each vertex's curve, -1 off curves, and the distances (n, 2) to them
+    along it, metres.
+
+    A corner has itself twice.
+    """
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):
@@ -191,8 +206,8 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """Return the length (p,) of the longest chord about each point of the curves, metres. It is `edge`, or less where
-    the chord would leave the curve by more than most of the tolerance."""
+    """Return the length (p,) of the longest chord about each point of the curves, metres.
+    The length is `edge`, or less if a longer chord would leave the curve by more than most of the tolerance."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

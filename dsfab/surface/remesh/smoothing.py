@@ -1,4 +1,4 @@
-"""Smooth patches through the vertices of a mesh, and vertices moved to even triangles."""
+"""Smooth patches through the vertices of a mesh, and movement of vertices to even triangles."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -18,8 +18,9 @@ CORNERS = ((0, 1), (1, 2), (2, 0))  # Half-edges of a face, by its corners.
 
 
 class SmoothPatches:
-    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001]. A vertex on a crease has a normal
-    for each side; at boundaries and creases patches follow the straight edges, so that curves stay in place."""
+    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001].
+    A vertex on a crease has a normal for each side. At boundaries and creases patches follow the straight edges, so
+    that curves stay in place."""
 
     def __init__(self, surface: Surface) -> None:
         self._V, self._F = surface.V, surface.F
@@ -50,8 +51,9 @@ def barycentric(P: Floats, place: Floats) -> Floats:
 
 
 def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
-    """Return two control points on each edge (m, 6, 3) of triangles P (m, 3, 3). They are thirds of the edge, in the
-    planes of the normals (m, 3, 3) at its ends; on `straight` edges (m, 3) just thirds."""
+    """Return two control points on each edge (m, 6, 3) of triangles P (m, 3, 3).
+    They are at thirds of the edge, moved into the planes of the normals (m, 3, 3) at its ends. On `straight` edges (m,
+    3) they stay on the edge."""
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):
@@ -62,7 +64,9 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return unit normals (m, 3 corners, 3): means of faces by angle around a vertex up to the next features (e,)."""
+    """Return unit normals (m, 3 corners, 3): means of face normals by angle around a vertex up to the next features
+    (e,).
+    """
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -91,8 +95,11 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Move free vertices within their tangent planes to the weighted means of their faces, others along their curves.
-    Weights are areas in units of wanted lengths squared. Vertices on curves move to even steps."""
+    """Move free vertices within their tangent planes to the weighted means of their faces, all further vertices along
+    their curves.
+
+    Weights are areas in units of wanted lengths squared. Vertices on curves move to even steps.
+    """
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
@@ -121,7 +128,9 @@ def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
 
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
-    """Return positions (k,) of nodes with even steps in wanted lengths near the curve; every second moves at once."""
+    """Return positions (k,) of nodes with even steps in wanted lengths near the curve. Only every second node moves
+    at a time.
+    """
     places = net.at.copy()
     for parity in (0, 1):
         k = np.arange(1 + parity, max(len(places) - 1, 1 + parity), 2)
@@ -141,7 +150,7 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     """Move the vertices to goals (n, 3), metres, and the nodes to positions (k,), unless a face turns by 60 degrees."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # rounds that put back single vertices, before all go back
+    retreats = 6  # number of rounds that put back single vertices; after these, all vertices go back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

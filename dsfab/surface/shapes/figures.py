@@ -25,7 +25,7 @@ from dsfab.surface.shapes.implicit import (
 )
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
-NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the coordinates of its model.
+NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the coordinates of the model.
 MOUTH, HOLLOW = 0.017, 0.034  # Largest triangles that show the camel's mouth and the hollow of its ear.
 
 
@@ -72,7 +72,6 @@ def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
 
 
 def _ear(wide: float) -> Field:
-    """A pointed leaf, at least two triangles thick, with a hollow in front if triangles are small enough."""
     along = np.array([-0.45, 0.6, 0.66])
     along /= np.linalg.norm(along)
     front = np.array([0.9, 0.3, 0.2])
@@ -124,9 +123,8 @@ def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
 
 
 def _buttons(P: Floats) -> Floats:
-    """Return the depth (k,) below the shell: in the seams around two buttons, and on the left button."""
     x, y, z = P.T
-    front = x + 0.9 * y**2 - 0.03  # before the seam across
+    front = x + 0.9 * y**2 - 0.03  # positive in front of the cross seam
     top, before = _rising((z - 0.07) / 0.04), _rising(front / 0.04)
     seams = np.maximum(np.exp(-((y / 0.035) ** 2)) * before, np.exp(-((front / 0.035) ** 2)))
     return np.asarray(top * (0.018 * seams + 0.012 * before * _rising(y / 0.03)))
@@ -173,7 +171,6 @@ def turkey(height: Length = 0.5, edge: Length = 0.016) -> Surface:
 
 
 def _feather(angle: float) -> list[Point]:
-    """Return the middle and the tip of a tail feather at an angle from upright, the fan leaning back."""
     return [(-0.2 - 0.22 * r, 0.58 * r * np.sin(angle), 0.38 + 0.58 * r * np.cos(angle)) for r in (0.5, 1.0)]
 
 
@@ -200,14 +197,12 @@ def pirate(height: Length = 1.8, edge: Length = 0.036) -> Surface:
 
 
 def _brim() -> Field:
-    """A hat's brim, turned up in front and behind to a crescent from ear to ear."""
     crescent = limb([(0, -0.19, 0.9), (0, -0.1, 0.955), (0, 0, 0.975), (0, 0.1, 0.955), (0, 0.19, 0.9)],
         [0.022, 0.045, 0.05, 0.045, 0.022], 1.0)  # fmt: skip
     return lambda P: crescent(P * [0.75, 1, 1])
 
 
 def _arms() -> list[Field]:
-    """The right arm, at -y, with a cutlass; the left one ends in a hook."""
     right_arm = limb([(0, -0.15, 0.73), (0.0, -0.265, 0.6), (0.13, -0.28, 0.55)], [0.055, 0.043, 0.038])
     hand = ball((0.15, -0.28, 0.555), 0.042)
     guard = limb([(0.17, -0.335, 0.59), (0.17, -0.225, 0.59)], [0.022, 0.022])
@@ -251,7 +246,6 @@ def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.1
 
 
 def _rounded_maximum(a: Floats, b: Floats) -> Floats:
-    """Return the larger value with a rounded corner: the solid inside both."""
     return -smooth_minimum(-a, -b, 0.01)
 
 
@@ -277,7 +271,6 @@ def twisty_tower(
 
 
 def _twist_solid(field: Field, turn: float) -> Field:
-    """Return the solid twisted about z, from 0 at z = 0 to `turn` radians at z = 1."""
 
     def field_there(P: Floats) -> Floats:
         c, s = np.cos(turn * P[:, 2]), np.sin(turn * P[:, 2])
@@ -323,7 +316,7 @@ class _Disc:
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the coordinates after a step in the disc whose image is nearest to `step`, put back into the disc."""
+        """Return the disc coordinates whose image is nearest to the position after `step`, limited to the disc."""
         small = 1e-6
         places = self.place(X)
         J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)

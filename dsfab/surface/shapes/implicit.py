@@ -22,9 +22,9 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
-LONGEST, SHORTEST = 4 / 3, 4 / 5  # Multiples of the wanted length beyond which edges are divided or collapsed.
+LONGEST, SHORTEST = 4 / 3, 4 / 5  # Remeshing divides longer edges and collapses shorter edges, in wanted lengths.
 
-ROUNDS, POLISH = 5, 10  # Rounds that change the number of vertices, then rounds that flip and relax.
+ROUNDS, POLISH = 5, 10  # Rounds that change the number of vertices; later rounds that flip and relax.
 
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest turn of a face in one step, about 70 degrees.
 FOLDED = -0.5  # Cosine between the normals of neighbours, about 120 degrees, below which they are a fold.
@@ -72,7 +72,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
 
 
 def _too_long(why: str) -> SurfaceError:
-    """Return an error without the length, because shapes are modelled at size 1, and scaled afterwards."""
+    """Return an error without the length, because dsfab models shapes at size 1 and scales them afterwards."""
     return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter one")
 
 
@@ -120,7 +120,6 @@ def _collapse_edges(chart: MeshChart, X: Floats, F: Ints, shortest: float) -> tu
 def _merge_vertices(
     chart: MeshChart, X: Floats, F: Ints, V: Floats, a: Ints, b: Ints, border: Bools
 ) -> tuple[Floats, Ints, bool]:
-    """Merge vertices b with a where no face turns over; return also whether there were any."""
     goal = np.where((border[a] == border[b])[:, None], (X[a] + X[b]) / 2, X[np.where(border[a], a, b)])
     goal = chart.move(goal, np.zeros((len(a), 3)), border[a] | border[b])
     pair = np.full(len(X), -1)
@@ -143,7 +142,6 @@ def _merge_vertices(
 
 
 def _flip_edges(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple[Floats, Ints]:
-    """Flip edges towards six edges at each vertex (four on the border), or towards Delaunay."""
     V = chart.place(X)
     for _ in range(8):
         edges, n = edge_table(F), len(X)
@@ -164,7 +162,6 @@ def _valence_gain(quad: Ints, edges: EdgeTable, n: int) -> Floats:
 
 
 def _delaunay_gain(P: Floats) -> Floats:
-    """Return by how much the two angles opposite an edge together exceed half a turn, radians."""
     a, b, c, d = np.moveaxis(P, 1, 0)
     angles = [
         np.arctan2(np.linalg.norm(np.cross(a - p, b - p), axis=1), ((a - p) * (b - p)).sum(axis=1)) for p in (c, d)
@@ -257,7 +254,7 @@ def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | No
 
 
 def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
-    """Return the smaller value (k,), rounded where they differ by less than k [polynomial, Quilez 2013]."""
+    """Return the smaller of two values (k,), rounded where they differ by less than k [polynomial, Quilez 2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
@@ -274,7 +271,7 @@ def smooth_union(fields: Sequence[Field], k: float) -> Field:
 
 
 def smooth_difference(field: Field, cut: Field, k: float) -> Field:
-    """Return the part of a solid outside of another; the edge of the cut is rounded by about k metres."""
+    """Return the part of a solid outside of a second solid; the edge of the cut is rounded by about k metres."""
     return lambda P: -smooth_minimum(-field(P), cut(P), k)
 
 
@@ -331,7 +328,7 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
         bottom[2] = floor
     x, y, z = size = top - bottom
     check_density(2 * float(x * y + y * z + z * x), edge)
-    # coarser cells lose details, finer ones collapse again
+    # coarser cells lose details, and edges of finer cells collapse again
     cells = np.maximum(np.ceil(size / (1.3 * edge)), 4).astype(int)
     nodes = [np.linspace(a, b, n + 1) for a, b, n in zip(bottom, top, cells, strict=True)]
     z, y, x = np.meshgrid(nodes[2], nodes[1], nodes[0], indexing="ij")

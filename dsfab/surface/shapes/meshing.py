@@ -68,7 +68,7 @@ def check_density(area: float, edge: float) -> None:
 
 
 def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> int:
-    """Return the number of edges that fit a length: a multiple, at least `least`."""
+    """Return the number of edges that fit a length; the number is a multiple of `multiple` and at least `least`."""
     return max(least, multiple * round(length / (edge * multiple)))
 
 
@@ -110,16 +110,15 @@ def ring_turns(counts: Ints) -> list[Floats]:
 
 
 def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
-    """Return faces (m, 3) between rings of vertices at shares (k,) of a turn; a ring of one vertex is a pole. The faces
-    run counter-clockwise if the turns do and later rings are outside. Every edge of a ring gets the vertex of the other
-    ring that is nearest to its middle. closed: the last ring is joined to the first."""
+    """Return faces (m, 3) between rings of vertices at shares (k,) of a turn; a ring with a single vertex is a pole.
+    The faces run counter-clockwise if the turns do and later rings are outside. Every edge of a ring is joined to the
+    vertex of the neighbouring ring nearest to its middle. closed: join the last ring to the first."""
     start = np.cumsum([0] + [len(t) for t in turns])
     pairs = [(j, j + 1) for j in range(len(turns) - 1)] + ([(len(turns) - 1, 0)] if closed else [])
     return np.concatenate([_band_faces(turns[a], start[a], turns[b], start[b]) for a, b in pairs])
 
 
 def _band_faces(inner: Floats, at_inner: int, outer: Floats, at_outer: int) -> Ints:
-    """Return the faces of one band. Walking round, the next edge is that whose middle comes first."""
     middle_in, middle_out = (t + 0.5 / len(t) for t in (inner, outer))
     parts = []
     if len(inner) > 1:

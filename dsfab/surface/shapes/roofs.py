@@ -80,19 +80,18 @@ def elliptic_paraboloid(
 def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: float) -> tuple[Floats, Ints]:
     """Return vertices (n, 2) and counter-clockwise faces of a region of the plane.
 
-    rim    : (k, 2) points along the boundary about `edge` apart; they stay in place and come first.
+    rim    : (k, 2) points along the boundary, about `edge` apart; they stay in place and come first.
     inside : function that returns which points (q, 2) are inside by at least a distance.
 
-    Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing (5 and 40 Laplacian rounds with new
-    triangles
-    after each, nine pavilions) made the smallest angle worse, never better.
+    Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing always made the smallest angle worse (5
+    and 40 Laplacian rounds with new triangles after each, nine pavilions).
     """
-    from scipy.spatial import Delaunay  # here, because it takes a tenth of a second to import
+    from scipy.spatial import Delaunay  # imported here, because the import takes a tenth of a second
 
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
     lattice = edge * np.stack([i + j / 2, j * np.sqrt(3) / 2], axis=1)
-    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # leaves about the height of a triangle to the rim
+    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # distance: a triangle's height
     F = Delaunay(P).simplices.astype(np.int64)
     u, v = P[F[:, 1]] - P[F[:, 0]], P[F[:, 2]] - P[F[:, 0]]
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
@@ -159,7 +158,7 @@ class _Wedge:
         # circle through the foot's end, its mirror image, and the top; centre on the ray at angle `half`
         across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
         dip = along - top
-        if abs(dip) < 1e-3 * ground:  # nearly straight: bend it a little
+        if abs(dip) < 1e-3 * ground:  # bend a nearly straight arch a little
             dip, top = 1e-3 * ground, along - 1e-3 * ground
         self.radius = (across**2 + dip**2) / (2 * abs(dip))
         self.bend = np.sign(dip)
@@ -167,8 +166,9 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return points round the wedge, and those on the rays at angle 0 and `half`; point 0, the crown, is on
-        both."""
+        """Return points round the wedge, and the points on the rays at angle 0 and `half`; point 0, the crown, is
+        on both rays.
+        """
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

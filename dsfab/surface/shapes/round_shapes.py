@@ -89,7 +89,6 @@ def tower(
 
 
 def _superellipse(p: float) -> tuple[Floats, Floats, float]:
-    """Return points at equal arc lengths of |x|^p + |y|^p = 1, once round from (1, 0), and its length."""
     angle = np.linspace(0, 2 * np.pi, 4 * 2048 + 1)
     c, s = np.cos(angle), np.sin(angle)
     r = (np.abs(c) ** p + np.abs(s) ** p) ** (-1 / p)
@@ -99,9 +98,12 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
 
 
 def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
-    """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, a ring per point.
-    Radius 0 is a pole. Each ring has a multiple of six vertices about `edge` apart. A profile that runs away from the
-    axis has normals up; `outward` flips them, away from the axis for a tube that rises."""
+    """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, with a ring for each
+    point.
+
+    Radius 0 is a pole. Each ring has a multiple of six vertices about `edge` apart. A profile away from the axis has
+    normals up. `outward` flips the normals, so that they point away from the axis of a rising tube.
+    """
     counts: Ints = np.array([pieces_of(2 * np.pi * x, edge, multiple=6, least=6) if x else 1 for x in r])
     turns = ring_turns(counts)
     angle = 2 * np.pi * np.concatenate(turns)
@@ -125,7 +127,6 @@ def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
 
 
 def _icosahedron() -> tuple[Floats, Ints]:
-    """Return twelve unit vectors, two at the poles and five at each latitude arctan(1/2), and the twenty faces."""
     k = np.arange(5)
     upper, lower = 2 * np.pi * k / 5, 2 * np.pi * (k + 0.5) / 5
     ring = [
@@ -139,7 +140,9 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 
 def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
-    """Divide every face into f^2 flat triangles; vertices of equal integer weights on the corners are one vertex."""
+    """Divide every face into f^2 flat triangles; vertices with equal integer weights on the corners become one
+    vertex.
+    """
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
     index = np.full((f + 1, f + 1), -1)

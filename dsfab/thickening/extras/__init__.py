@@ -22,8 +22,8 @@ Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 
 def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
-    """Apply extras to a solid, in order. Raises SolidError for an extra that does nothing or too much, and for a result
-    that is not a solid. `notes` counts intersections that rounding leaves."""
+    """Apply extras to a solid, in order; `notes` counts intersections that rounding leaves.
+    Raises SolidError for an extra that does nothing or too much, and for a result that is not a solid."""
     if not extras:
         return solid
     import manifold3d

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """Context of extras: the uncut surface, the sheet, and a function from marks on one to marks on the other.
+    """Context of extras: the uncut surface, the sheet, and a function from marks on the surface to marks on the sheet.
     between : from marks (n,) on the surface to (n',) on the sheet (see `Sheet.vertices_between`)."""
 
     surface: Surface
@@ -47,7 +47,7 @@ class Base:
 
 
 ROUND = 48
-"""Sides of the prisms for round holes and dowels; their area is 0.3 % under that of the circle."""
+"""Number of sides of the prisms for round holes and dowels; their area is 0.3 % under that of the circle."""
 
 
 def positive(extra: object, *names: str) -> None:

@@ -55,7 +55,7 @@ class Trim:
     kind: Literal["trim"] = "trim"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid inside the plane and the box; raises SolidError."""
+        """Return the solid inside the plane and the box; raise SolidError as `with_extras`."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
             raise SolidError("thickening.extra 'trim' needs point and normal of a plane, or low and high of a box")
@@ -76,8 +76,7 @@ class SplitBodies:
     bed    : largest size of a part along x, y, z, metres; parts are equally large along each axis.
     apart  : metres between the parts.
     dowel, deep : diameter of the dowels, and their depth in each part, metres; 0 drills none. Every cut face gets a
-    hole at its widest place, if that is at least twice as wide as the dowel.
-    """
+    hole at its widest place, if the face is at least twice as wide as the dowel there."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     bed: Vector
@@ -108,8 +107,9 @@ class SplitBodies:
         return np.asarray(np.linspace(low, high, int(np.ceil((high - low) / bed - 1e-9)) + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
-        """Drills for each part of a face cut square to an axis whose middle is as far inside as the dowel is thick."""
-        turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # the axis, or its opposite, becomes z
+        """Drills for each part of a face cut square to an axis, where the middle is as far inside as the dowel is
+        thick."""
+        turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # z is now the axis or its opposite
         ups = [(2, 1), (0, 2), (0, 1)][axis]
         drills = []
         for level in levels[axis][1:-1]:
@@ -153,4 +153,4 @@ def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | Non
     dot = manifold3d.CrossSection.square((low / 9, low / 9), center=True).translate(middle.tolist())
     if not (inset(0.9 * low) ^ dot).is_empty():
         return np.asarray(middle)
-    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])  # of a bent strip
+    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])  # the part is a bent strip

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Feet:
-    """`kind = "feet"`: a block under each part of the sheet that reaches the picked vertices, united with it.
+    """`kind = "feet"`: a block under each part of the sheet that reaches the picked vertices, united with the sheet.
 
     at : the vertices on feet.    height : metres below the lowest picked vertex of a part.    margin : metres around
-         it.
-    sink : metres above that vertex, because blocks must meet the sheet.    Blocks stand along z.
-    """
+         this
+         vertex.
+    sink : metres above this vertex, because blocks must meet the sheet.    Blocks stand along z."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker
@@ -50,13 +50,13 @@ class Feet:
 
 
 STRAIGHT = 1e-9
-"""Direction and normal change by less at a straight vertex of the boundary, which is left out."""
+"""A boundary vertex is left out as straight if direction and normal change by less than this."""
 
 
 @dataclass(frozen=True)
 class Ring:
     """`kind = "ring"`: a beam along boundary loops of the uncut surface, united with the solid.
-    width  : metres, along the surface, half of it on each side of the boundary.    height : metres, across it.
+    width  : metres, along the surface, half of it on each side of the boundary.    height : metres, across the surface.
     at     : loops with a picked vertex get a beam; default all loops."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -66,7 +66,7 @@ class Ring:
     kind: Literal["ring"] = "ring"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with a beam along its boundaries; raises SolidError if none is picked."""
+        """Return the solid with a beam along its boundaries; raise SolidError if no boundary is picked."""
         positive(self, "width", "height")
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
         loops = [loop for loop in base.surface.loops if marks[loop].any()]
@@ -99,9 +99,9 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 
 def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
-    """Points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin at them.
+    """Points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin at these points.
     The normal of a side is that of its face, turned so that the surface lies left of the loop. On a strip with a single
-    side the loop runs along both of its edges, and the normal with it."""
+    side the loop runs along both of its edges, and the normal turns with the loop."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])
@@ -120,7 +120,7 @@ def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
     """Return a closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
     P : (k, 3) the corners of its middle line.    along, normal : (k, 3) unit vectors of the sides that begin there.
-    Sections lie in the planes that halve the corners, stretched so that the bar keeps its width between them."""
+    Sections lie in the planes that halve the corners, stretched so that the bar keeps its width between the corners."""
     before = np.roll(along, 1, axis=0)
     sharpest = 0.2  # least cosine of half the turn: beyond it the mitre is five times as long as the bar is wide
     middle = before + along

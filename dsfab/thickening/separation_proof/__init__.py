@@ -1,6 +1,6 @@
 """Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself.
 
-The surface is divided into boxes; boxes around a box are its block. The prisms of a box meet no others under two
+The surface is divided into boxes; boxes around a box are its block. The prisms of a box meet no other prisms under two
 conditions. The box's axis sees all skins of the block from the front. The rim of the block runs once around the box's
 cylinder, outside it. Then the prisms project along the axis without overlap.
 """
@@ -22,7 +22,7 @@ class OffsetLayer:
     """A thickened surface before anything is removed.
 
     uncut  : an edge-manifold surface, faces consistently oriented, with half-thickness vectors D (n, 3), metres.
-    cells  : the same surface cut, all of it, with interpolated vectors `carried` (n', 3).
+    cells  : all cells of the cut surface, material and void, with interpolated vectors `carried` (n', 3).
     parent : (m',) the face of each cell.    side : as in `thicken`.
     """
 
@@ -40,13 +40,13 @@ class OffsetLayer:
 
 
 REACH = 2
-"""A block is a box and this many boxes around it on each side."""
+"""Number of boxes on each side of a box that belong to its block."""
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
     """The box of each face (m,), and of each of k boxes: place in the grid (k, 3), middle, direction, radius.
-    grid : the box at each place, -1 without faces, with a border of `REACH` empty ones.
+    grid : the box at each place, -1 without faces, with a border of `REACH` empty boxes.
     key  : (k,) the place in the flat grid."""
 
     of: Ints
@@ -72,7 +72,7 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
     for corner in uncut.F.T:
         np.maximum(reach, lengths(uncut.V.take(corner, axis=0) - middle) + size[corner] + error, out=reach)
     low, extent = (np.array([box(column) for column in middle.T]) for box in (np.min, np.ptp))
-    box_limit = 2e7  # boxes of the grid, empty ones too
+    box_limit = 2e7  # empty boxes count too
     least_widths = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
     width = max(2.1 * reach.max(), *least_widths)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
@@ -122,9 +122,9 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """For prisms with corners (3 xyz, 3, m): mask of the folded ones, least cosine of their skins to an axis, reach.
+    """For prisms with corners (3 xyz, 3, m): mask of the folded prisms, least cosine of their skins to an axis, reach.
     Valid for corners with errors up to e. A determinant of three vectors up to r long has an error of 3 r^2 e. The
-    normal of a triangle with sides up to s has one of 4 s e."""
+    normal of a triangle with sides up to s has an error of 4 s e."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -220,9 +220,9 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 
 def proven_cells(layer: OffsetLayer) -> Bools:
-    """(m',) cells whose prism surely meets no other one, for any diagonals of its sides.
-    This holds for the vertices as they are and as files of single precision hold them (if `is_fine`). With more than 5
-    % folded prisms nothing is proven."""
+    """(m',) cells whose prism surely meets no other prism, for any diagonals of its sides.
+    This holds for the exact vertices and for vertices in files of single precision (if `is_fine`). With more than 5 %
+    folded prisms nothing is proven."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)
@@ -230,7 +230,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # the second, finer grid runs only for cells that the first could not prove
+    for count in (1000, 8000):  # the finer grid serves the cells without proof
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:
@@ -247,7 +247,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
 def _cells_near_folds(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
     middle = layer.cells.centroids + layer.shift * layer.carried[layer.cells.F].mean(axis=1)
     bad = np.flatnonzero(folded)
-    size = 2.1 * reach  # around the mean of the middle layer, which the mean of the corners is
+    size = 2.1 * reach  # around the mean of the corners, in the middle layer
     lists = cKDTree(middle).query_ball_point(middle[bad], size[bad] + size.max())
     result = np.zeros(len(folded), dtype=bool)
     result[np.concatenate([np.asarray(row, dtype=np.int64) for row in lists])] = True

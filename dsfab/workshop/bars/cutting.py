@@ -69,10 +69,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b that limit a bar; x is along the bar and to its left.
-
-    Each half plane ends in the middle between the bar and a neighbour.
-    """
+    """Yield half planes a . x <= b between a bar and its neighbours; x is along the bar and to its left."""
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)
@@ -153,7 +150,6 @@ def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[Plat
 @dataclass(frozen=True)
 class PlateArm:
     """Arm of a flat node plate.
-
     bar     : name of its bar.    azimuth, dip : direction of the bar, and angle of the fold (radians).
     fold, end : distances from the node to the fold and to the end (m).    holes : distances from the node to holes (m).
     after   : angle to the next arm (radians).    root : distance from the node to the beginning of the bar (m).

@@ -59,7 +59,6 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Ground contact of a structure: its supports (q, 3) in metres, unit vector `up` (3,), and diameter of anchors (m).
-
     reach : distance of a support from a node, in addition to member widths (m).
     """
 
@@ -118,7 +117,6 @@ def leg_plates(
 def _leg_plate(
     node: str, leg: Leg, size: tuple[float, float], bolt: float, height: float, thickness: float
 ) -> FlatPart:
-    """Return a plate with its node at the origin; size : distance to the fold, and half width (m)."""
     root, half = size
     begin, end = -END_DISTANCE * bolt, root + leg.length
     outline = np.array([[begin, -half], [end, -half], [end, half], [begin, half]])
@@ -150,15 +148,13 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
 
 
 SQUARE_ANGLE = np.radians(70.0)
-"""Smallest angle between bars with square ends, which begin farther from the node; at sharper angles bars have
-mitres.
+"""Smallest angle between bars with square ends, which begin farther from the node; at sharper angles bars have mitres.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class BarEnd:
     """End of a bar.
-
     node    : node number.    azimuth : radians counter-clockwise about the node's normal, from its first bar.
     dip     : radians below the plane of the node.
     root    : distance from the node to the beginning of the bar's line (m).
@@ -176,7 +172,6 @@ class BarEnd:
 @dataclass(frozen=True, eq=False)
 class LatticeBar:
     """Straight bar of a bay.
-
     points : (2, 3) both ends of the bar's line (m).    normals : (2, 3) normals of the bar at both ends.
     sagitta : largest distance of the member's axis from the bar (m).
     """
@@ -211,7 +206,6 @@ class LatticeBar:
 @dataclass(frozen=True, eq=False)
 class Joint:
     """Bars at a node, counter-clockwise, as pairs: bar number, and 0 for the bar's beginning or 1 for its end.
-
     half : half width of the plate's arms (m).    root : approximate distance from the node to the folds (m).
     leg  : leg of the plate at a support.
     """
@@ -331,12 +325,9 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
-
-    Bars at right angles clear each other at half of their width; sharper angles and leaning bars need more. Short bars
-    stay closer to the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts; this moves
-    folds
-    outwards.
+    """Return half the width of a node plate's arms, and the distance of their folds from the node (m). Bars at right
+    angles clear each other at half of their width; sharper angles and leaning bars need more. Short bars stay closer to
+    the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts; this moves folds outwards.
     """
     notch = 0.9  # arms of a plate separate at this share of the way from the node to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
@@ -348,10 +339,7 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 
 
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
-    """Return the beginnings (2 b, 3) of the bars' lines, in the planes of their nodes.
-
-    Directions from beginning to beginning would not converge.
-    """
+    """Return the beginnings (2 b, 3) of the bars' lines, in the planes of their nodes."""
     node_points = P[bay_ends.node]
     roots = node_points
     for _ in range(rounds):  # a round moves the roots e / (distance - e) times as far as the previous round

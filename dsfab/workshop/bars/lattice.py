@@ -24,7 +24,6 @@ LEAST_BAR = 4.0
 @dataclass(frozen=True, eq=False)
 class LatticeNode:
     """Node of bars: one node of the graph, or several nodes that are too close for bars between them.
-
     id     : name of the first of these nodes; "A07 end 1" for a free end of a member.    nodes : all their names.
     point  : (3,) metres.    normal : (3,) of the surface.    joined : whether a plate joins the bars.
     moved  : largest distance of these nodes from the point (m).
@@ -56,7 +55,6 @@ class Bay:
 @dataclass(frozen=True, eq=False)
 class Lattice:
     """Nodes and bays.
-
     merged_pairs : number of node pairs that become one node, because they are closer than a bar is long.
     parallel : names of omitted bays: a second bay joins the same two nodes.
     rings    : names of closed members with fewer than three nodes, which cannot become bars.
@@ -79,7 +77,6 @@ class _RawBay:
 
 def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
     """Return the lattice of the members that have an axis; bolt : diameter (m).
-
     Raises PatternError for too many short bays.
     """
     places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
@@ -118,7 +115,6 @@ def becomes_bars(member: Member) -> bool:
 def _member_bays(
     graph: MemberGraph, member: Member, places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> Iterator[_RawBay]:
-    """Yield the bays along a member; free ends get an entry in `places`."""
     axis = member.axis
     assert axis is not None
     nodes = graph.nodes_along[member.id]
@@ -145,9 +141,7 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends become one
-    group.
-    """
+    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends join."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)

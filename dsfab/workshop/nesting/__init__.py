@@ -1,8 +1,8 @@
 """Nesting of parts on stock sheets: parts lie on the skyline of earlier parts; short parts fill the gaps below it.
 
-A part is stored by its lower and upper edges in narrow columns, each half of the gap larger. Parts whose columns do not
-overlap are a gap apart, because columns keep the extreme values within them. Boxes of parts and each stock size as the
-first are tried too; the least area or cost wins.
+A part is stored by its lower and upper edges in narrow columns, each edge moved outwards by half of the gap. Parts
+whose columns do not overlap are a gap apart, because a column stores the extreme values of its edges. Further trials
+nest the boxes of parts, or begin with another stock size; the least area or cost wins.
 
 skyline   parts in columns, and sheets with skyline and gaps    sheets   all parts, and fewer sheets by spyrrow
 """

@@ -1,7 +1,7 @@
-"""Parts nested on sheets for the least cost, and sheets emptied into others by spyrrow.
+"""Parts nested on sheets for the least cost. Spyrrow then moves the parts of one sheet to the rest.
 
-Spyrrow packs a strip as short as possible, in a process of its own. The least used sheet is emptied into others part by
-part; `least_clearance` checks each result, and without one the old nest stays.
+Spyrrow packs a strip as short as possible, in a process of its own. It empties the least used sheet part by part.
+`least_clearance` checks each result; if the check fails, the old nest stays.
 """
 
 import importlib.util
@@ -54,8 +54,10 @@ def nest_parts(
     """Nest all parts on sheets of the stock, `gap` metres apart and from the edges.
 
     stock  : lengths and widths (m).    grain : whether parts of members lie along the sheets only.
-    prices : of a sheet of each size. The cheapest trial wins, or without prices the least area. Trials take each size
-             first, or for each sheet the size with most used area for its price; then cheaper sizes replace sheets.
+    prices : price of a sheet of each size.
+
+    The cheapest trial wins, or without prices the trial with the least area. A trial begins with one size, or takes for
+    each sheet the size with most used area for its price. After it, cheaper sizes replace sheets.
     Raises PatternError for a part that fits on no sheet.
     """
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
@@ -111,7 +113,6 @@ def _on_cheapest(sheet: NestedSheet, boxes: bool, costs: Mapping[SheetSize, floa
 def _fill_by_value(
     parts: Sequence[FlatPart], boxes: bool, costs: Mapping[SheetSize, float], grid: ColumnGrid
 ) -> list[NestedSheet] | None:
-    """Fill sheets in turn, each of the size with most part area for its cost; None if a part fits on none."""
     remaining, sheets = _largest_first(parts), list[NestedSheet]()
     while remaining:
         fullest: OpenSheet | None = None
@@ -136,7 +137,7 @@ def _fill_by_value(
 def stack_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
-    """Nest parts by piling alone, faster than `nest_parts`; None for more than `limit` sheets."""
+    """Nest parts on the skyline alone, faster than `nest_parts`; None for more than `limit` sheets."""
     return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 
@@ -156,7 +157,6 @@ def _largest_first(parts: Sequence[FlatPart]) -> list[FlatPart]:
 def _fill_sheets(
     parts: Sequence[FlatPart], boxes: bool, stock: Sequence[SheetSize], grid: ColumnGrid, limit: int
 ) -> list[NestedSheet] | None:
-    """Fill sheets: each part goes on the first sheet with room; None for more than `limit` sheets."""
     opened = list[OpenSheet]()
     remaining_area, largest = sum(part.area for part in parts), max(a * b for a, b in stock) + ROUNDING
     for part in _largest_first(parts):
@@ -182,8 +182,10 @@ def _fill_sheets(
 
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
     """Return the least distance between closed polygons (k, 2), and from them to the edges of their sheet (m).
-    It is 0 for overlaps, and negative beyond an edge.
-    size : of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m)."""
+    The distance is 0 for overlaps, and negative beyond an edge.
+    size : size of the sheet (m).
+    enough : distance (m); pairs whose boxes are farther apart are not measured.
+    """
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):
@@ -236,8 +238,8 @@ def require_spyrrow() -> None:
 
 
 def with_fewer_sheets(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
-    """Return the same parts on as many sheets or fewer; grain : parts of members lie along the sheets only."""
-    # trials are counted, because a limit in seconds would give other sheets on other machines
+    """Return the same parts on at most as many sheets; grain : parts of members lie along the sheets only."""
+    # the limit counts trials: with a limit in seconds, results would depend on the machine
     remaining, tries = list(sheets), iter(range(24))
     while len(remaining) > 1:
         fewer = _without_least(remaining, gap, grain, tries)
@@ -250,7 +252,6 @@ def with_fewer_sheets(sheets: Sequence[NestedSheet], gap: float, grain: bool = F
 def _without_least(
     sheets: Sequence[NestedSheet], gap: float, grain: bool, tries: Iterator[int]
 ) -> list[NestedSheet] | None:
-    """Return all parts without the least used sheet; None if a part finds no room or trials run out."""
     least = min(sheets, key=_parts_area)
     remaining = [sheet for sheet in sheets if sheet is not least]
     for part in sorted((item.part for item in least.parts), key=lambda part: -part.area):
@@ -287,7 +288,7 @@ def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float
     job = {
         "items": [[part.contours[0].tolist(), _allowed_turns(part, size[1] - 2 * gap, grain)] for part in parts],
         "height": size[1],
-        "length": size[0],  # spyrrow keeps the gap to the edges
+        "length": size[0],  # spyrrow leaves the gap at the edges
         "gap": separation,
         "seed": 1,
     }

@@ -1,4 +1,4 @@
-"""A sheet while it is filled: shapes of parts in narrow columns, the skyline and the gaps."""
+"""A partly filled sheet: shapes of parts in narrow columns, the skyline and the gaps below it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,9 +16,10 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """Turned part: lower and upper edges (k,) in columns, half of the gap beyond its own (m).
-    low : (2,) lowest corner.    size : (2,) of its box.    top : highest value of the upper edge.
-    total : sum of the lower edge.    thick : largest height between both edges."""
+    """Turned part: lower and upper edges (k,) in columns (m), moved outwards by half of the gap.
+    low : (2,) lowest corner of its box.    size : (2,) size of its box.    top : highest value of the upper edge.
+    total : sum of the lower edge.    thick : largest height between both edges.
+    """
 
     part: FlatPart
     turn: float
@@ -48,10 +49,12 @@ def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = 
 
 
 def part_shapes(part: FlatPart, grid: ColumnGrid, boxes: bool) -> list[PartShape]:
-    """Return a part along the sheet in both directions, and across it if it is short enough; a box needs two turns."""
+    """Return a part along the sheet in both directions, and across the sheet if it is short enough. A box needs two
+    turns only.
+    """
     turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
     shapes = [_shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[:1]]
-    tall = part.size[0] > grid.tallest or (grid.grain and bool(part.member))  # across the sheet
+    tall = part.size[0] > grid.tallest or (grid.grain and bool(part.member))  # then the part never lies across
     return shapes + [
         _shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[1:] if not (tall and _is_quarter_turn(turn))
     ]
@@ -63,7 +66,6 @@ def _is_quarter_turn(turn: float) -> bool:
 
 @lru_cache(maxsize=4096)
 def _shape(part: FlatPart, turn: float, boxes: bool, gap: float, step: float) -> PartShape:
-    """Return a turned part; the cache serves repeated nests on other stock and for hints."""
     outline = part.outline @ rotation_matrix(turn)
     low, size, grid = outline.min(axis=0), np.ptp(outline, axis=0), ColumnGrid(gap, step, np.inf)
     lower, upper = _box_columns(size, grid) if boxes else _columns(outline - low, size, grid)
@@ -82,8 +84,9 @@ def _box_columns(size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
 
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
-    """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, half of the gap beyond it.
-    Sides move by the corners of a regular polygon around the circle of half the gap."""
+    """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, moved outwards by half of the gap.
+    Sides move by the corners of a regular polygon around the circle with half the gap as its radius.
+    """
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -123,7 +126,7 @@ def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Float
 
 @dataclass(frozen=True, eq=False)
 class NestedPart:
-    """Part turned by a multiple of 90 degrees (radians), and shifted to its place on a sheet (m)."""
+    """Part turned by a multiple of 90 degrees (radians) and moved to its place on a sheet (m)."""
 
     part: FlatPart
     turn: float
@@ -137,7 +140,7 @@ class NestedPart:
 
 @dataclass(eq=False)
 class SheetGap:
-    """Free room below a part, from a column on, between floor (k,) and ceiling (k,) (m); high : largest height."""
+    """Free room below a part: first column, floor (k,) and ceiling (k,) of the columns (m); high : largest height."""
 
     begin: int
     floor: Floats
@@ -147,7 +150,7 @@ class SheetGap:
     @classmethod
     def from_columns(cls, begin: int, floor: Floats, ceiling: Floats, grid: ColumnGrid) -> "list[SheetGap]":
         """Return the runs of columns that have useful room."""
-        high, least = ceiling - floor, grid.gap + 0.02  # metres: smaller gaps are forgotten
+        high, least = ceiling - floor, grid.gap + 0.02  # metres: smaller gaps are of no use
         bounds = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [
             cls(begin + i, floor[i:j].copy(), ceiling[i:j].copy(), float(high[i:j].max()))
@@ -158,9 +161,10 @@ class SheetGap:
 
 @dataclass(eq=False)
 class OpenSheet:
-    """Sheet while it is filled: the used height (k,) of each column (m), and the free area (m2).
-    lowest  : of the skyline.    gaps : below it.
-    refused : length, width and area of parts without room; larger parts are not tried again."""
+    """Partly filled sheet: the used height (k,) of each column (m), and the free area (m2).
+    lowest  : lowest value of the skyline.    gaps : gaps below the skyline.
+    refused : length, width and area of parts without room; larger parts are not tried again.
+    """
 
     size: tuple[float, float]
     skyline: Floats
@@ -178,7 +182,7 @@ def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
 
 
 class _PartPlace(NamedTuple):
-    """Place of a turned part: its score, lower is better; rise over the sheet's edge (m); first column."""
+    """Place of a turned part: its score (lower is better), its rise over the sheet's edge (m), its first column."""
 
     score: float
     rise: float

@@ -15,7 +15,7 @@ from typing import Any
 
 
 def main(path: str) -> None:
-    """Print the first solution within the sheet's length, which depends on the seed alone."""
+    """Print the first solution within the sheet's length; equal seeds give equal solutions."""
     import spyrrow
 
     job = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -25,7 +25,7 @@ def main(path: str) -> None:
     instance = spyrrow.StripPackingInstance("sheet", job["height"], items)
     config = spyrrow.StripPackingConfig(
         early_termination=True,
-        total_computation_time=3600,  # the calling process ends this one sooner
+        total_computation_time=3600,  # the calling process ends this process sooner
         num_workers=1,
         seed=job["seed"],
         min_items_separation=job["gap"] or None,
@@ -45,7 +45,6 @@ def main(path: str) -> None:
 
 
 def _print_and_exit(solution: Any) -> None:
-    """Print a solution and end the process, because the search would go on."""
     placed = [[int(item.id), item.rotation, *item.translation] for item in solution.placed_items]
     print(json.dumps(placed), flush=True)  # noqa: T201
     os._exit(0)

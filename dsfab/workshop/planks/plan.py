@@ -1,7 +1,8 @@
 """The parts of a structure of planks, rolled out along the normals of the surface.
 
-A plank is P(s) + y N(s), a ruled surface with normal -B on the axis. Rolled out it bends by kn in its plane; built it
-is bent by kg across it and twisted by tg, which makes its edges longer than drawn by tg^2 h^2 / 8.
+A plank is the ruled surface P(s) + y N(s); on the axis its normal is -B. In its flat state it bends by kn in its own
+plane. In the structure it bends by kg across that plane and twists by tg. The twist makes its edges longer than drawn
+by tg^2 h^2 / 8.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,14 +36,16 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return a course along the surface as that of a plank: its normal is -B, and its left the surface normal."""
+    """Return the course of a plank from a course along the surface: its normal is -B, and its left the surface
+    normal.
+    """
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return courses of all planks along the surface, and those that stop before others or before a curl."""
+    """Return courses of all planks along the surface, and courses that stop before another plank or before a curl."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -125,7 +128,8 @@ def _reachable_crossings(
 @dataclass(frozen=True, eq=False)
 class PlankPlan:
     """Planks, their stock, and all parts: planks, cover plates, and plates on the planks.
-    limit : strain at the material's strength; 0 if the preset has none."""
+    limit : strain at the material's strength; 0 if the preset has none.
+    """
 
     planks: PlankParts
     stock: PlankStock
@@ -134,12 +138,12 @@ class PlankPlan:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences on what can be built and what cannot."""
+        """Sentences about possible parts and impossible parts."""
         return (*_bending_lines(self), *_crossing_lines(self), *_sliding_lines(self), *_omission_lines(self))
 
     @property
     def obstacle(self) -> str:
-        """Obstacle to building, in numbers, as planks "would ..."; "" for none."""
+        """Obstacle to building, in numbers, as a clause after "planks would"; "" if planks are possible."""
         planks, worst = self.planks, max(self.planks.bends.values(), default=0.0)
         if worst > self.limit:
             return f"would be bent across themselves to {worst:.2%}, of {self.limit:.2%} allowed"
@@ -185,8 +189,7 @@ def plank_plan(
     ground: BasePlane | None = None,
     order: Sequence[str] = STANDING_ORDER,
 ) -> PlankPlan:
-    """Return the planks of a graph, and its plates on them without holes.
-
+    """Return the planks of a graph, and its plates, which lie on the planks and have no holes.
     normals : (n, 3) at the vertices of the graph's sheet.    limit : strain.
     order   : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock.
@@ -217,7 +220,7 @@ def _bending_lines(plan: PlankPlan) -> Iterator[str]:
     else:
         yield f"{len(order)} {size} {how}, of {plan.limit:.2%} allowed"
     twisted = max(planks.longer, key=lambda one: planks.longer[one])
-    longest, least = planks.longer[twisted], 5e-5  # metres: nobody measures less
+    longest, least = planks.longer[twisted], 5e-5  # metres: a smaller difference cannot be measured
     yield (
         f"the surface twists planks: their edges are {f'up to {length(longest)}' if longest > least else 'not'} longer "
         "in the structure than on the drawing" + (f" ({twisted})" if longest > least else "")

@@ -17,7 +17,7 @@ from dsfab.workshop.splices import SCARF_SLOPE, lap_marks, lapped_span, splice_c
 from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, UNCERTAIN_WIDTHS, letter_height
 
 EdgeStations = tuple[tuple[float, float], tuple[float, float]]
-"""Arc lengths of a beginning, then of an end, at the right and left edges of a plank."""
+"""Arc lengths of a plank's beginning at its right and left edge, and of its end at both edges."""
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ class PlankStock:
 
     @property
     def splice_reach(self) -> float:
-        """Distance from a splice to the end of its cover or lap (m)."""
+        """Distance from a splice to the end of its cover plate or lap (m)."""
         return self.layering.half_cover_length if self.splice == "cover" else max(self.lap / 2, self.overhang)
 
 
 def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
-    """Return arc lengths at the right and left edge of a level end at a support; None for other ends and flat ends."""
+    """Return arc lengths at the right and left edge of a level end at a support; None for ends that are not level."""
     height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
@@ -73,7 +73,6 @@ def plank_outline(layer: Development, ends: EdgeStations, slots: Sequence[Slot],
 
 
 def _edge_with_slots(layer: Development, span: tuple[float, float], edge: float, slots: Sequence[Slot]) -> Floats:
-    """Return an edge (k, 2) of a plank, at a height over its axis (m), with its slots."""
     s = layer.stations(*span)
     lines, next_station = list[Floats](), 0
     for slot in slots:
@@ -111,7 +110,7 @@ def plank_marks(
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
-    """Return the height of letters that fit into `room` metres on both sides of their middle."""
+    """Return the height of letters that fit into `room` metres on both sides of the letters' middle."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
 
@@ -135,7 +134,7 @@ class Plank:
         ground: BasePlane | None,
         parts: PlankParts,
     ) -> None:
-        """Divide the plank into pieces that fit on the stock and slide onto the lower planks."""
+        """Divide the plank into pieces that fit on the stock and that builders can slide onto the lower planks."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
         crossing_stations, normals = (
@@ -185,12 +184,12 @@ class Plank:
 
     @property
     def names(self) -> list[str]:
-        """ "A07", or "A07.1" and "A07.2"."""
+        """Names of the pieces: "A07", or "A07.1" and "A07.2"."""
         count = len(self.spans)
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the assembly direction of the piece at an arc length; None where slots stay as narrow as possible."""
+        """Return the assembly direction of the piece at an arc length; None where slots are as narrow as possible."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
@@ -252,13 +251,12 @@ class Plank:
         parts.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in elongations)
 
     def _slots(self, name: str, span: tuple[float, float], parts: PlankParts) -> list[Slot]:
-        """Return slots of a piece, without those that run into the previous slot on the same edge."""
         accepted = list[Slot]()
         for slot in sorted(self.slots, key=lambda previous: previous.s):
             if not span[0] <= slot.s <= span[1]:
                 continue
             edge = self.stock.depth / 2 * (1 if slot.above else -1)
-            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # leaves wood between slots
+            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # so wood remains between slots
             before = [previous.s + previous.mouth(edge)[1] for previous in accepted if previous.above == slot.above]
             if before and before[-1] > low:
                 parts.crowded.append(f"{slot.node} in {name}")
@@ -267,7 +265,7 @@ class Plank:
         return accepted
 
     def _level_ends(self, ground: BasePlane | None, stations: Floats, parts: PlankParts) -> EdgeStations:
-        """Return the ends at the right and left edge, level at supports unless a slot is in the way."""
+        """Return the ends at the right and left edge; at supports they are level, unless a slot is in the way."""
         course, layer = self.course, Development(self.course, 0.0)
         ends = [(course.begin, course.begin), (course.end, course.end)]
         for k in (0, 1):

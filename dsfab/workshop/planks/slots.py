@@ -21,8 +21,9 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import FlatPart
 
 SLIDE_ANGLE = float(np.radians(10.0))
-"""Largest angle (radians) between the assembly direction of a piece and the normals at its nodes.
-Slots open by this angle; planks are spliced where they would need more."""
+"""Largest angle (radians) between the assembly direction of a piece and the normals at its nodes. Slots open by this
+angle. A plank that would need a larger angle is spliced.
+"""
 
 
 def largest_deviation(normals: Floats) -> float:
@@ -38,20 +39,22 @@ def middle_direction(normals: Floats) -> Floats:
 
 
 STANDING_ORDER = ("major", "minor", "rim", "keep")
-"""Families from the lowest to the uppermost for equal heights; later families are put on earlier families."""
+"""Families from the lowest to the uppermost if their heights are equal; builders put later families on earlier
+families.
+"""
 SLOT_CLEARANCE = 2e-4
 """Clearance between a plank and each side and the bottom of a slot (m)."""
 LEAST_DEGREES = 30.0
-"""Least crossing angle of planks with slots (degrees), because a slot at less would cut most of the plank."""
+"""Smallest crossing angle of planks with slots (degrees); at a smaller angle a slot would cut most of the plank."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
     """Two planks at a node.
-
-    members : lower plank, then upper plank.    at : (2,) arc lengths of their courses (m).
+    members : lower plank and upper plank.    at : (2,) arc lengths of their courses (m).
     rise    : height of the upper axis over the lower axis (m).    normal : (3,) unit vector.
-    ways    : (2, 3) unit tangents, square to the normal.    angle : between them, at most a right angle (radians).
+    ways    : (2, 3) unit tangents of both planks, square to the normal.    angle : between the tangents, at most 90
+              degrees (radians).
     """
 
     node: str
@@ -67,7 +70,7 @@ class Crossing:
         lock(self, "ways", np.float64, (2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return the openings of the lower and upper slot for a unit assembly direction (3,), per metre of height."""
+        """Return how far the lower and the upper slot open for a unit assembly direction (3,), per metre of height."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -75,7 +78,8 @@ class Crossing:
 @dataclass(frozen=True)
 class Slot:
     """Slot at an arc length: half its width, the height `y` of its bottom over the axis (m), and its open side.
-    lean : length along the plank by which the mouth opens to a side, for a metre of depth."""
+    lean : length along the plank by which the mouth opens to a side, for a metre of depth.
+    """
 
     node: str
     s: float
@@ -104,7 +108,9 @@ def slot_width(thickness: float, angle: float) -> float:
 
 
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
-    """Return the families, the lowest first: they stand on the ground and carry others.    up : (3,) unit vector."""
+    """Return the families, the lowest first; up : (3,) unit vector.
+    The lowest family stands on the ground and carries the rest.
+    """
     z = graph.sheet.surface.V @ up
     begins: dict[str, list[float]] = {family: [] for family in STANDING_ORDER}
     for member in graph.members:
@@ -136,7 +142,7 @@ def plank_crossings(
 def _crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Iterate with the plane through both tangents: P + u T + w n = Q + v U."""
+    """Return the crossing of two planks; iterate with the plane through both tangents: P + u T + w n = Q + v U."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):  # Newton steps
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
@@ -154,12 +160,14 @@ class PlankParts:
     """Flat parts of all planks, with notes on them.
 
     order     : families, from the lowest planks to the uppermost.
-    crossings : nodes with and without slots.    crowded : slots that would run into others, "N007 in A02".
+    crossings : nodes with and without slots.
+    crowded   : slots that would run into a neighbouring slot, "N007 in A02".
     slide_angles : largest angle between the assembly direction and the slots, by piece (radians).
-    stuck     : those of pieces that do not slide on.    level_ends : number of ends cut along the ground.
-    shortened : members that stop before others of their family or before a curl.    missed_nodes : nodes that they
-                miss.
-    vanished  : members that would be too short.    splices_near_nodes, splice_count : numbers of splices.
+    stuck     : angles of the pieces that do not slide on.    level_ends : number of ends cut along the ground.
+    shortened : members that stop before a member of their family or before a curl.
+    missed_nodes : nodes that shortened members do not reach.
+    vanished  : members that would be too short.
+    splices_near_nodes, splice_count : number of splices near nodes, and of all splices.
     longer    : elongation of edges by twist, by member (m).    bends : bending strain, by member.
     """
 

@@ -18,27 +18,27 @@ from dsfab.export.readback import ReadBack, count_error, distinct_rows
 from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line, rows
 
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
-"""Red, green and blue of the pieces, in turn. The colours are muted, so that edges stay visible."""
+"""Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
 DIGITS = 6
-"""Decimals of curve coordinates, and of the solid whose planes are searched: 1e-6 mm."""
+"""Decimals (of millimetres) of curve coordinates, and of the vertices in which coplanar triangles are searched."""
 
 DIRECTION_DIGITS = 11
-"""Decimals of directions: under 1e-6 mm at the end of an edge of 100 m."""
+"""Decimals of directions; the rounding moves the end of an edge of 100 m by less than 1e-6 mm."""
 
 FIRST_FREE = 19
-"""First free entity number after the header."""
+"""First free entity number after the header of the file."""
 
 PARAMETER_CONTEXT = (
     "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
 )
 
 KnotText = tuple[str, str]
-"""Multiplicities and values of knots."""
+"""Multiplicities and values of knots, as text."""
 
 
 def piece_name(name: str, i: int, pieces: int) -> str:
-    """Return `dome` for a single piece, `dome 1`, `dome 2` ... for several."""
+    """Return the name of each piece: `dome` for a single piece, or `dome 1`, `dome 2` ..."""
     return one_line(name) if pieces == 1 else f"{one_line(name)} {i + 1}"
 
 
@@ -63,7 +63,7 @@ def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: 
 
 
 class StepEntities:
-    """Numbered entities of a file; equal points and directions are written once."""
+    """Numbered entities of a file; equal points and directions are written only once."""
 
     def __init__(self, free: int = FIRST_FREE, extra_digits: int = 0) -> None:
         """free : first number.    extra_digits : decimals of points and directions beyond the usual ones."""
@@ -77,7 +77,7 @@ class StepEntities:
         return self.free - 1
 
     def add(self, body: str, shared: bool = False) -> int:
-        """Add an entity and return its number. shared : return that of an equal entity if there is one."""
+        """Add an entity and return its number. shared : return the number of an equal entity if there is one."""
         if shared:
             return self.once(body)
         self.text.append(f"#{self.free}={body};\n")
@@ -129,7 +129,7 @@ class StepEntities:
     def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
         """Add a spline curve through numbered poles.
 
-        Lines under edges of spline faces too, because a polyline there has at least three points (ISO 10303-511,
+        Edges of spline faces use splines for lines too, because a polyline needs three points there (ISO 10303-511,
         advanced_face).
         """
         return self.add(
@@ -164,17 +164,17 @@ class StepEntities:
         return self.add(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)", shared)
 
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
-        """Add a bound of edges; each has True if it runs forwards."""
+        """Add a bound of edges; True for an edge that runs forwards."""
         oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if forwards else 'F'}.)") for edge, forwards in steps]
         loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
         return self.add(f"{kind}('',#{loop},.T.)")
 
     def face(self, bounds: list[int], surface: int, same_sense: bool = True) -> int:
-        """Add a face. same_sense : True if its normal is that of its surface."""
+        """Add a face. same_sense : True if the face has the same normal as its surface."""
         return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same_sense else 'F'}.)")
 
     def file(self, pieces: list[list[int]], name: str, description: str) -> Iterator[str]:
-        """Yield the file with a solid of each list of numbered faces."""
+        """Yield the file with one solid for each list of numbered faces."""
         yield header(name, description, len(pieces))
         yield "".join(self.text)
         shells = np.repeat(np.arange(len(pieces)), [len(faces) for faces in pieces])
@@ -182,7 +182,7 @@ class StepEntities:
 
 
 def knot_text(knots: Floats, digits: int = DIGITS) -> KnotText:
-    """Format the knots of a spline, which are repeated."""
+    """Format the knots of a spline; repeated knots become multiplicities."""
     values, times = np.unique(knots, return_counts=True)
     return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, digits)
 
@@ -228,8 +228,7 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 
 
 def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
-    """Add a solid with one outer shell and voids. The file has shells of voids facing outwards, so they are reversed
-    here."""
+    """Add a solid with one outer shell and voids. The shells of voids face outwards, so their entities reverse them."""
     shells = [entity_list.add(f"CLOSED_SHELL('',{references(faces[shell == i].tolist())})") for i in [outer, *voids]]
     inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
@@ -238,14 +237,13 @@ def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, void
 
 
 def step_string(name: str) -> str:
-    """Escape a STEP string: quotes are doubled, other than ASCII becomes hexadecimal (ISO 10303-21, 6.4.3)."""
+    """Escape a STEP string: quotes are doubled, characters beyond ASCII become hexadecimal (ISO 10303-21, 6.4.3)."""
     name = name.replace("\\", "\\\\").replace("'", "''")
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
 
 FACETED_DIGITS = 5
-"""Decimals of corners of planar faces: 1e-5 mm, the precision that the file states. Planes are found before
-rounding."""
+"""Decimals of corners of planar faces: the file states a precision of 1e-5 mm. Planes are searched before rounding."""
 
 _POINT = f"CARTESIAN_POINT('',(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f))"
 _RATIOS = "DIRECTION('',(%d.,%d.,%d.))"
@@ -304,7 +302,7 @@ def _tables(
 ) -> Iterator[str]:
     """Yield table after table, so that memory holds one table at a time.
 
-    vectors, normals : distinct values as written, and the index of each edge or face into them.
+    vectors, normals : distinct values as in the file, and the index of each edge's or face's value.
     digits           : decimals of normals.
     """
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
@@ -328,9 +326,9 @@ def _tables(
 
 
 def _ratios(shape: Polyhedron) -> Floats:
-    """(e, 3) exact directions of the edges between written corners, as smallest whole numbers.
+    """Return the (e, 3) exact directions of the edges between rounded corners, as smallest whole numbers.
 
-    ISO 10303-42 requires no unit length. Edges along an axis share one direction, whatever their lengths.
+    ISO 10303-42 does not require unit length. Edges along an axis share one direction, whatever their lengths.
     """
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
@@ -338,13 +336,12 @@ def _ratios(shape: Polyhedron) -> Floats:
 
 
 def _corners(shape: Polyhedron) -> Ints:
-    """(p, 3) corners in units of their last decimal."""
     return np.asarray(np.rint(shape.points * 10**FACETED_DIGITS), dtype=np.int64)
 
 
 def _digits(shape: Polyhedron) -> int:
     """Return decimals of normals for which rounding moves no far end of a face by more than 1e-6 mm."""
-    reach_mm = 1e-6  # millimetres by which rounding of a normal may move the far end of its face
+    reach_mm = 1e-6  # rounding of a normal may move the far end of its face by 1e-6 mm
     face = np.repeat(np.arange(len(shape.normals)), np.diff(shape.loops[shape.faces]))
     corner = shape.edges[shape.steps, np.where(shape.forward, 0, 1)]
     reach = max(float(np.abs(x[corner] - x[shape.origin[face]]).max()) for x in shape.points.T)
@@ -352,11 +349,11 @@ def _digits(shape: Polyhedron) -> int:
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
-    """Estimate the length of the text of `entities` from its numbers of rows, to 10 %; repeated directions make it
+    """Estimate the length of the text of `entities` from numbers of rows, to 10 %; shared directions make the text
     shorter."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
-    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # digits of a number, and its #
+    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # characters of '#' and number
     digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + FACETED_DIGITS + 1.5
     ratio = np.log10(np.abs(_ratios(shape)) + 1).mean() + 2.5
     point, direction = 25 + reference + 3 * digits, 20 + reference
@@ -384,13 +381,11 @@ def _blocks(counts: list[int], begin: int) -> list[range]:
 
 
 def _table(numbers: range, template: str, *columns: Any) -> Iterator[str]:
-    """Yield one entity per row. Trailing zeros are removed, because they fill a quarter of the file."""
+    """Yield one entity per row, without zeros at the end of decimals because these fill a quarter of the file."""
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 
 class _Lists:
-    """Texts '#7,#8,#9' of the entities begin + start[i] ... begin + start[i + 1] - 1, made on demand."""
-
     def __init__(self, begin: int, start: Ints) -> None:
         self.begin, self.start = begin, start
 
@@ -456,8 +451,8 @@ def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
 
 
 def check(part: Part, report: dict[str, float]) -> ReadBack:
-    """Return the result of reading back; raises ExportError unless OCCT reports the part's triangles and, to 0.1 %, its
-    volume."""
+    """Return the content read back; raises ExportError unless OCCT reports the part's triangles, and its volume to
+    0.1 %."""
     if report["triangles"] != len(part.F):
         raise count_error(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:

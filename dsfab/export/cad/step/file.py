@@ -34,16 +34,16 @@ from dsfab.surface import StructureLine
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
-"""Time limit for reading back, several times the measured time. OCCT's check of very long outlines may not end."""
+"""Time limit for reading back, several times the measured time; OCCT's check of very long outlines may never finish."""
 
 LIGHT = 8.0
-"""Megabytes up to which a faceted file is preferred to a smooth one that OCCT cannot cut."""
+"""Size in megabytes below which a faceted file is better than a smooth file that OCCT cannot cut."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
     """Return an iterator over the bytes of the file.
 
-    Raises ExportError before the first byte if the solid does not suit the strategy, and BudgetError if it has too many
+    Raises ExportError before the first byte if the strategy cannot write the solid, and BudgetError if it has too many
     faces; raises BudgetError later if the file becomes too large.
     """
     faces, size, texts = ENCODERS[part.step](part)
@@ -58,7 +58,6 @@ def _encode_planar(part: Part) -> tuple[int, float, Iterable[str]]:
 
 
 def _encode_smooth(part: Part) -> tuple[int, float, Iterable[str]]:
-    """Encode a smooth file. A hurried part is refused if OCCT fails to cut it and its faceted file is small."""
     file = smooth_file(part)
     if part.hurry and part.cut and (fault := smooth_use(part).fault):
         faces, size, _ = _encode_faceted(part)
@@ -91,11 +90,11 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _encode_faceted,
     "tessellated": _encode_tessellated,
 }
-"""For each strategy: number of faces that count, approximate bytes, and the text."""
+"""Functions of each strategy; they return the number of faces that count, the approximate bytes, and the text."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the chunks; raise BudgetError above `step_mb`, with the larger of the written and the `expected` size."""
+    """Yield the chunks; raises BudgetError above `step_mb`, with the larger of the written and the `expected` size."""
     size = 0
     for chunk in chunks:
         size += len(chunk)
@@ -107,8 +106,8 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
 
-    The exporter has already measured files by members and smooth pieces, so here the bytes on the disk must equal them.
-    A smooth file that was cut on trial must also be a solid when OCCT draws its triangles.
+    The exporter has already measured files by members and smooth files, so here the disk must hold the same bytes. If
+    a smooth file was cut on trial, its triangles by OCCT must also bound a solid.
     """
     if part.step == "members":
         file = member_file(part)
@@ -148,8 +147,7 @@ def _require_same(part: Part, path: Path, text: str) -> None:
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
-    """Return OCCT's facts about a file, from a process with a time limit; raises ExportError without a
-    report."""
+    """Return OCCT's facts about a file, from a program with a time limit; raises ExportError if the program fails."""
     limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step in ("faceted", "smooth") else 0)
     try:
         return occt_report("facts", str(path), seconds=limit)
@@ -169,7 +167,7 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 def encode_compressed(part: Part) -> Iterator[bytes]:
     """Yield a zip archive whose only entry has the name of the part."""
-    level = 6  # level of deflate: level 9 takes five times as long and saves 2 %
+    level = 6  # deflate at level 9 takes five times as long and saves 2 %
     package = io.BytesIO()
     entry = zipfile.ZipInfo(f"{one_line(part.name).replace('/', '-')}.stp", _BEGINNING_OF_ZIP)
     entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, 0
@@ -190,12 +188,12 @@ def check_compressed(part: Part, path: Path) -> ReadBack:
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """Describe the strategy as for STEP."""
+    """Describe the strategy with the same sentence as for STEP."""
     return strategies.route_sentence(part, refused).replace("STEP", "BREP", 1)
 
 
 def encode_brep(part: Part) -> Iterator[bytes]:
-    """Yield a BREP file: OCCT reads a temporary STEP file and writes it again."""
+    """Yield a BREP file: OCCT reads a temporary STEP file and writes the shape as BREP."""
     chunks = encode(part)
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         step_path, path = Path(folder) / "a.step", Path(folder) / "a.brep"
@@ -220,18 +218,18 @@ def check_brep(part: Part, path: Path) -> ReadBack:
         if not abs(report["volume"] - member_file(part).volume) <= READ_BACK * member_file(part).volume:
             raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
         return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)
-    smooth = smooth_file(part)  # its own volume is the reference, because the mesh cuts curves short
+    smooth = smooth_file(part)  # the mesh cuts curves short and has less volume
     if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
         raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
     return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)
 
 
 COLOURS = {"major": (0.12, 0.31, 0.61), "minor": (0.70, 0.15, 0.12), "keep": (0.18, 0.49, 0.20), "rim": (0, 0.47, 0.53)}
-"""Red, green and blue of each family of lines; all other lines are black."""
+"""Red, green and blue of each family of lines; lines of unknown families are black."""
 
 
 def encode_lines(part: Part) -> Iterator[bytes]:
-    """Yield a STEP file: one wireframe of all lines, and a layer and a colour for each family."""
+    """Yield a STEP file: all lines in one wireframe, with a layer and a colour for each family."""
     entity_list, layers = StepEntities(), dict[str, list[int]]()
     for line, chain in zip(part.details.lines, chains(part), strict=True):
         layers.setdefault(line.layer, []).append(_line(entity_list, line, chain))
@@ -252,7 +250,7 @@ def encode_lines(part: Part) -> Iterator[bytes]:
 
 
 def _line(entity_list: StepEntities, line: StructureLine, chain: list[Curve]) -> int:
-    """Write a curve, or a composite of several. A closed curve becomes two, because OCCT requires it."""
+    """Write a curve, or a composite of several curves. A closed curve is split in two, because OCCT requires that."""
     chain = halves(chain[0]) if line.is_closed and len(chain) == 1 else chain
     title = step_string(f"{line.id} {line.length:.3f} mm")
     if len(chain) == 1:

@@ -1,4 +1,4 @@
-"""Size of a STEP file: its limit, the cost of a file, and coarser meshes within a tolerance to meet the limit."""
+"""Size of a STEP file: the limit, the cost of a file, and simplified meshes that meet the limit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -61,7 +61,7 @@ class BudgetError(ExportError):
 
     @property
     def excess(self) -> str:
-        """Excessive amount, as the end of "it would have ..."."""
+        """Amount beyond the limit, as the end of "it would have ..."."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
             return f"{about}{self.faces:,} {'planar ' if self.way not in ('smooth', 'members') else ''}faces"
@@ -69,7 +69,7 @@ class BudgetError(ExportError):
 
     @property
     def limit(self) -> str:
-        """Exceeded limit, as "more than ..."."""
+        """Limit that the file exceeds, as "more than ..."."""
         if self.by_faces:
             return f"more than step_faces = {self.part.step_faces}"
         return f"more than step_mb = {self.part.step_mb:g} MB"
@@ -81,7 +81,7 @@ class BudgetError(ExportError):
 
     @property
     def cost(self) -> str:
-        """Cost of the strategy without a limit."""
+        """Cost of writing the file if there were no limit."""
         size = f"{self.size / 1e6:.3g} MB, " if self.size else ""
         seconds = writing_seconds(self.part, self.way, self.faces)
         return f"{self.strategy} {self.faces:,} faces ({size}about {duration(seconds)} to write and check)"
@@ -94,8 +94,8 @@ def require_budget(part: Part, faces: int, size: float = 0.0) -> None:
 
 
 def writing_seconds(part: Part, strategy: str, faces: int) -> float:
-    """Seconds to write a part with a strategy and a number of faces, and to read it back."""
-    in_use = 6e-2  # seconds for each face of a file by members that the user requests: eight trial cuts and other tests
+    """Return the seconds to write a part with a strategy and a number of faces, and to read the file back."""
+    in_use = 6e-2  # if the user requests members, eight trial cuts and other tests take 0.06 s per face
     tried = in_use if strategy == "members" and not part.hurry else 0.0
     return LOADING_SECONDS + (COSTS[strategy].write + tried) * faces
 
@@ -112,7 +112,7 @@ def advice(error: BudgetError) -> str:
 
 
 def no_strategy_error(refused: Sequence[BudgetError]) -> ExportError:
-    """Error for a part whose every strategy exceeds the budget, with the cost of each and advice."""
+    """Return the error for a part if every strategy exceeds the limits, with the cost of each strategy and advice."""
     final = refused[-1]
     ways = ", ".join({error.way: error.cost for error in refused}.values())
     return ExportError(f"every STEP file of {final.part.name!r} would be {final.limit}: {ways}; {advice(final)}")
@@ -127,14 +127,14 @@ def usual_tolerance(part: Part) -> float:
 
 
 def simplified_part(part: Part, tolerance: float) -> Part:
-    """Return the solid with fewer triangles; each surface stays within `tolerance` (mm) of the other one.
+    """Return the solid with fewer triangles; each surface stays within `tolerance` (mm) of the other surface.
 
     `note` of the result states the measured distance and the change of volume. Raises ExportError if no try stays
     within the tolerance, keeps the volume to 0.5 %, adds no crossings, and removes a tenth of the triangles. Raises
     BudgetError as soon as far more planar faces remain than `step_faces` allows (0: no limit).
     """
-    worth = 0.9  # largest share of the triangles that may remain
-    stride = 1.6  # factor of manifold3d's tolerance between two tries
+    worth = 0.9  # at most this share of the triangles may remain
+    stride = 1.6  # each try uses 1.6 times the tolerance of the last try in manifold3d
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
     result: Part | None = None
     for _ in range(TRIES):
@@ -155,8 +155,8 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
 
 def _require_hope(simple: Part) -> None:
-    """Raise BudgetError if a failed simplification has so many faces that no further one can meet the budget."""
-    hopeless = 1.2  # a try with more than 1.2 times the allowed faces ends the search
+    """Raise BudgetError if a simplified solid has so many faces that no further try can meet the limit."""
+    hopeless = 1.2  # the search ends if a try leaves more than 1.2 times the allowed faces
     if 0 < hopeless * simple.step_faces < len(simple.F):
         shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
         if len(shape.normals) > hopeless * simple.step_faces:
@@ -180,8 +180,8 @@ def _sound(part: Part, simple: Part, crossing: int) -> bool:
 
 
 def distance(V: Floats, F: Ints, V2: Floats, F2: Ints) -> float:
-    """Largest distance in both directions between two triangle meshes, sampled at vertices and centres of edges and
-    triangles."""
+    """Return the largest distance between two triangle meshes, in both directions.
+    Samples are the vertices and the centres of edges and triangles."""
     forth, back = nearest_places(_samples(V, F), V2, F2).squared, nearest_places(_samples(V2, F2), V, F).squared
     return float(np.sqrt(max(forth.max(), back.max())))
 

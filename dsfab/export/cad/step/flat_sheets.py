@@ -15,27 +15,27 @@ from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3
-"""Millimetres within which a corner of the part is a vertex of the outline, and both skins have the same outline."""
+"""Distance (mm) within which a corner of the part is a vertex of the outline, and outlines of both skins are equal."""
 
 WIDTH_SHARE = 0.1
-"""Largest tolerance of a loop over its area divided by its length, so that slits and dots keep their shape."""
+"""Largest tolerance of a loop, as a share of its area over its length, so that slits and dots keep their shape."""
 
 
 GAP_SHARE = 0.25
-"""Largest tolerance of a loop over its distance from the next loop, so that curves never cross a member."""
+"""Largest tolerance of a loop, as a share of its distance from the next loop, so that curves never cross a member."""
 
 
 class NotFlatError(ExportError):
-    """The solid is no sheet between two planes."""
+    """The solid is not a sheet between two planes."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatOutlines:
     """Polylines of a flat sheet.
 
-    axes   : (3, 3) unit vectors, right-handed: two in the plane, and the one across it.
+    axes   : (3, 3) unit vectors, right-handed: two in the plane, and the normal of the plane.
     height : lower and upper plane along axes[2], millimetres.
-    pieces : loops (k, 2) of each piece along axes[0] and axes[1]: first the outer one, counter-clockwise, then holes.
+    pieces : loops (k, 2) of each piece along axes[0] and axes[1]: the outer loop first, counter-clockwise, then holes.
     """
 
     axes: Floats
@@ -65,18 +65,18 @@ class FlatPlate:
 
     @property
     def deviation(self) -> float:
-        """Largest distance of a curve from its polyline, both ways, millimetres."""
+        """Largest distance between a curve and its polyline in both directions, millimetres."""
         return max(curve.deviation for loops in self.pieces for loop in loops for curve in loop)
 
 
 def outlines_of(part: Part) -> FlatOutlines:
-    """Return the outlines of a flat solid; raises ExportError with the reason if it is no sheet between two planes."""
+    """Return the outlines of a flat solid; raises ExportError if the solid is not a sheet between two planes."""
     corners = part.V[part.F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)
-    for axis in across[::-1]:  # the skins are an eigenspace of their own, and usually the larger part of the area
+    for axis in across[::-1]:  # the normal of the skins is usually the last axis, because they are most of the area
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())
@@ -86,7 +86,7 @@ def outlines_of(part: Part) -> FlatOutlines:
 
 
 def frame(across: Floats) -> Floats:
-    """(3, 3) right-handed axes with `across` last; the world's axes if it is one of them."""
+    """Return (3, 3) right-handed axes with `across` last; the world's axes if `across` is one of them."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
     axis = along - (along @ across) * across
     axis = axis / np.linalg.norm(axis)
@@ -94,7 +94,6 @@ def frame(across: Floats) -> Floats:
 
 
 def _skin_outlines(part: Part, axes: Floats, low: float, high: float) -> FlatOutlines:
-    """Return the loops of the upper skin by piece; raises ExportError if the lower one differs."""
     upper = part.V @ axes[2] > (low + high) / 2
     top, bottom = (part.F[(side[part.F]).all(axis=1)] for side in (upper, ~upper))
     if not len(top) or not len(bottom):
@@ -138,10 +137,10 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
-    """Return for each loop a length that is at most its distance from any other loop; inf if no curve could reach one.
+    """Return for each loop a length that is at most its distance from any other loop; inf if no other loop is in reach.
 
     Points every s along two loops are at most s farther apart than the loops. The spacing s shrinks until it is small
-    against the result, but not below `least`, which is also the least result.
+    compared with the result, but not below `least`, which is also the smallest result.
     """
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))

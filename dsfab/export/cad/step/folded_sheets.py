@@ -32,16 +32,15 @@ from dsfab.export.part import DividedSheet, Part
 from dsfab.surface import CREASE, edge_table
 
 LEAST_GAP_SHARE = 1 / 8
-"""Least assumed gap over the tolerance: an opening nearer to a fold or another opening is followed as if it were so
-near."""
+"""Smallest assumed gap between an opening and a fold or another opening, as a share of the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Facet:
-    """Planes of both skins of a flat part of a sheet, the upper one first, millimetres.
+    """Planes of both skins of a flat part of a sheet, the upper plane first, millimetres.
 
-    origin : (2, 3) a point of each.     axes : (2, 3, 3) unit vectors, right-handed, the last one across, upwards.
-    """
+    origin : (2, 3) a point of each plane.     axes : (2, 3, 3) unit vectors, right-handed, the last one upwards,
+             across."""
 
     origin: Floats
     axes: Floats
@@ -57,9 +56,9 @@ class Facet:
 
 @dataclass(frozen=True, eq=False)
 class FlatFacets:
-    """Cut sheet whose faces lie in a few planes, not mitred yet.
+    """Cut sheet whose faces lie in a few planes, before its folds are mitred.
 
-    skins : (n, 2, 3) its vertices on both skins, millimetres.    facet : (m,) of each face.
+    skins : (n, 2, 3) vertices of the sheet on both skins, millimetres.    facet : (m,) facet of each face.
     """
 
     whole: DividedSheet
@@ -70,8 +69,7 @@ class FlatFacets:
 
     @cached_property
     def has_creases(self) -> bool:
-        """True if creases are at least half of the length of all folds; otherwise it may be the mesh of a curved
-        sheet."""
+        """True if creases are at least half of the length of all folds; otherwise the mesh may show a curved sheet."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -87,10 +85,10 @@ class FlatFacets:
 class FoldedSheet:
     """Sheet of flat facets, millimetres.
 
-    outline : its regions, each in the facet that `chart` names, and their runs.
-    points  : (n, 2, 3) vertices on both skins; those of folds lie in the planes of all their facets.
+    outline : regions of the sheet and their runs; `chart` names the facet of a region.
+    points  : (n, 2, 3) vertices on both skins; vertices at folds lie in the planes of all their facets.
 
-    If the planes around a vertex have no common point, each face of the mesh there is a facet of its own.
+    If the planes around a vertex have no common point, each mesh face at this vertex becomes a facet.
     """
 
     outline: SheetOutline
@@ -100,13 +98,13 @@ class FoldedSheet:
 
     @property
     def count(self) -> int:
-        """Number of facets, without those of single faces."""
+        """Number of facets, without facets of a single face."""
         return int((np.bincount(self.outline.chart) > 1).sum())
 
 
 @derived
 def flat_facets(part: Part) -> FlatFacets | None:
-    """Return the flat facets of a solid's sheet; None unless it has two or more."""
+    """Return the flat facets of a solid's sheet; None if it has fewer than two."""
     try:
         return _facets(part)
     except ExportError:
@@ -115,7 +113,7 @@ def flat_facets(part: Part) -> FlatFacets | None:
 
 @derived
 def folded_sheet(part: Part) -> FoldedSheet | None:
-    """Return the sheet of a solid with flat facets, mitred at its folds; None for all other solids."""
+    """Return the sheet of a solid with flat facets, mitred at its folds; None for other solids."""
     flat = flat_facets(part)
     try:
         return _mitred_sheet(flat) if flat else None
@@ -124,7 +122,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 
 
 def _facets(part: Part) -> FlatFacets:
-    rough = 1e-4  # share of the thickness: mesh files round vertices, so they lie beside the planes of their facets
+    rough = 1e-4  # mesh files round vertices, so they may be off their planes by this share of the thickness
     if part.curved is None:
         raise NotFlatError("only the solid is known")
     curved = part.curved()
@@ -153,20 +151,20 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
 
 
 def _require_few_facets(facet: Ints) -> None:
-    faces_per_facet = 4  # least triangles for each facet: each triangle of a curved sheet is a facet of its own
+    faces_per_facet = 4  # facets have at least 4 triangles on average; a curved sheet has one for each facet
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
 
 def _facet_labels(skins: Floats, F: Ints, tolerance: float) -> Ints:
-    """(m,) facet of each face: faces of one facet lie in one plane on both skins."""
+    """Return the (m,) facet of each face: the faces of a facet lie in one plane on both skins."""
     table = edge_table(F)
     skin_regions = [coplanar_regions(skins[:, s], F, table, tolerance)[0] for s in (0, 1)]
     return np.unique(np.stack(skin_regions, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _single_face_facets(facet: Ints, selected: Bools) -> Ints:
-    """(m,) facets; each chosen face becomes a facet of its own."""
+    """Return (m,) facets after each chosen face became a separate facet."""
     alone = np.where(selected, len(facet) + np.arange(len(facet)), facet)
     return np.unique(alone, return_inverse=True)[1].reshape(-1)
 
@@ -181,11 +179,11 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """(n, 2, 3) vertices moved by least squares into the planes of their facets; and vertices without a common point.
+    """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and vertices where this fails.
 
-    A facet of one face has no plane of its own: its corners define it.
+    The corners of a facet with a single face define its plane, so they do not move.
     """
-    exact = 1e-5  # millimetres that corners of a fold may be off the planes that meet there
+    exact = 1e-5  # corners of a fold may be off the planes that meet there by 1e-5 mm
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
     pairs = np.unique(np.stack([F, np.repeat(facet[:, None], 3, axis=1)], axis=2).reshape(-1, 2), axis=0)
@@ -207,7 +205,7 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """A folded sheet and its walls: curves with poles (p, 4), see `Facet.flat`, by the keys of their runs."""
+    """A folded sheet and its walls: curves with poles (p, 4) as in `Facet.flat`, by the keys of their runs."""
 
     sheet: FoldedSheet
     walls: dict[RunKey, list[Curve]]
@@ -224,7 +222,7 @@ class FoldedShape:
 
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
-    """Fit the walls as curves within a tolerance (mm); raises ExportError if no spline follows."""
+    """Fit the walls as curves within a tolerance (mm); raises ExportError if no spline is within the tolerance."""
     walls = dict[RunKey, list[Curve]]()
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
@@ -239,7 +237,7 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
 
 
 def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
-    """(k, 4) loops of a region in the planes of its facet; the outer one is counter-clockwise.
+    """Return the loops (k, 4) of a region in the planes of its facet; the outer loop is counter-clockwise.
 
     Raises ExportError unless there is exactly one outer loop.
     """
@@ -256,8 +254,8 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 def _curve(line: Floats, tolerance: float) -> Curve:
     """Fit a curve to a line (k, 4) on both skins.
 
-    Points at equal shares of both lengths are opposite each other, because one skin is longer beside a fold. Straight
-    edges then stay lines.
+    Points at equal shares of the two lengths lie opposite each other, because one skin is longer beside a fold.
+    Straight edges then stay lines.
     """
     upper, lower = line[:, :2], line[:, 2:]
     shares = [_shares(skin_line) for skin_line in (upper, lower)]
@@ -273,7 +271,6 @@ def _curve(line: Floats, tolerance: float) -> Curve:
 
 
 def _shares(line: Floats) -> Floats:
-    """(k,) shares of the length of a polyline (k, 2) at its vertices."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     return np.asarray(length / max(float(length[-1]), 1e-300))
 
@@ -297,8 +294,8 @@ def folded_entities(shape: FoldedShape, name: str) -> Iterator[str]:
 
 
 class PlanarFile(NamedTuple):
-    """Number of faces, the text, largest distance from the mesh in mm, and number of facets (1 for a sheet in one
-    plane)."""
+    """Text of a planar file with its number of faces, largest distance from the mesh (mm), and number of facets (1
+    if flat)."""
 
     faces: int
     texts: list[str]
@@ -317,10 +314,8 @@ def planar_file(part: Part) -> PlanarFile:
 
 
 class _Writer:
-    """Writer of regions; neighbouring regions share entities."""
-
     def __init__(self, shape: FoldedShape) -> None:
-        # Edges on inclined planes then stay within 1e-7 mm, OCCT's least tolerance. With a larger tolerance a fillet
+        # More digits keep edges on inclined planes within 1e-7 mm, OCCT's least tolerance. With a larger one a fillet
         # that shortens an edge fails.
         extra_digits = 2
         self.new, self.shape, self.sheet = StepEntities(extra_digits=extra_digits), shape, shape.sheet
@@ -357,7 +352,7 @@ class _Writer:
         return self.edges[key], ahead
 
     def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[EdgePair], list[int]]:
-        """Add the faces of a run of walls; return both edges of each wall, and the faces. From outside, lower edges go
+        """Add the faces of a run of walls; return both edges of each wall, and the faces. From outside, lower edges run
         to the right."""
         chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[EdgePair](), list[int]()
         for v in run.vertices[[0, -1]]:

@@ -1,4 +1,4 @@
-"""Planar faces from triangles: coplanar regions, their outlines as loops, and polyhedra of long edges."""
+"""Planar faces from triangles: coplanar regions, their outlines as loops, and polyhedra with long edges."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, group_sums
 from dsfab.surface.topology import EdgeTable, edge_table
 
 FLATNESS = 1e-5
-"""Millimetres that vertices may be off a joined plane or line: the linear precision of Parasolid, 1e-8 m."""
+"""Largest distance (mm) of vertices from a joined plane or line: the linear precision of Parasolid, 1e-8 m."""
 
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
@@ -19,15 +19,15 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
     tolerance : largest distance of vertices from a joined plane, millimetres.
 
     Two neighbours join if the apex of each lies in the plane of the other and they are not folded over. A triangle
-    lower than FLATNESS has no plane; it joins only the neighbour across its longest edge, or it would bridge an edge of
-    the solid. Small turns could add up, so a region with a vertex off its mean plane falls apart again.
+    lower than FLATNESS has no plane. It joins only the neighbour across its longest edge, because it could bridge an
+    edge of the solid. Small turns could add up, so a region with a vertex off its mean plane is divided again.
     """
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     units = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
     lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     low = np.linalg.norm(vectors, axis=1) <= FLATNESS * lengths.max(axis=1)
-    h, k = np.concatenate([table.pairs, table.pairs[:, ::-1]]).T  # seen from triangle h // 3: its neighbour k // 3
+    h, k = np.concatenate([table.pairs, table.pairs[:, ::-1]]).T  # triangle h // 3 has the neighbour k // 3
     tip = V[F.ravel()[k - k % 3 + (k + 2) % 3]]
     level = np.abs(np.einsum("pi,pi->p", tip - corners[h // 3, 0], units[h // 3])) <= tolerance
     level &= np.einsum("pi,pi->p", units[h // 3], units[k // 3]) > 0
@@ -61,7 +61,7 @@ def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class FaceOutlines:
-    """Loops of half-edges: loop i has h[start[i] : start[i + 1]]."""
+    """Loops of half-edges: loop i consists of h[start[i] : start[i + 1]]."""
 
     h: Ints
     start: Ints
@@ -83,14 +83,14 @@ def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Chain the half-edges between different regions (m,), with their region on the left. opposite : (3 m,) opposite
     half-edges.
 
-    The successor of a half-edge is found by turning about its end through triangles of the same region, so loops never
+    The next half-edge is the first border half-edge around the end of the last one, within the region. So loops never
     jump across a vertex where a region touches itself.
     """
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(on_border)  # half-edges inside a region would turn forever
+    turning = np.flatnonzero(on_border)  # other half-edges never end the loop below
     while len(turning := turning[~on_border[onward[turning]]]):
         onward[turning] = follow[opposite[onward[turning]]]
     step, passed = onward.tolist(), bytearray(len(opposite))
@@ -137,8 +137,8 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """(h,) for each position, the last corner of its loop at or before it, and the first one after it; alive (h,) marks
-    corners."""
+    """Return for each position (h,) the last corner of its loop at or before it, and the first corner after it.
+    alive : (h,) True for corners."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
     loop_first = np.searchsorted(corner_positions, outline.start[:-1])
@@ -150,7 +150,8 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index into `loops` of each."""
+    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index of the loop of each
+    position."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -194,10 +195,10 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Bools:
-    """(n,) vertices that the outlines need, without those inside a straight edge.
+    """Return (n,) True for vertices that the outlines need; vertices inside a straight edge are not needed.
 
-    A vertex can go if just two outline edges meet there, in line. Every run of such vertices must also lie on the line
-    between its ends, because a finely divided circle is locally straight too. Loops keep three corners.
+    A vertex is not needed if just two outline edges meet there, in line. Every run of such vertices must also lie on
+    the line between its ends, because a finely divided circle is locally straight too. Loops keep three corners.
     """
     a = F.ravel()[outline.h]
     edge = np.unique(table.of.ravel()[outline.h])
@@ -205,7 +206,7 @@ def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Boo
     alive = degree > 2
     before, after = np.roll(a, 1), a[outline.next]
     before[outline.start[:-1]] = a[outline.start[1:] - 1]
-    two = np.flatnonzero(~alive[a])  # the rest are corners: nearly every vertex of a curved solid
+    two = np.flatnonzero(~alive[a])  # nearly every vertex of a curved solid is a corner
     points, p, q = V[a[two]], V[before[two]], V[after[two]]
     onward = np.einsum("hi,hi->h", points - p, q - points) > 0
     alive[a[two][~onward | (_from_line(points, p, q) > FLATNESS)]] = True
@@ -223,7 +224,6 @@ def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Boo
 
 
 def _from_line(p: Floats, a: Floats, b: Floats) -> Floats:
-    """(k,) distances of points p from the lines through a and b."""
     along = b - a
     length = np.maximum(np.linalg.norm(along, axis=1), 1e-300)
     distances: Floats = np.linalg.norm(np.cross(p - a, along), axis=1) / length
@@ -240,8 +240,7 @@ def _numbered_polyhedron(
     outline: FaceOutlines,
     alive: Bools,
 ) -> Polyhedron:
-    """Number points, edges and faces. Arrays with a row per step are freed early, because each triangle has three
-    steps."""
+    """Number points, edges and faces. Each triangle has three steps, so large arrays are freed early."""
     face_of_loop = region[outline.h[outline.start[:-1]] // 3]
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)
@@ -273,7 +272,7 @@ def _long_edges(
     """Return the first vertex of each step, the starts of the loops, and the edge, ends (e, 2) and direction of each
     step.
 
-    Both sides identify a long edge by the smallest mesh edge in it.
+    The faces on both sides identify a long edge by its mesh edge with the smallest number.
     """
     a = F.ravel()[outline.h]
     is_corner = alive[a]

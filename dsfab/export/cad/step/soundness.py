@@ -1,4 +1,4 @@
-"""Soundness of a STEP file for CAD programs: a trial cut by OCCT, and the triangles that OCCT draws of it."""
+"""Soundness of a STEP file for CAD programs: a trial cut by OCCT, and a test of OCCT's triangles."""
 
 import subprocess
 import tempfile
@@ -24,11 +24,11 @@ from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edge
 from dsfab.thickening.self_intersection import intersecting_pairs
 
 REDRAWING_ROUNDS = 2
-"""Number of rounds in which crossing curved faces are redrawn, each with a quarter of the deflection."""
+"""Number of times that OCCT draws crossing curved faces again, each time with a quarter of the deflection."""
 
 
 class StepTriangles(NamedTuple):
-    """V (n, 3) distinct points in metres; F (m, 3) with three different corners, counter-clockwise from outside.
+    """Triangles of a STEP file: V (n, 3) distinct points in metres, F (m, 3) counter-clockwise from outside.
 
     face : (m,) face of the file for each triangle.     lost : number of degenerate triangles that were dropped.
     """
@@ -41,7 +41,7 @@ class StepTriangles(NamedTuple):
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
     """Return OCCT's triangles with points at the same place merged."""
-    same_place = 1e-9  # share of the size: OCCT triangulates faces one by one, so equal points differ by rounding
+    same_place = 1e-9  # share of the size; OCCT triangulates each face alone, so equal points differ by rounding
     size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
     grid = np.round(mesh.V / (same_place * size))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
@@ -69,7 +69,7 @@ def curved_soundness(
         if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
             break
         on_redraw()
-        crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # faces of earlier rounds stay in
+        crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # keep faces of earlier rounds
         sound, triangles = _redraw(
             sound, first_triangles, _faces_near(first_triangles, crossing_faces, deflection), deflection / 4**k, shape
         )
@@ -77,7 +77,7 @@ def curved_soundness(
 
 
 def step_fault(path: Path, deflection: float) -> str:
-    """Return the reason why a STEP file is no solid, drawn with a deflection in metres; "" for a solid.
+    """Return the reason why a STEP file is not a solid, drawn with a deflection in metres; "" for a solid.
 
     Raises ExportError if OCCT cannot read the file or takes too long.
     """
@@ -86,7 +86,7 @@ def step_fault(path: Path, deflection: float) -> str:
 
 
 def triangle_fault(first_triangles: StepTriangles, deflection: float, shape: bytes) -> str:
-    """Return the reason why drawn triangles bound no solid, see `curved_soundness`; "" for a solid."""
+    """Return the reason why triangles do not bound a solid, see `curved_soundness`; "" for a solid."""
     sound = curved_soundness(first_triangles, deflection, shape)
     if sound.sound:
         return ""
@@ -96,7 +96,6 @@ def triangle_fault(first_triangles: StepTriangles, deflection: float, shape: byt
 
 
 def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Ints:
-    """Return faces and all faces whose boxes, each enlarged by the deflection, overlap theirs."""
     count, corners = int(triangles.face.max()) + 1, triangles.V[triangles.F]
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, triangles.face, corners.min(axis=1) - deflection)
@@ -112,7 +111,7 @@ def _redraw(
 ) -> tuple[Soundness, StepTriangles]:
     """Redraw some faces with a smaller deflection; return the new judgement and the triangles.
 
-    All faces are redrawn if the new triangles have another topology, because they then say nothing about the rest.
+    All faces are redrawn if the new triangles have another topology, because they do not fit the other triangles.
     """
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
@@ -140,17 +139,16 @@ def _euler(F: Ints) -> int:
 
 
 MOST_FACES = 2000
-"""Most faces of a file that is cut on trial without a request: OCCT takes 4 s, or 10 to 15 s if it reads the text
-again."""
+"""Most faces of a file that is cut on trial without a request: the cut takes 4 s, or 10 to 15 s with the STEP text."""
 
 SECONDS, SECONDS_PER_FACE = 30.0, 0.03
-"""Limits of processor time, several times the measured time. Volumes of smooth halves with hundreds of edges take
+"""Limits of processor time, several times the measured time, because volumes of smooth halves with many edges take
 long."""
 
 
 @dataclass(frozen=True)
 class SampledUse:
-    """Result of a trial cut. tried : False if there was none.    fault : reason for the failure, or ""."""
+    """Result of a trial cut. tried : False without a trial.    fault : reason for the failure, or ""."""
 
     tried: bool
     fault: str = ""
@@ -158,8 +156,8 @@ class SampledUse:
 
 @derived
 def smooth_use(part: Part) -> SampledUse:
-    """Cut the smooth file of a part once on trial, if the part requests it."""
-    most_faces = 500  # OCCT needs half a minute for 1400 faces, because skins hold the edges of all openings
+    """Cut the smooth file of a part once on trial, if `cut` of the part is True."""
+    most_faces = 500  # OCCT needs half a minute for 1400 faces, because each skin has the edges of all openings
     file = smooth_file(part)
     if not part.cut or file.faces > most_faces:
         return SampledUse(False)
@@ -167,7 +165,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
-    """Cut a file once on trial: STEP text, or OCCT's binary shape with the suffix `.bin`."""
+    """Cut a file once on trial. The input is STEP text, or OCCT's binary shape with the suffix `.bin`."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:
@@ -176,8 +174,8 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Return the fault of the halves of one trial cut ("" if none) and the box of the whole, six numbers in mm, if OCCT
-    reports it."""
+    """Return the fault of the halves of a trial cut ("" if none), and the box of the whole: six numbers in mm, or
+    None."""
     seconds = SECONDS + SECONDS_PER_FACE * faces
     try:
         report = occt_report("sample", str(path), seconds=seconds)
@@ -190,7 +188,7 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
-    """Return the report of OCCT's trials about a file; raises the errors of `last_line`."""
+    """Return the report of OCCT's trials about a file; raises the same errors as `last_line`."""
     with _file(text.encode("ascii")) as path:
         return occt_report("use", str(path), seconds=seconds)
 
@@ -204,8 +202,8 @@ def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
 
 
 def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: float = 1e-2) -> str:
-    """Return the fault of OCCT's box around a part's file, six numbers in mm; "" if it fits. share : of the part's
-    diagonal."""
+    """Return the fault of OCCT's box around a part's file, six numbers in mm; "" if the box fits.
+    share : largest error, as a share of the part's diagonal."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
     return (

@@ -1,4 +1,4 @@
-"""Strategies to write a solid as STEP, the best first, their estimated costs, and messages about the choice."""
+"""Strategies to write a solid as STEP, the best strategy first, with estimated costs and messages about the choice."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 TIGHTER_SHARE = 1 / 4
-"""Share of the tolerance for a second planar try, because curves may cross in a narrow place."""
+"""Tolerance of a second planar try, as a share of the first, because curves may cross in a narrow place."""
 
 QUICK_FACTOR = 3
 """Factor of the walls and layouts that `quick` tries to make smooth, because it gets no second chance. A seam close to
@@ -44,7 +44,7 @@ failed in the first layout; three of them were sound in the second and one in th
 
 MEMBER_FACES_FACTOR = 2
 """Factor of the faces that `auto` makes by members if facets exceed the budget. The remaining strategy is smooth, which
-CAD programs fail to cut (all eight cuts of a cylinder at 45 degrees)."""
+CAD programs fail to cut: all eight cuts of a cylinder at 45 degrees failed."""
 
 
 def prepare(part: Part) -> Part:
@@ -52,7 +52,7 @@ def prepare(part: Part) -> Part:
     V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
-    V[short] = coarse[short]  # the ends of a short edge merge; all other points keep the decimals that planes need
+    V[short] = coarse[short]  # the ends of short edges merge; the other points keep all decimals
     part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
@@ -118,7 +118,7 @@ def _has_stripes(part: Part) -> bool:
 
 
 def _curved_sheet(part: Part) -> Curved | None:
-    """Return the sheet of a part; None if it has none that smooth STEP accepts, whose error states the reason."""
+    """Return the sheet of a part for smooth STEP, or None with the error that states why there is none."""
     try:
         return part.curved() if part.curved else None
     except ExportError:
@@ -126,12 +126,12 @@ def _curved_sheet(part: Part) -> Curved | None:
 
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
-    """Yield the remaining attempts after a faceted part was refused.
+    """Yield the attempts that remain after a faceted part was refused.
 
-    members : the part with the strategy members, for slow attempts.
-    quick   : stop if the first simplification is far over the budget.
+    members : the part with the strategy members; slow attempts use it.
+    quick   : stop if the first simplification is far over the limit.
     """
-    far_factor = 2  # times the allowed faces: further simplification does not halve a larger file
+    far_factor = 2  # further tries do not help if the faces are more than twice the allowed number
     is_far = False
     if not part.tolerance:
         for simple in _simpler(part, usual_tolerance(part)):
@@ -155,7 +155,6 @@ def _within_user_tolerance(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _simpler(part: Part, tolerance: float) -> Iterator[Part | BudgetError]:
-    """Yield the part simplified within a tolerance, or the BudgetError; nothing if simplification fails."""
     try:
         yield simpler(part, tolerance)
     except BudgetError as error:
@@ -165,16 +164,16 @@ def _simpler(part: Part, tolerance: float) -> Iterator[Part | BudgetError]:
 
 
 def simpler(part: Part, tolerance: float) -> Part:
-    """Simplify the part within a tolerance (mm); raises ExportError if that fails, and BudgetError if it still exceeds
-    the budget."""
+    """Simplify the part within a tolerance (mm); raises ExportError if that fails, and BudgetError for too many
+    faces."""
     return prepare(simplified_part(replace(part, tolerance=tolerance), tolerance))
 
 
 def default_tolerance(part: Part) -> float:
     """Return the default tolerance of a planar file, millimetres.
 
-    It is 0 for a solid that is neither flat nor folded, and for one whose folds are no creases, unless the user
-    requests `planar`. The encoder reports the reason.
+    The tolerance is 0 for a solid that is neither flat nor folded, or whose folds are not creases. If the user requests
+    `planar`, it is not 0, and the encoder reports the reason.
     """
     try:
         return OUTLINE * outlines_of(part).thickness
@@ -186,7 +185,7 @@ def default_tolerance(part: Part) -> float:
 def _may_be_planar(part: Part) -> bool:
     """Return False for the mesh of a curved sheet: flat facets without creases between them.
 
-    This test avoids mitring and outlines, which take seconds if each facet is one triangle.
+    This quick test needs no mitres and outlines, which take seconds if each facet is one triangle.
     """
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
@@ -220,7 +219,6 @@ def _slow(refused: Sequence[ExportError]) -> str:
 
 
 def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """Describe how CAD programs cut a smooth file, and recommend a strategy for users who cut it."""
     use = smooth_use(part)
     if use.tried and not use.fault:
         return "a half-space cut valid"
@@ -229,7 +227,7 @@ def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """Recommend a strategy instead of smooth: members, unless the refusals exclude it."""
+    """Recommend a strategy for users who cut the file: members instead of smooth, unless members was refused."""
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:
@@ -249,7 +247,7 @@ def _is_by_members(error: ExportError) -> bool:
 
 
 def reasons(refused: Sequence[ExportError]) -> list[str]:
-    """Return each reason for a refusal once; "not flat" counts only if it is the only reason."""
+    """Return the reasons for the refusals without duplicates; "not flat" counts only if it is the only reason."""
     remaining = [error for error in refused if not isinstance(error, NotFlatError)] or refused
     return list(
         dict.fromkeys(
@@ -264,7 +262,8 @@ def _reason_with_advice(error: ExportError, why: str) -> str:
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
-    """Return the error if all strategies were refused, with the cost of each if the budget forbids it."""
+    """Return the error if all strategies were refused; it has the cost of each strategy if the files would be too
+    large."""
     over = [error for error in refused if isinstance(error, BudgetError)]
     if not over:
         return refused[-1]
@@ -397,6 +396,6 @@ SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
     "faceted": _estimate_faceted,
     "tessellated": _estimate_tessellated,
 }
-"""For each `Part.step`: faces, bytes and a note; raises ExportError if the strategy fails."""
+"""Functions for each `Part.step`: they return faces, bytes and a note, or raise ExportError if the strategy fails."""
 
 WAYS = ("planar", "members", "smooth", "faceted", "simplified", "tessellated")

@@ -19,16 +19,13 @@ from dsfab.export.splines import Spline, bernstein, splines_through
 
 TOUCHING_SHARE = 1 / 400
 """Two parts of an outline nearer than this share of the thickness touch. In sound outlines they are six times farther
-apart.
-"""
+apart."""
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return the chains of a region that cross another chain of the region, seen along the region's mean normal.
-
     The result also holds a chain within `distance` mm of a corner where it does not end, with the chains that end at
-    this corner. It holds all chains of a region that is inside out.
-    """
+    this corner. It holds all chains of a region that is inside out."""
     finest = 12  # a cubic gets at most 12 chords, short at its ends because chains cross there at small angles
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
@@ -67,7 +64,6 @@ def _distances(lines: list[Floats], point_numbers: Ints) -> Floats:
 
 
 def _samples(curves: Mapping[int, ChainCurve], loop: ChainLoop, fine: int) -> Floats:
-    """(k, 6) points along a loop of chains, `fine` on each cubic."""
     B = bernstein((1 - np.cos(np.pi * np.arange(fine) / fine)) / 2)
     parts = [curves[k].spans if ahead else curves[k].spans[::-1, ::-1] for k, ahead in loop]
     return np.concatenate([(B @ part).reshape(-1, 6) for part in parts])
@@ -142,8 +138,7 @@ SIDEWAYS_SHARE = 1 / 3
 
 SAG_SHARE = 1 / 400
 """Largest distance of chords from the straightened curve, as a share of the thickness; fits to coarse polylines need
-many spans.
-"""
+many spans."""
 
 PLACES = np.linspace(0, 1, 65)
 """Parameters where the curvature is measured."""
@@ -222,10 +217,6 @@ def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainN
 
 
 class _BorderEnds:
-    """Ends of borders at outlines. nodes : for each node the outline's chains before and after it, and the border's
-    end.
-    """
-
     def __init__(self, net: ChainNet, P: Floats, thickness: float) -> None:
         self.P, self.t = P, thickness
         self.chains, self.free = dict(net.chains), max(net.chains, default=-1) + 1
@@ -275,14 +266,10 @@ class _BorderEnds:
         return _angle(P, weights, anchor)
 
     def _is_round(self, k: int) -> bool:
-        """Return whether a chain bends, or is as short as a chord of a round corner."""
         line = self.P[self.chains[k].points]
         return len(_bent(line)) > 0 or float(np.linalg.norm(line[-1] - line[0])) < LONGEST_CHORD * self.t
 
     def _places(self, k: int, node: int) -> list[int]:
-        """Return points of a round chain where a border may end: inner points with a bend, and the chain's other end
-        if free.
-        """
         points = self.chains[k].points
         long = np.linalg.norm(np.diff(self.P[points], axis=0), axis=1)
         inside = _bent(self.P[points]).tolist()
@@ -293,9 +280,6 @@ class _BorderEnds:
         return [*inside, far_end] if self._next(k, far_end) >= 0 else inside
 
     def _next(self, k: int, i: int) -> int:
-        """Return the outline's next chain if only these two chains meet and the outline turns a little; otherwise
-        -1.
-        """
         if self.degree.get(int(self.chains[k].points[i])) != 2:
             return -1
         loop = next(loop for loop in self.loops[self.chains[k].left] if (k, True) in loop)
@@ -318,7 +302,6 @@ class _BorderEnds:
         return self._angle_at(k, j, anchor) if i else self._angle_at(j, k, anchor)
 
     def _move(self, k: int, i: int, node: int, border: tuple[int, int]) -> bool:
-        """Move a border's end from a node to a point of a chain; return False if that is impossible."""
         chain = self.chains[k]
         ahead = int(chain.points[0]) == node
         passed, rest = (chain.points[: i + 1], chain.points[i:]) if ahead else (chain.points[i:], chain.points[: i + 1])
@@ -354,8 +337,7 @@ def _bent(line: Floats) -> Ints:
 
 def _angle(points: Floats, weights: list[float], anchor: Floats) -> float:
     """Return the angle in degrees at the middle of three points, between the anchor and the mean direction of both
-    sides.
-    """
+    sides."""
     ways = np.diff(points, axis=0)
     ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
     along, to_anchor = weights @ ways, anchor - points[1]

@@ -39,8 +39,7 @@ class MemberFile:
 
     solids, faces, trimmed : their numbers.    gap : widest gap, mm.    there, back : distances from the mesh and back,
                              mm.
-    volume : mm3.    used : result of OCCT's trial cuts, as text.
-    """
+    volume : mm3.    used : result of OCCT's trial cuts, as text."""
 
     text: str
     solids: int
@@ -78,9 +77,7 @@ class _RoughError(ExportError):
 @derived
 def member_file(part: Part) -> MemberFile:
     """Return the file of a part, computed once for each part.
-
-    Raises NotByMembersError with the reason, and BudgetError if the file is too large.
-    """
+    Raises NotByMembersError with the reason, and BudgetError if the file is too large."""
     try:
         return _accepted_file(part)
     except BudgetError:
@@ -91,8 +88,7 @@ def member_file(part: Part) -> MemberFile:
 
 def _accepted_file(part: Part) -> MemberFile:
     """Return the first file that passes: the usual file, or if this is rough a file whose faces lie nearer to the
-    mesh.
-    """
+    mesh."""
     plan = member_plan(part)
     try:
         return _tried(part, plan, False)
@@ -230,7 +226,6 @@ def _require_use(part: Part, plan: SmoothPlan, report: dict[str, Any]) -> None:
 
 
 def _cut_fault(cut: str, missed: float) -> str:
-    """Describe a faulty cut; missed : error as a share of the volume, 1 if a half is invalid."""
     if missed == 1:
         return f"{cut} of the solid by members is not valid"
     return f"the halves of {cut} miss {missed:.1e} of the volume of the solid by members"

@@ -27,8 +27,7 @@ class InnerSpline:
     break.
 
     places : (k + 1,) means of three knots; values at these places determine the spline [de Boor 1978, chapter XIII].
-    poles  : (k, 4, k + 1) contribution of each value to the poles of each span.
-    """
+    poles  : (k, 4, k + 1) contribution of each value to the poles of each span."""
 
     breaks: Floats
     places: Floats
@@ -62,12 +61,10 @@ class InnerSpline:
 
 @lru_cache(maxsize=1024)
 def _inner_spline(breaks: bytes) -> InnerSpline:
-    """A cache serves these splines, because most curves share a few lists of breaks."""
     return InnerSpline._compute(np.frombuffer(breaks))
 
 
 def _rows(x: Floats, knots: Floats) -> Floats:
-    """(k, p - 2) cubic basis functions at x (k,), without the first and the last."""
     first_pole, values = basis(x, knots)
     rows = np.zeros((len(x), len(knots) - 4))
     np.put_along_axis(rows, first_pole[:, None] + np.arange(4), values, axis=1)
@@ -81,8 +78,7 @@ SAMPLES_PER_EDGE = 2
 @dataclass(frozen=True, eq=False)
 class SampledChain:
     """Samples of a chain on the skins. Q : (k, 6) points on the outer and inner skin, mm. outline : True at an outline.
-    chord : the mesh's smallest chord error along the chain, millimetres.
-    """
+    chord : the mesh's smallest chord error along the chain, millimetres."""
 
     Q: Floats
     outline: bool
@@ -121,8 +117,7 @@ class SampledChain:
 @dataclass(frozen=True, eq=False)
 class ChainCurve:
     """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1. spans : (k, 4, 6) Bezier poles between breaks, mm.
-    off : largest distance from the samples of the chain.
-    """
+    off : largest distance from the samples of the chain."""
 
     breaks: Floats
     spans: Floats
@@ -151,8 +146,7 @@ class ChainCurve:
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
         """Return the curve with other ends (6,); each pole between moves by a share that grows linearly along the
-        curve.
-        """
+        curve."""
         x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
         ways = start - self.spans[0, 0], end - self.spans[-1, -1]
         spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
@@ -166,8 +160,7 @@ class ChainCurve:
 
 def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
     """Return the poles (k, 4, d) of parts of cubics (k, 4, d); each part runs from share `start` to share `end`
-    (k,).
-    """
+    (k,)."""
     inside = start[:, None] + (end - start)[:, None] * READ_PLACES
     rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
     return np.asarray(POLE_MATRIX @ rows @ poles)
@@ -181,9 +174,7 @@ def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list
 
 def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
     """Move the curves onto the skins between their ends; the faces beside a curve off the skins would stray too.
-
-    vectors_to_skins : function that returns the vectors from points (k, 6) to the skins.
-    """
+    vectors_to_skins : function that returns the vectors from points (k, 6) to the skins."""
     if not curves:
         return []
     inner = [InnerSpline.from_breaks(f.breaks) for f in curves]
@@ -225,8 +216,7 @@ TURN_TANGENTS = np.tan(np.deg2rad([0.5, 0.25]))
 
 ZERO_DIFFERENCE = 1e-8
 """A third difference below this counts as zero (millimetres), because curves are cut and turned before they are
-written.
-"""
+written."""
 
 BOW_FACTOR = np.sqrt(3) / 36
 """Distance of a cubic with third difference 1 from its parabola: the maximum of x (1/2 - x) (1 - x)."""
@@ -234,10 +224,8 @@ BOW_FACTOR = np.sqrt(3) / 36
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace a curve by parabolas if all its cubics are nearly parabolas.
-
     distance : allowed distance of a solid from its mesh, millimetres. The poles of a parabola lie farther out; if they
-    leave the box (2, 3) by more than `distance`, the curve stays cubic.
-    """
+    leave the box (2, 3) by more than `distance`, the curve stays cubic."""
     wide = box + distance * np.array([[-1.0], [1.0]])
     return [
         replace(curve, spans=as_parabolas(curve.spans, 1))
@@ -249,8 +237,7 @@ def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floa
 
 def as_parabolas(P: Floats, axis: int) -> Floats:
     """Replace cubics, with 4 poles along an axis, by parabolas in cubic form through the ends and middles of the
-    cubics.
-    """
+    cubics."""
     P = P.swapaxes(0, axis)
     third = _third(P) / 6
     return np.stack([P[0], P[1] - third, P[2] + third, P[3]]).swapaxes(0, axis)
@@ -260,8 +247,7 @@ def patches_as_parabolas(P: Floats, distance: float) -> Floats:
     """Lower the degree of patches (ku, kv, 4, 4, 6) of a region to 2 in each direction in which the sides are
     parabolas.
 
-    No pole moves by more than a share of `distance`, millimetres; the sides do not change.
-    """
+    No pole moves by more than a share of `distance`, millimetres; the sides do not change."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
             Q = as_parabolas(P, axis)
@@ -279,7 +265,6 @@ def fewest_poles(P: Floats, axis: int) -> Floats:
 
 
 def _third(P: Floats) -> Floats:
-    """(..) third differences of poles (4, ..)."""
     return np.asarray(P[3] - P[0] - 3 * (P[2] - P[1]))
 
 

@@ -51,8 +51,7 @@ from dsfab.surface import edge_table, link_components
 EDGE_DIGITS = 7
 """Decimals of coordinates of edges in mm. If an edge is part of a patch's side, edge and side have different poles.
 OCCT ignores less than 1e-7 mm, but measures more at samples. A shortened edge has other samples, and an increase by a
-thousandth makes the edge invalid.
-"""
+thousandth makes the edge invalid."""
 
 NO_SEAMS: Mapping[int, LongSeam] = MappingProxyType({})
 
@@ -128,7 +127,6 @@ class NetWriter:
         return self.new.face(wires, surface, same_sense=not s)
 
     def _rows(self, poles: Floats) -> list[list[int]]:
-        """Add poles (j, k, 3) of a patch; only inner poles are rounded coarsely."""
         poles = poles.copy()
         poles[1:-1, 1:-1] = np.round(poles[1:-1, 1:-1], self.digits)
         return self._grid(poles, EDGE_DIGITS)
@@ -171,8 +169,7 @@ GAP_SHARE = 1 / 4000
 
 NARROW_MM, THIN_GAP_SHARE = 0.01, 1 / 1500
 """A gap below the first number (mm) is narrow enough, if it is also below the second, a share of the thickness. To
-close 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
-"""
+close 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles."""
 
 SHORT_WALL_SHARE = 1 / 20
 """A wall between two borders is removed if it is shorter than this share of the thickness."""
@@ -188,14 +185,12 @@ UNASKED = 7000
 
 WALL_SHARE = 3 / 4
 """Smallest expected ratio of walls to outline chains: in `hypar.obj` and a cylinder a fifteenth of the chains is
-joined.
-"""
+joined."""
 
 
 BOX_SHARE = 1 / 300
 """Largest distance of poles outside of the surface's box, as a share of the size of the box. Along the rim of a vault
-of 12 m poles were 170 mm above the box, and OCCT's box grew as much.
-"""
+of 12 m poles were 170 mm above the box, and OCCT's box grew as much."""
 
 
 class ManyFacesError(ExportError):
@@ -343,7 +338,6 @@ def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
 def _with_cut_ends(
     net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SmoothPlan
 ) -> tuple[ChainNet, NetModel]:
-    """Cut the ends off members, unless an outline would then cross itself."""
     regions, previous = set(model.trimmed), _outlines(net, lines, model)
     for _ in range(PASSES):
         divided_net = with_cut_ends(net, sorted(regions), fits.lifting, GAP_SHARE * plan.limits.thickness)
@@ -400,7 +394,6 @@ class _Fits:
         return lines, net_model(lines, chains, quads, other_regions, self.covering, self.patched)
 
     def _quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
-        """Return quads and other regions as `quads_of`; a cache keeps the regions whose chains did not change."""
         for region, loops in net.loops.items():
             around = [chains[k] for loop in loops for k, _ in loop]
             cached = self.quads.get(region)

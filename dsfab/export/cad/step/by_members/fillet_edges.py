@@ -33,8 +33,7 @@ PLACES = np.linspace(0, 1, 17)
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
     """Return (2, 4, 2) poles of curves (4, 6) in the parameters of both surfaces of a trimmed face; None if a curve
-    is off.
-    """
+    is off."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     skins = zip((face.outer, face.inner), face.axes, np.split(poles, 2, axis=1), strict=True)
@@ -43,9 +42,7 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
     """Return (2, 2, 2) ends of curves (4, 6) in the parameters of a patch; None unless the curves run along a side.
-
-    edge : (4, 6) the part on the side. share : (2,) of its parameter by which the curves extend before and after it.
-    """
+    edge : (4, 6) the part on the side. share : (2,) of its parameter by which the curves extend before and after it."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -85,30 +82,25 @@ MARGIN = 0.1
 
 WIDER_SHARE = 1 / 100
 """Extension of a patch, as a share of the thickness, beside a seam that continues a wall's edge. OCCT extends the seam
-nearly along that edge and needs places on the patch for it.
-"""
+nearly along that edge and needs places on the patch for it."""
 
 LARGE_FILLET_SHARE = 1 / 8
 """The patch beyond such a seam is extended for a fillet with this radius over the thickness. OCCT extends the patch
 along its tangents. The gap at the end of the fillet becomes the tolerance of the extended seam. If the tolerance is
-above 1e-4 mm, the seam runs backwards, and the solid is invalid.
-"""
+above 1e-4 mm, the seam runs backwards, and the solid is invalid."""
 
 TANGENT_GAP = 3e-5
 """Wanted gap (mm) at the end of the fillet. With a smaller gap the tolerance is ten times that of the seam, 1e-6 mm.
-But then the extended seam was off the other patch by up to 2e-6 mm, because the wall's edge has another parameter.
-"""
+But then the extended seam was off the other patch by up to 2e-6 mm, because the wall's edge has another parameter."""
 
 POLE_OFFSET = 1e-5
 """Movement (mm) of a pole of such a seam if a trimmed face, which is wide enough, lies beyond. The extended seam was
-off by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm.
-"""
+off by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam, or the edge of a wall beside a corner with such a seam.
-
     poles : (4, 6) of its curves, mm.
     on    : by face (patches first, trimmed faces last), poles (2, k, 2) of the curves in parameters of both surfaces.
     """
@@ -125,8 +117,7 @@ def curves_beyond(model: NetModel) -> dict[int, Floats]:
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
     """Return for each edge the shares (2,) by which it extends before its start and after its end, and the poles (4,
-    6).
-    """
+    6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -169,8 +160,7 @@ def with_long_seams(
     """Extend surfaces along extended seams; return the model, the faces, and the extended seams with their neighbours
     by edge.
 
-    A seam that leaves one of its faces is not extended.
-    """
+    A seam that leaves one of its faces is not extended."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -218,8 +208,7 @@ def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
     """Return for each patch at a seam that continues a wall's edge a box around both, and places (2, 2, 2) beyond
-    the seam.
-    """
+    the seam."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -245,9 +234,6 @@ def _wider_box(patch: NetPatch) -> Floats:
 def _on_both(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> dict[int, LongSeam]:
-    """Return extended seams that lie on both neighbouring faces, and the wall edges beside them, which lie on one
-    face.
-    """
     bent = [corner for corner in corners if corner.straight is None]
     longer = _extensions(model, bent)
     bent = [corner for corner in bent if corner.seam in longer]
@@ -265,7 +251,6 @@ def _on_both(
 
 
 def _places(model: NetModel, faces: list[TrimmedFace], i: int, e: int, share: Floats, poles: Floats) -> Floats | None:
-    """(2, k, 2) parameters of an edge's extended curves on face i, or None."""
     count = len(model.patches)
     return (
         on_patch(model.patches[i], model.edges[e].poles, share, poles)
@@ -302,8 +287,7 @@ CLEAR_EDGE = 1 / 7
 LONGEST_SHARE = 4.0
 """Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends the
 edge beyond the fillet and back, and looks for the end of the fillet with few samples. If the fillet takes less than
-1.5 % of the edge, OCCT may find the far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed.
-"""
+1.5 % of the edge, OCCT may find the far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed."""
 
 DENSE = np.linspace(0, 1, 129)
 """Parameters where an edge is compared with its trimmed face."""
@@ -311,10 +295,8 @@ DENSE = np.linspace(0, 1, 129)
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Order the walls around each outline with edges along them, as OCCT needs for fillets.
-
     An outline begins where it is smoothest. If the outline has only corners, its first and its last corner belong to
-    the first wall. An edge of this wall must end at each of them, so a wall with a single edge gets two edges.
-    """
+    the first wall. An edge of this wall must end at each of them, so a wall with a single edge gets two edges."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -385,8 +367,7 @@ class CutEdges:
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
         """Cut an edge at shares in its direction; with `against`, the first part runs against the direction of the
-        edge.
-        """
+        edge."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

@@ -90,10 +90,8 @@ def turn_at(three: Floats) -> float:
 
 def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:
     """Give each crossing the parts of its round corners that lie in outlines of members.
-
     Such a part is a short chain beside an arc. No border ends between the two chains, and the member's wall continues
-    the part.
-    """
+    the part."""
     work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
     for arc in arcs:
         for direction in (-1, 1):
@@ -110,7 +108,6 @@ class _Arcs:
         self.degree = np.bincount(ends, minlength=len(P))
 
     def take_neighbour(self, arc: int, direction: int) -> None:
-        """Take the chain after an arc (way = 1) or before it (-1)."""
         chain = self.chains[arc]
         loop = self._loop(chain.left, (arc, True))
         border, ahead = loop[(loop.index((arc, True)) + direction) % len(loop)]
@@ -172,9 +169,9 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        flat_detour = 4.0  # this limit holds for two members behind a fillet, whose walls contain a part of the arc
-        # Largest ratio of the length along the members behind a fillet to the length of its arc: the ratio is 1.27 for a
-        # right angle, 1.65 for 60 degrees, and 3 for a square.
+        flat_detour = 4.0  # limit for two members behind a fillet: their walls contain a part of the arc
+        # Largest ratio of the length along the members behind a fillet to the length of its arc. It is 1.27 for a right
+        # angle, 1.65 for 60 degrees, and 3 for a square.
         detour = 2.2
         if len(self.loops[region]) != 1:
             return
@@ -242,8 +239,7 @@ class _Fillets:
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
         """Return the region behind a fillet that borders on both members beside it, or that is far smaller than the
-        other.
-        """
+        other."""
         smaller = 0.6  # the crossing is a region whose border is shorter than this share of the other border
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
@@ -262,7 +258,6 @@ class _Fillets:
         return sum(self._length(self._points(step)) for loop in self.loops[region] for step in loop)
 
     def _border(self, corner: int, member: int, crossing: int) -> int:
-        """Return the only chain between two regions that ends at a corner, or -1."""
         candidates = [
             k
             for k in self._ending(corner)
@@ -306,7 +301,6 @@ class _Fillets:
         return float(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1).sum())
 
     def _middle(self, points: Ints) -> tuple[Ints, int]:
-        """Insert the middle of an arc into its points; return the points and its index."""
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1))])
         half = lengths[-1] / 2
         i = int(np.clip(np.searchsorted(lengths, half) - 1, 0, len(points) - 2))
@@ -338,7 +332,6 @@ class _Fillets:
 
 
 def _inner_and_arc(loop: ChainLoop, neighbours: list[int]) -> tuple[ChainLoop, ChainLoop]:
-    """Return the steps along other regions and along the void; empty unless each is one run."""
     void = [neighbour == VOID for neighbour in neighbours]
     starts = [i for i in range(len(loop)) if not void[i] and void[i - 1]]
     if len(starts) != 1:

@@ -63,8 +63,7 @@ class ChainLine:
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
         """Divide cubics until `may_stay` accepts them or they are short: in the middle, or where a chain ends near
-        the middle.
-        """
+        the middle."""
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -86,8 +85,7 @@ class ChainLine:
 
 class NetLines:
     """Lines of a net. `place` gives the line and the parameters of each chain. twins : lines on both sides of a
-    seam.
-    """
+    seam."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -132,7 +130,6 @@ class NetLines:
 
     @cached_property
     def _curves(self) -> dict[int, ChainCurve]:
-        """Curves of all chains, computed together because single computations take three times as long."""
         stops, parts = dict[int, Floats](), list[LinePart]()
         for k, (i, a, b) in self.place.items():
             stops[k] = self.lines[i].curve.stops(min(a, b), max(a, b))
@@ -167,9 +164,7 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 def with_twins(lines: NetLines) -> NetLines:
     """Unite the curves on both sides of a seam: the outer poles of one side are the inner poles of the other side.
-
-    Raises ExportError if the chains on both sides differ.
-    """
+    Raises ExportError if the chains on both sides differ."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
     for points, i in seam.items():
@@ -185,10 +180,8 @@ def with_twins(lines: NetLines) -> NetLines:
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
     """Return the points (6,) of nodes inside lines.
-
     When the ends of a line move, the nodes on the line move too, and these may be ends of further lines. So the points
-    are the solution of a linear system.
-    """
+    are the solution of a linear system."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -237,8 +230,7 @@ BEND_ANGLE = np.deg2rad(10.0)
 
 FLATTEST_COSINE = np.cos(np.deg2rad(25.0))
 """Cosine of the smallest angle between an arc and a border that ends with the arc; patches in narrower wedges are
-folded.
-"""
+folded."""
 
 WIDEST_COSINE = np.cos(np.deg2rad(80.0))
 """Cosine of the largest angle between an arc's chord and its direction at an end."""
@@ -249,8 +241,7 @@ DENSE = np.linspace(0, 1, 65)
 
 class ArcsOnSkins:
     """Arcs on both skins and their distances from the chains, with a cache. away : vectors (k, 6) from points to the
-    skins.
-    """
+    skins."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
@@ -303,8 +294,7 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
     """Return outline chains with a bend at an inner vertex, and chords of their arcs within tolerances (mm, by
-    chain).
-    """
+    chain)."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -323,13 +313,10 @@ def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: 
 
 
 def _nodes(net: ChainNet, ends: Mapping[int, list[tuple[int, int]]]) -> dict[int, tuple[int, int]]:
-    """Return nodes of outlines where exactly one chain ends and exactly one chain begins."""
     return {node: pair for node, chain_ends in ends.items() if (pair := outline_through(net, chain_ends))}
 
 
 class _Corners:
-    """Outlines of a net. round : chains that become arcs."""
-
     def __init__(self, lines: NetLines, rounded: Collection[int]) -> None:
         self.lines, self.net = lines, lines.net
         self.ends = ends_at(self.net)
@@ -341,8 +328,7 @@ class _Corners:
 
     def arcs(self) -> dict[int, ChainCurve]:
         """Return the arcs of round corners, by chain. At a node without a common direction, the chain keeps its
-        direction.
-        """
+        direction."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -361,14 +347,12 @@ class _Corners:
         return self.made[k][2]
 
     def _chord(self, k: int) -> tuple[Floats, Floats]:
-        """Return the start and the end of a chain, (6,) each."""
         spans = self.curves[k].spans
         return spans[0, 0], spans[-1, -1]
 
     def _known_way(self, node: int) -> Floats | None:
         """Return the (6,) direction of an outline at a node, from a cache; None at a corner, or at a border that
-        leaves this way.
-        """
+        leaves this way."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -389,14 +373,12 @@ class _Corners:
         return d if steep else None
 
     def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
-        """Return the directions of two chains, (6,) each, at the point where the second chain begins."""
         P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
         return _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
 
     def _on_circle(self, before: int, after: int) -> Floats:
         """Return the (6,) tangent at the point where two consecutive chains meet, of the circle through the three
-        ends.
-        """
+        ends."""
         (a, b), (_, c) = self._chord(before), self._chord(after)
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
         return _scaled_direction((b - a) * length_after / length_before + (c - b) * length_before / length_after)
@@ -408,8 +390,7 @@ class _Corners:
 
 def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
     """Return the angles (radians) between the end of a chain and the beginning of the next, seen along the sheet's
-    normal.
-    """
+    normal."""
     if not pairs:
         return []
     Q = np.array([[before.Q[-2], before.Q[-1], after.Q[0], after.Q[1]] for before, after in pairs])
@@ -425,7 +406,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
         return []
     Q, chain_number = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     directions = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
-    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # index of the vertex before each inner vertex
+    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # vertices before inner vertices
     cosines = turns(directions[inside], directions[inside + 1], (Q[:, :3] - Q[:, 3:])[inside + 1])
     bent = set(chain_number[inside[cosines < np.cos(BEND_ANGLE)]].tolist())
     return [i in bent for i in range(len(parts))]
@@ -433,9 +414,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
     """Return the arc between two points (6,) with directions (6,); None if the arc would turn too far.
-
-    The inner poles are those of the cubic nearest to a circle with this chord and turn: chord / (3 cos^2(turn/4)).
-    """
+    The arc is the cubic nearest to a circle; its inner poles are chord / (3 cos^2(turn/4)) away from its ends."""
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
     if min(float(direction @ chord) for direction in directions) < WIDEST_COSINE * long:

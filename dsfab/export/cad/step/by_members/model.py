@@ -1,4 +1,5 @@
-"""Boundary model of a solid by members: vertices, edges, walls and faces, each once, and corners of outlines."""
+"""Boundary model of a solid by members: vertices, edges, walls and faces without duplicates, and corners of
+outlines."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -14,12 +15,12 @@ from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
 MOST_CELLS = 2
-"""Most patches of a compact region. A region that needs more, such as a crossing with round corners, is trimmed."""
+"""Largest number of patches in a compact region. A region that needs more, such as a round crossing, is trimmed."""
 
 
 @dataclass(frozen=True, eq=False)
 class NetEdge:
-    """Two cubics, one on each skin. start, end : vertices.    poles : (4, 6), outer and inner, mm."""
+    """Edge as two cubics, one on each skin. start, end : vertices.    poles : (4, 6), outer and inner, mm."""
 
     start: int
     end: int
@@ -28,7 +29,7 @@ class NetEdge:
 
 @dataclass(frozen=True, eq=False)
 class NetWall:
-    """Ruled face between the skins. steps : edges in order, the material on the left. poles : (4, 6) of all."""
+    """Ruled face between the skins. steps : edges in order, material on the left. poles : (4, 6) of the whole wall."""
 
     steps: ChainLoop
     poles: Floats
@@ -36,8 +37,9 @@ class NetWall:
 
 @dataclass(frozen=True, eq=False)
 class NetPatch:
-    """Four-sided face on each skin. loop : edges counter-clockwise from outside, one or several along each side. poles
-    : (4, 4, 6). within : True if the surface extends beyond an edge."""
+    """Four-sided face on each skin.
+    loop  : edges counter-clockwise from outside, one or several along each side.
+    poles : (4, 4, 6), mm.    within : True if the surface extends beyond an edge."""
 
     loop: ChainLoop
     poles: Floats
@@ -48,9 +50,9 @@ class NetPatch:
 class NetModel:
     """Boundary model of a solid by members.
 
-    vertices : (6,) points on both skins, mm.    trimmed : loops of edges of regions without patches.
+    vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches.
     compact  : trimmed regions with four sides, which could be divided into patches.
-    seam     : True if edges exist on both sides of a seam, where the outer skin of one is the inner skin of the other.
+    seam     : True if the model has a seam; the outer skin on one side of a seam is the inner skin on the other side.
     """
 
     vertices: list[Floats] = field(default_factory=list)
@@ -67,7 +69,8 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Poles along loops of edges as bytes: equal for equal curves, whatever the edge numbers."""
+        """Return the poles along loops of edges as bytes, which are equal for equal curves with different edge
+        numbers."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -81,7 +84,7 @@ class NetModel:
         return edge.start if step[1] == at_start else edge.end
 
     def with_loops(self, loop: Callable[[ChainLoop], ChainLoop]) -> "NetModel":
-        """Return the model with the function `loop` applied to each loop of edges."""
+        """Return the model after the function `loop` was applied to each loop of edges."""
         return replace(
             self,
             walls=[replace(wall, steps=loop(wall.steps)) for wall in self.walls],
@@ -98,8 +101,9 @@ def net_model(
     covering: PatchBuilder,
     patched: Collection[int] = (),
 ) -> NetModel:
-    """Build the model of a net. covering : builds patches; a region whose patches are bad is trimmed. patched : quads
-    that are divided into patches, whatever their number."""
+    """Build the model of a net.
+    covering : builds patches; a region whose patches are bad is trimmed.
+    patched  : quads that are divided into any number of patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     compact = frozenset(
         quad.region
@@ -183,7 +187,6 @@ class _ModelAssembly:
             self.model.walls.append(NetWall(self._steps(part), P))
 
     def _sides(self, grids: list[SideGrid]) -> list[list[Floats]]:
-        """(k, 4, 6) poles of each side of regions, in the order of their grids."""
         poles, position = self.lines.parts([part for four in grids for side in four for part in side]), 0
         result = list[list[Floats]]()
         for four in grids:
@@ -208,7 +211,7 @@ class _ModelAssembly:
         top_side: list[ChainLoop],
         left_side: list[ChainLoop],
     ) -> tuple[list[list[ChainLoop]], list[list[ChainLoop]]]:
-        """Return the edges of all cells: along [i][j] below cell (i, j), and up [i][j] on its left."""
+        """Return the edges of all cells: along[i][j] is below cell (i, j), and up[i][j] is on its left."""
         ku, kv = P.shape[:2]
         vertex: Ints = np.zeros((ku + 1, kv + 1), dtype=np.int64)
         for j, side in ((0, bottom_side), (kv, top_side)):
@@ -236,24 +239,25 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # outline over mean width: 8 of a square, 9 of two squares, 10.7 of three in a row
+    limit = 10.0  # outline over mean width is 8 for a square, 9 for two squares, 10.7 for a row of three
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
 
 
 SMOOTH_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the turn between two walls up to which no corner needs a fillet."""
+"""Cosine of the largest turn between two walls that needs no fillet."""
 
 STRAIGHT_COSINE = np.cos(0.01)
-"""Cosine of the angle up to which OCCT (8.0) takes a seam for the continuation of a wall's edge."""
+"""Cosine of the largest angle at which OCCT (8.0) treats a seam as the continuation of a wall's edge."""
 
 
 @dataclass(frozen=True)
 class FilledCorner:
     """Corner with less than half a turn of void, where one seam ends.
-    seam, end : the edge, and 1 for its last end or 0 for its first.    half : tangent of half the turn.
-    beside : edges of the walls before and after the corner.    straight : the one that the seam continues, or None."""
+    seam, end : edge of the seam, and the end at the corner: 0 for the first, 1 for the last.
+    half      : tangent of half the turn.    beside : edges of the walls before and after the corner.
+    straight  : the edge that the seam continues, or None."""
 
     vertex: int
     seam: int
@@ -264,12 +268,13 @@ class FilledCorner:
 
 
 def corner_tangents(model: NetModel) -> dict[int, float]:
-    """Tangent of half the turn, by vertex with a corner of an outline."""
+    """Return the tangent of half the turn at each corner of an outline, by vertex."""
     return {vertex: half for vertex, (half, _, _) in _corners(model).items()}
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return corners that a fillet fills and where exactly one seam ends; none for a model with a seam."""
+    """Return the corners that a fillet fills and where exactly one seam ends; empty for a model on a one-sided
+    surface."""
     if model.seam:
         return []
     walls = {e for wall in model.walls for e, _ in wall.steps}
@@ -292,7 +297,6 @@ def filled_corners(model: NetModel) -> list[FilledCorner]:
 
 
 def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[int, bool]]]:
-    """By corner vertex: tangent of half the turn, and the edges before and after it."""
     result = dict[int, tuple[float, tuple[int, bool], tuple[int, bool]]]()
     for outline in outlines(model):
         for i, wall in enumerate(outline):
@@ -304,12 +308,13 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Tangent of half the turn at a corner, the factor of a fillet's radius; 0 for a smooth corner."""
+    """Return the tangent of half the turn at a corner, which is a fillet's length over its radius; 0 for a smooth
+    corner."""
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < SMOOTH_COSINE else 0.0
 
 
 def outlines(model: NetModel) -> list[list[NetWall]]:
-    """Group walls into consecutive rows."""
+    """Group walls into rows; each row is one outline."""
     begin = dict[int, list[NetWall]]()
     for wall in model.walls:
         begin.setdefault(model.vertex(wall.steps[0], True), []).append(wall)

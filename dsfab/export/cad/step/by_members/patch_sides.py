@@ -27,19 +27,20 @@ from dsfab.export.cad.step.smooth.edges import LOOP_SHARE, OUTLINE_SHARE
 from dsfab.export.splines import bernstein
 
 REACH_SHARE = 3 / 4
-"""Largest distance along a chain, over the thickness, at which its direction is measured."""
+"""Largest distance along a chain where its direction is measured, as a share of the thickness."""
 
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """Region with four sides in order; each side is a row of chains with the region on the left."""
+    """Region with four sides in order. Each side is a row of chains, with the region on the left."""
 
     region: int
     sides: tuple[ChainLoop, ChainLoop, ChainLoop, ChainLoop]
 
 
 def quads_of(net: ChainNet, chains: Mapping[int, SampledChain], reach: float) -> tuple[list[Quad], list[int]]:
-    """Separate regions with four sides from all others. reach : millimetres within which directions are measured."""
+    """Separate regions with four sides from the other regions. reach : distance (mm) within which directions are
+    measured."""
     quads, other_regions = list[Quad](), list[int]()
     for region, loops in net.loops.items():
         quad = _quad(region, loops, chains, reach)
@@ -63,9 +64,8 @@ def _quad(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain
 
 
 def _corners(angle: Floats) -> Ints | None:
-    """Indices of the four corners among interior angles (k,) in degrees, or None."""
-    blunt_limit = 60.0  # largest such angle for regions with more than four corners
-    straight_limit = 30.0  # degrees off 180 within which a node is no corner
+    blunt_limit = 60.0  # largest turn (degrees) at the other nodes if more than four could be corners
+    straight_limit = 30.0  # a node with a smaller turn (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
     if len(corners) > 4:
@@ -93,7 +93,8 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """parts : consecutive parts of lines.    at : (k + 1,) shares of the side's length where they end."""
+    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) ends of parts as shares of the side's
+    length."""
 
     parts: list[LinePart]
     at: Floats
@@ -104,11 +105,11 @@ class QuadSide:
 
 
 SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
-"""Bottom, right, top and left of a region between its stations; opposite sides run in the same direction."""
+"""Parts of the bottom, right, top and left side of a region between its stations; opposite sides run the same way."""
 
 
 class SideStations:
-    """Stations: the points that divide opposite sides of regions alike. stops : divisions of each line."""
+    """Stations are points that divide opposite sides of regions alike. stops : divisions of each line."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
@@ -122,7 +123,7 @@ class SideStations:
         return along * up
 
     def grid(self, quad: Quad) -> SideGrid:
-        """Return the sides of a region between stations; adds stations if needed."""
+        """Return the sides of a region, divided at its stations; adds stations if the sides need them."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         below, above = self._divide_sides(bottom_side, top_side.backwards())
         before, after = self._divide_sides(left_side.backwards(), right_side)
@@ -143,7 +144,6 @@ class SideStations:
         return QuadSide(parts, ends / ends[-1])
 
     def _breaks(self, side: QuadSide) -> dict[float, tuple[int, float]]:
-        """Breaks of a side by share of its length: the part with the break, and the parameter."""
         by_share = dict[float, tuple[int, float]]()
         for p, (i, a, b) in enumerate(side.parts):
             if p:
@@ -163,7 +163,8 @@ class SideStations:
     def _parts_between(
         self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], shares: Floats
     ) -> list[LinePart]:
-        """Parts of a side between stations. Stations without a break are new, or lie at an existing division."""
+        """Return the parts of a side between stations. A station without a break is new, or moves to an existing
+        division."""
         ends, parts = np.concatenate([[0.0], shares, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -174,9 +175,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = (
-            0.15  # share of the distance between two stations within which a new one moves to an existing division
-        )
+        snap_share = 0.15  # a new station moves to a division nearer than this share of the distance between stations
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -191,10 +190,10 @@ class SideStations:
 
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
-    """Return pairs of shares (k,) of two opposite sides, ascending, from the shares that each side needs.
-    Near shares form a pair; so do all if both sides have as many and none differ by much. A share without a partner
-    gets one by interpolation between its neighbours."""
-    tolerance = 0.1  # largest difference of paired stations, as a share of a side
+    """Pair the positions at which two opposite sides need stations; return the pairs of ascending shares (k,).
+    Near shares form a pair. If both sides have equally many shares and none differ by much, all form pairs. A share
+    without a partner gets a partner by interpolation between its neighbours."""
+    tolerance = 0.1  # paired stations differ by at most this share of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
     pairs = [(0.0, 0.0), (1.0, 1.0)]
@@ -214,20 +213,21 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Share of the mesh's chord error in the tolerance, a quarter of that for walls of smooth solids. Skins of a coarse
-mesh wave, and curves are moved onto them later. With 1/2 a torus was 3.8 mm off where 3.4 are allowed."""
+"""Share of the mesh's chord error in the tolerance, a quarter of the share for walls of smooth solids. Skins of a
+coarse mesh wave, and curves move onto the skins later. With 1/2 a torus was 3.8 mm off where 3.4 are allowed."""
 
 TEST_PLACES = np.linspace(0, 1, 9)[1:-1]
-"""Parameters where a cubic's distance from the skins is measured. Cubics shorter than the thickness stay whole."""
+"""Parameters where the distance of a cubic from the skins is measured. Cubics shorter than the thickness are not
+divided."""
 
 
 class LineFits:
-    """Fits of lines, memoised by chains with unchanged points.
+    """Fits of lines, with a cache for chains with unchanged points.
 
-    distance : largest distance of a solid from the mesh, mm.    box : (2, 3) for the poles, mm.
-    skins    : (2, 3) box around the skins; a parabola's poles must lie in it.
-    away     : vectors (k, 6) from points to both skins.    closely : divide cubics that stray from the skins.
-    """
+    distance : allowed distance of a solid from the mesh, mm.    box : (2, 3) box that must hold the poles, mm.
+    skins    : (2, 3) box around the skins, which must hold the poles of a parabola.
+    away     : function of points (k, 6); returns vectors to both skins.    closely : divide cubics that leave the
+               skins."""
 
     def __init__(
         self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats], closely: bool = False
@@ -238,7 +238,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit the lines of a net, each with at most as many spans as its chains have alone."""
+        """Fit the lines of a net. A line has at most as many spans as the separate fits of its chains."""
         turns, self.within = _Turns(chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -252,7 +252,7 @@ class LineFits:
                 else:
                     todo += _halves(line.steps, turns)
         fair = with_ends_on_lines(NetLines(net, self._on_skins(accepted)))
-        # arcs come last: they bulge away from the material between an opening's sides
+        # arcs come last, because they bulge away from the material between an opening's sides
         return with_twins(with_arcs(fair, chains, arced, rounded, self.arcs))
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[ChainLoop]) -> list[ChainLine]:
@@ -268,14 +268,14 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return whether each line is one chain, or close to its chains with fewer spans than they have alone."""
+        """Return for each line True if it is one chain, or is near its chains with fewer spans than separate fits."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
         return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
-        least_distance = 0.1  # least distance of chain ends from breaks, as a share of a span
+        least_distance = 0.1  # chain ends are at least this share of a span from breaks
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
@@ -292,8 +292,9 @@ class LineFits:
         return [self.pulled[id(line)][1] for line in lines]
 
     def _halve_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
-        """Halve cubics that would leave the skins between the places where they are moved onto them.
-        A mesh point was 1.5 mm off such a patch where 1.49 are allowed, with the skin 0.8 mm off that point."""
+        """Halve the cubics that would leave the skins between the places where cubics are moved onto the skins.
+        Without this step, a patch was 1.5 mm off a mesh point where 1.49 are allowed, with the skin 0.8 mm off that
+        point."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -310,7 +311,8 @@ class LineFits:
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """Tolerance of each chain, mm: a share of the allowed distance and of the chord error, less at narrow openings."""
+    """Return the tolerance of each chain, mm: a share of the allowed distance and of the chord error, less at narrow
+    openings."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -319,7 +321,7 @@ def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: flo
         while (k := after.pop(int(net.chains[k].points[-1]), -1)) >= 0:
             loop.append(k)
         if int(net.chains[loop[-1]].points[-1]) != start:
-            continue  # a node of two outlines
+            continue  # two outlines share this node
         width = mean_width(np.concatenate([chains[k].middle[:-1] for k in loop]))
         tolerances |= {k: min(tolerances[k], LOOP_SHARE * width) for k in loop}
     return tolerances
@@ -330,7 +332,6 @@ def _same_points(cached: tuple[list[Ints], ChainLine] | None, points: list[Ints]
 
 
 def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]) -> tuple[Floats, Floats]:
-    """(k, 6) points of consecutive chains, and shares of the length where they end."""
     parts = [chains[k].Q[:: 1 if ahead else -1] for k, ahead in row]
     long = [np.linalg.norm(np.diff(part, axis=0), axis=1).sum() for part in parts]
     ends = np.concatenate([[0.0], np.cumsum(long)])
@@ -338,8 +339,6 @@ def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]
 
 
 class _Turns:
-    """Angle in degrees between the end of one chain and the continuation in another."""
-
     def __init__(self, chains: Mapping[int, SampledChain], reach: float) -> None:
         self.chains, self.reach = chains, reach
 
@@ -350,9 +349,9 @@ class _Turns:
 
 
 def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair chain ends that form one line: inside a side of a region, and along outlines that only continue.
-    Arcs continue outlines, but not borders between members."""
-    smooth = 10.0  # degrees that an outline may turn where two of its chains become one line
+    """Pair the ends of chains that form one line: inside a side of a region, and along outlines that only continue.
+    An arc may continue an outline, but not a border between members."""
+    smooth = 10.0  # two chains of an outline become one line if it turns by at most 10 degrees
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:
         for side in quad.sides:

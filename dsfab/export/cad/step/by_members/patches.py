@@ -1,4 +1,5 @@
-"""Bezier patches of four-sided regions (Coons surfaces), height fields, and their distance from the mesh."""
+"""Bezier patches of four-sided regions (Coons surfaces), surfaces as heights over a plane, and distances from the
+mesh."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from dsfab.export.splines import bernstein
 
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
-    """(k, 2) parameters of points (k, 3) over a surface with poles (p + 1, p + 1, 3).
+    """Return the parameters (k, 2) of points (k, 3) on a surface with poles (p + 1, p + 1, 3).
     The poles lie evenly over a parallelogram in the plane of the first two axes."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
@@ -26,12 +27,12 @@ def height_rows(uv: Floats, degree: int) -> Floats:
 
 
 def rows_at(uv: Floats) -> Callable[[int], Floats]:
-    """Return `height_rows` at fixed parameters (k, 2) as a memoised function of the degree."""
+    """Return `height_rows` at fixed parameters (k, 2) as a function of the degree, with a cache."""
     return cache(partial(height_rows, uv))
 
 
 def raised_poles(poles: Floats, degree: int) -> Floats:
-    """(degree + 1, degree + 1) poles of the same surface in a higher degree."""
+    """Return poles (degree + 1, degree + 1) of the same surface in a higher degree."""
     while (n := len(poles)) <= degree:
         poles = _degree_matrix(n) @ poles @ _degree_matrix(n).T
     return poles
@@ -39,7 +40,6 @@ def raised_poles(poles: Floats, degree: int) -> Floats:
 
 @cache
 def _degree_matrix(n: int) -> Floats:
-    """(n + 1, n) matrix that raises the degree of a curve with n poles by one."""
     share = np.arange(n + 1)[:, None] / n
     return np.asarray(share * np.eye(n + 1, n, -1) + (1 - share) * np.eye(n + 1, n))
 
@@ -56,13 +56,13 @@ def _binomials(degree: int) -> Floats:
 
 @cache
 def differences(count: int) -> Floats:
-    """(2 (k - 2) k, k^2) matrix of second differences of poles (k, k) along both directions."""
+    """Return the matrix (2 (k - 2) k, k^2) of second differences of poles (k, k) along both directions."""
     second = np.diff(np.eye(count), n=2, axis=0)
     return np.concatenate([np.kron(second, np.eye(count)), np.kron(np.eye(count), second)])
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""(k, 2) sample parameters of a surface; 12 along a side missed a bulge of 1.6 mm in a corner of 40 mm."""
+"""(k, 2) sample parameters of a surface. With 12 along a side, a bulge of 1.6 mm in a corner of 40 mm was missed."""
 
 ROWS = rows_at(PLACES)
 
@@ -71,9 +71,9 @@ ROWS = rows_at(PLACES)
 class FaceLimits:
     """Limits of faces, millimetres.
 
-    gap : between trimmed faces and their edges.
-    off : of inner points; also if the gap is wider but small enough to split edges.
-    box : (2, 3) for the poles.
+    gap : largest gap between trimmed faces and their edges.
+    off : largest distance of inner points, also if the gap is wider but small enough to split edges.
+    box : (2, 3) box that must hold the poles.
     beyond_mesh : function of points (k, 3) that returns by how much they exceed the allowed distance from the mesh
                   (k,), or None.
     """
@@ -89,7 +89,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Largest excess of surfaces over the allowed distance from the mesh, inside outlines (., 3), or -inf."""
+    """Return how far surfaces inside outlines (., 3) exceed the allowed distance from the mesh at most, or -inf."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -103,25 +103,25 @@ def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Float
 
 
 def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
-    """(k,) points (k, 2) of a plane inside an odd number of closed lines (., 2)."""
+    """Return (k,) True for points (k, 2) of a plane inside an odd number of closed lines (., 2)."""
     x, y = points.T
     is_inside = np.zeros(len(points), dtype=bool)
     for line in lines:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
         above = ay > y[:, None]
-        i, j = np.nonzero(above != np.roll(above, -1, axis=1))  # only the few crossing segments need the exact test
+        i, j = np.nonzero(above != np.roll(above, -1, axis=1))  # few segments need the exact test
         is_left = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
         is_inside ^= np.bincount(i[is_left], minlength=len(points)) % 2 == 1
     return is_inside
 
 
 FOLD_PLACES = np.linspace(0, 1, 5)
-"""Parameters in both directions where a patch is tested for folds."""
+"""Parameters in both directions at which a patch is tested for folds."""
 
 
 def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_poles: Floats) -> Floats:
-    """(ku, kv, 4, 4, d) poles of Coons patches between spans.
+    """Return the poles (ku, kv, 4, 4, d) of Coons patches inside a region with four sides.
     bottom_poles, top_poles : (ku, 4, d) from left to right.    left_poles, right_poles : (kv, 4, d) upwards."""
     b, t = bottom_poles[:, None, :, None, :], top_poles[:, None, :, None, :]
     lt, rt = left_poles[None, :, None, :, :], right_poles[None, :, None, :, :]
@@ -136,7 +136,8 @@ def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_pol
 
 
 def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
-    """Move the insides of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and cells remain continuous.
+    """Move the inner poles of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and neighbours still join
+    smoothly.
     vectors_to_skins : returns the vectors from points (k, d) to the skins."""
     splines = [
         (
@@ -159,13 +160,11 @@ def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats
 
 
 def _shares(side: Floats, opposite: Floats) -> Floats:
-    """(k, 4) mean position of each pole along two opposite sides."""
     break_shares = _break_shares(side, opposite)
     return np.asarray(break_shares[:-1, None] + np.diff(break_shares)[:, None] * np.arange(4) / 3)
 
 
 def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
-    """(k + 1,) mean positions of breaks along two opposite sides."""
     shares = np.zeros(len(side_spans) + 1)
     for side in (side_spans, opposite_spans):
         long = np.cumsum(np.linalg.norm(side[:, -1, :3] - side[:, 0, :3], axis=1))
@@ -174,7 +173,8 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Least ratio of a normal's component along the mean normal to the largest, for patches (..., 4, 4, 3)."""
+    """Return for patches (..., 4, 4, 3) the least ratio of normal components along the mean normal to the largest
+    one."""
     P = P.reshape(-1, 4, 4, 3)
     y = 1 - FOLD_PLACES
     B = np.stack([y**3, 3 * FOLD_PLACES * y**2, 3 * FOLD_PLACES**2 * y, FOLD_PLACES**3], axis=1)
@@ -191,16 +191,17 @@ TEST_PLACES = np.linspace(0, 1, 7)
 
 
 class PatchBuilder:
-    """Builder of patches, memoised by region and its curves, because a net changes several times in few places.
-    away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits their middles."""
+    """Builder of patches, with a cache by region and curves, because each change of a net affects few regions.
+    away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits the distance of their middles.
+    """
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.away, self.limits = away, limits
         self.known = dict[int, tuple[list[bytes], Floats | None]]()
 
     def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
-        """Return poles (ku, kv, 4, 4, 6) for each region, or None if its patches are folded or too far off.
-        sides : bottom, right, top and left of each, see `coons`."""
+        """Return the poles (ku, kv, 4, 4, 6) of each region, or None if its patches are folded or too far off.
+        sides : bottom, right, top and left side of each region, see `coons`."""
         poles = [[side.tobytes() for side in four] for four in sides]
         changed = [
             i for i, (r, now) in enumerate(zip(regions, poles, strict=True)) if self.known.get(r, ((),))[0] != now
@@ -221,12 +222,12 @@ class PatchBuilder:
 
 
 def _is_folded(P: Floats) -> bool:
-    least_ratio = 0.1  # relative Jacobian; a region with a worse patch is trimmed instead
+    least_ratio = 0.1  # a region is trimmed if a patch has a smaller relative Jacobian
     return least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < least_ratio
 
 
 def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """(k,) largest distance of the middles of patches from the skins, which wave on coarse meshes."""
+    """Return the (k,) largest distance of the middles of patches from the skins; skins of coarse meshes wave."""
     if not patches:
         return np.zeros(0)
     half = bernstein(np.array([0.5]))[0]
@@ -244,7 +245,7 @@ def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
     """(k,) excess of patches over the allowed distance from the mesh; -inf if unlimited.
-    Beside a crease one patch met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed."""
+    A patch beside a crease met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])

@@ -1,4 +1,4 @@
-"""Division of regions into members: long members cut from their ends, and seams where a region bends too much."""
+"""Division of regions into members: the ends of long members are cut off, and regions with strong bends get a seam."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -20,9 +20,9 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
-    """Cut the ends off regions with two long walls, as regions of their own.
+    """Cut off both ends of each region with two long walls; the ends become regions.
     An end narrower than `width` mm stays with the member."""
-    points_each = 9  # points of a chain that divides a region
+    points_each = 9  # a chain that divides a region has 9 points
     P = np.asarray(net.weights @ lifting.skins.points)
     chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)
     free, count, lines = max(loops) + 1, len(P), list[Floats]()
@@ -61,8 +61,8 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
-    """Positions of two walls in a region's only loop, longer than their distance and not adjacent, or None."""
-    long = 1.5  # least length of both walls of a member over the distance between them
+    """Return the positions of two long walls in a region's only loop, or None. The walls must not be adjacent."""
+    long = 1.5  # both walls of a member are at least 1.5 times as long as their distance
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
     loop = loops[0]
@@ -76,7 +76,8 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return whether a line between the ends of a row of chains cuts off a narrow piece, or one on the wrong side."""
+    """Return True if the line between the ends of a row of chains cuts off a narrow piece, or a piece on the wrong
+    side."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
@@ -94,14 +95,14 @@ def _length(P: Floats, net: ChainNet, step: tuple[int, bool]) -> float:
 
 
 LEAST_COSINE = 0.75
-"""Least cosine between the mean normal of a region and any of its normals. Trimmed faces need 0.35, but with that limit
-a few were 2 mm off their edges."""
+"""Smallest cosine between the mean normal of a region and its normals. Trimmed faces need only 0.35, but with 0.35 a
+few faces were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide regions that bend too much, if they have one outline and nodes. The net's first points are those of the
-    sheet."""
-    most_seams = 200  # largest number of seams for one sheet
+    """Divide each region that bends too much, if it has one outline and nodes. The first points of the net are the
+    sheet's."""
+    most_seams = 200  # one sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
     todo = {r: x for r, x in bends.items() if x < LEAST_COSINE and not _is_member(work, r, lifting, limits)}
@@ -124,14 +125,14 @@ def _is_member(work: "_BendSeams", region: int, lifting: Lifting, limits: Smooth
 
 
 class _BendSeams:
-    """Net whose regions are divided one after another."""
+    """Net with regions that are divided one after another by seams."""
 
     def __init__(self, net: ChainNet, sheet: StripedSheet, lifting: Lifting, wall_distance: float) -> None:
         self.near = wall_distance
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
-        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # slivers lack a sure normal
+        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # a sliver's normal is inexact
         long = np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
         self.N = N / long * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
@@ -146,26 +147,27 @@ class _BendSeams:
         return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
 
     def is_stout(self, region: int) -> bool:
-        stout_limit = 32.0  # squared outline over area: 16 of a square, 29 of five squares in a row
+        stout_limit = 32.0  # squared outline over area is 16 for a square, 29 for a row of five squares
         area = np.linalg.norm(self.N[self.net.cell == region], axis=1).sum() / 2
         outline = sum(self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0])
         return bool(outline**2 < stout_limit * area)
 
     def _normal_spread(self, cells: Ints) -> float:
-        """Spread of the normals of cells: sum of their areas minus length of the area vector."""
+        """Return the spread of the normals of cells: the sum of the cells' areas minus the length of their area
+        vector."""
         N = self.N[cells]
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
 
     def divide(self, region: int) -> int:
-        """Divide a region; return the number of the new region, or -1 if no seam reduces the bend enough."""
+        """Divide a region; return the number of the new region, or -1 if no seam makes the bend small enough."""
         seam = self._seam(region)
         if seam is None and self._halve_chains(region):
             seam = self._seam(region)
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # largest share of the bend that may remain, with the cost of the seam
-        seam_cost = 0.1  # of a seam as long as the root of the area, where the whole bend of the region costs 1
+        most_left = 0.8  # at most this share of the bend may remain after a seam, including the seam's cost
+        seam_cost = 0.1  # a seam as long as the root of the area costs 0.1, and the whole bend of the region costs 1
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
         whole_spread, size = self._normal_spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())
@@ -178,7 +180,7 @@ class _BendSeams:
         return result
 
     def _halve_chains(self, region: int) -> bool:
-        few = 8  # a chain longer than an eighth of the outline is long
+        few = 8  # a long chain is longer than an eighth of the outline
         long = {k: self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0]}
         longest = [k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
         for k in longest:
@@ -205,7 +207,7 @@ class _BendSeams:
         return float(np.linalg.norm(np.diff(P, axis=0), axis=1).sum())
 
     def _with_seam(self, region: int, path: Ints, right: Ints) -> int:
-        """Divide a region along a path; return the number of the new region, which holds the cells on its right."""
+        """Divide a region along a path; return the number of the new region with the cells on the right of the path."""
         chains, loops, cell = dict(self.net.chains), dict(self.net.loops), self.net.cell.copy()
         loop, added_region, first_chain = loops[region][0], max(*loops, int(cell.max())) + 1, max(chains) + 1
         nodes = [self.net.ends(step)[0] for step in loop]
@@ -234,7 +236,7 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
     away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
     wall_factor = 1 + wall_distance / np.maximum(
         away[ends].mean(axis=1), wall_distance / 4
-    )  # walls repel: straightening would cross them
+    )  # paths keep away from walls; straightening would cross them
     long = wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1)
     start, end, long = (
         np.concatenate([ends[:, 0], ends[:, 1]]),
@@ -256,7 +258,7 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
 
 
 def _on_the_right(F: Ints, path: Ints) -> Bools:
-    """(m,) cells connected to those on the right of a path along their edges."""
+    """Return (m,) True for cells that are connected to the right side of a path along their edges."""
     _, local = np.unique(np.append(F.ravel(), path), return_inverse=True)
     cells, line = local[: F.size].reshape(-1, 3), local[F.size :]
     edges = edge_table(cells)

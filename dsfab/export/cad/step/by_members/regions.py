@@ -1,4 +1,4 @@
-"""Regions of a sheet, the chains of mesh edges between them, joined outlines, and skin points inside regions."""
+"""Regions of a sheet, chains of mesh edges between regions, joined outlines, and points on the skins inside regions."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,32 +13,35 @@ from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
 
 CORNER_COSINE = np.cos(np.deg2rad(40.0))
-"""Cosine of the turn from which on an outline has a corner."""
+"""Cosine of the smallest turn of an outline that counts as a corner."""
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the turn, seen along the sheet's normal, from which on a vertex belongs to a round corner. Nodes mark its
-ends. Where a coarse mesh bends, the outline turns with it in space but is straight in this view."""
+"""Cosine of the smallest turn at a vertex of a round corner, seen along the sheet's normal. Nodes mark the ends of
+round corners. Where a coarse mesh bends, the outline turns in space with the mesh but is straight in this view."""
 
 SLIVER_SHARE = 1 / 4
-"""Root of a region's area over the thickness below which the region joins the neighbour with the longest border."""
+"""A region joins a neighbour if the root of its area is below this share of the thickness. The neighbour is the region
+with the longest shared border."""
 
 VOID = -1
-"""Number of the region beyond an outline."""
+"""Number of the space beyond an outline, in place of a region."""
 
 ChainLoop = list[tuple[int, bool]]
-"""Chains in order, each with True if it runs forwards."""
+"""Chains in order; True means that the loop runs along the chain, False against it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """points : (k,) rows of the net's weights, first and last are nodes.    left, right : regions (or VOID)."""
+    """Chain of mesh edges between two nodes.
+
+    points : (k,) rows of the net's weights; the first and the last are nodes.    left, right : regions (or VOID)."""
 
     points: Ints
     left: int
     right: int
 
     def with_region(self, region: int, ahead: bool) -> "Chain":
-        """Return the chain with another region on its left in the direction of travel (`ahead`, or backwards)."""
+        """Return the chain with another region on its left as seen along (`ahead`) or against its direction."""
         return Chain(self.points, region, self.right) if ahead else Chain(self.points, self.left, region)
 
 
@@ -48,7 +51,7 @@ class ChainNet:
 
     weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
     loops   : by region, with the region on the left.    loose : regions outside of all stripes.
-    cell    : (m,) region of each cell of the sheet.    parent : original region of each part that has no cells.
+    cell    : (m,) region of each cell of the sheet.    parent : original region of each divided region without cells.
     twins   : pairs of points on both sides of a seam, see `StripedSheet`.
     """
 
@@ -61,7 +64,7 @@ class ChainNet:
     twins: dict[int, int] = field(default_factory=dict)
 
     def on_seam(self, k: int) -> bool:
-        """Return whether a chain runs along a seam. Beyond it is VOID, but the solid continues there."""
+        """Return True if a chain runs along a seam. The region beyond it is VOID, but the solid continues there."""
         points = self.chains[k].points
         return bool(self.twins) and self.chains[k].right == VOID and all(int(p) in self.twins for p in points)
 
@@ -72,7 +75,8 @@ class ChainNet:
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
-"""Function that tells whether lines between points with weights lie on a crease, see `CreaseSides.along`."""
+"""Function that tells for points with weights whether lines between them lie on a crease.
+See `CreaseSides.lines_on_creases`."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
@@ -87,7 +91,7 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
 
 
 def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
-    """Return for each node the chains that end there, each with 0 if it begins and -1 if it ends."""
+    """Return for each node the chains that begin there (with 0) and the chains that end there (with -1)."""
     node_ends = dict[int, list[tuple[int, int]]]()
     for k, chain in net.chains.items():
         for end in (0, -1):
@@ -96,7 +100,8 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the outline's chains that end and begin at a node; None unless there is exactly one each."""
+    """Return the chain of the outline that ends at a node and the chain that begins there; None unless both are
+    unique."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
@@ -114,7 +119,7 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """Return the connected region (m,) of each cell, with one label each, and the loose regions.
+    """Return the connected region (m,) of each cell, with one label for each region, and the loose regions.
     apart : (i,) True for pairs of neighbours with a crease between them."""
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
@@ -136,8 +141,6 @@ def _regions(
 
 
 class _BorderWalk:
-    """Walk along the borders of regions, half-edge by half-edge."""
-
     def __init__(self, sheet: StripedSheet, P: Floats, N: Floats, edges: EdgeTable, region: Ints) -> None:
         self.weights, self.P, self.N, self.region = sheet.weights, P, N, region
         self.twin = edges.twins
@@ -162,7 +165,7 @@ class _BorderWalk:
         once = h[(self.twin[h] < 0) | (h < self.twin[h])]
         ends = np.concatenate([self.start[once], self.end[once]])
         pair = np.minimum(self.left[once], self.right[once]) * (self.region.max() + 2) + self.left[once]
-        pair = pair + self.right[once]  # both directions of a chain give the same number
+        pair = pair + self.right[once]  # both directions of a chain count alike
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))
@@ -181,7 +184,7 @@ class _BorderWalk:
 
     @cached_property
     def _seam_points(self) -> Ints:
-        """(2, k) vertices at one place on both sides of a seam."""
+        """Return (2, k) vertices at one place, on both sides of a seam."""
         side_a, side_b = self.seam.T
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
@@ -189,8 +192,8 @@ class _BorderWalk:
         return np.asarray(np.bincount(self._seam_points.ravel(), minlength=n) == 1)
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """(k,) border half-edges after which the outline begins or ends to be round. bent (k,) turns there; void (k,)
-        outline."""
+        """Return the (k,) border half-edges where a round corner of the outline begins or ends.
+        bent : (k,) True where the outline turns.    void : (k,) True for half-edges of the outline."""
         h, position = self.along, np.full(len(self.border), -1)
         position[h] = np.arange(len(h))
         after = position[self.after[h]]
@@ -256,17 +259,18 @@ class _BorderWalk:
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """Remove nodes inside round corners and straight walls. P and N (p, 3) are the net's points and normals."""
+    """Join the outline chains inside round corners and straight walls. P and N (p, 3) are the net's points and
+    normals."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
-    degree[list(net.twins)] = 0  # chains on both sides of a seam stay apart
+    degree[list(net.twins)] = 0  # chains on the two sides of a seam are not joined
     chains = dict(net.chains)
     loops = {r: [_joined_loop(loop, chains, P, N, degree) for loop in group] for r, group in net.loops.items()}
     return replace(net, chains=chains, loops=loops)
 
 
 def _joined_loop(loop: ChainLoop, chains: dict[int, Chain], P: Floats, N: Floats, degree: Ints) -> ChainLoop:
-    fewest = 4  # chains of a loop
+    fewest = 4  # a loop has at least 4 chains
     if all(chains[k].right == VOID for k, _ in loop):
         return loop
     steps, position = list(loop), 0
@@ -284,7 +288,6 @@ def _joined_loop(loop: ChainLoop, chains: dict[int, Chain], P: Floats, N: Floats
 
 
 def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) -> Ints:
-    """(5,) outline points around the start of a chain of a loop; (0,) if the outline is too short."""
     parts = [chains[loop[(position + i) % len(loop)][0]] for i in (-2, -1, 0, 1)]
     before, after = parts[1].points, parts[2].points
     if parts[0].right == VOID:
@@ -295,7 +298,8 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return whether an outline has a sharp corner, or begins or ends to be round, amid five points (5, 3)."""
+    """Return True if an outline with points (5, 3) has a sharp corner in the middle, or begins or ends to be round
+    there."""
     if len(line) < 5:
         return True
     d = np.diff(line, axis=0)
@@ -305,8 +309,9 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
-    """Remove regions of two chains narrower than `width`: each joins the region beyond an inner chain. P (p, 3) net
-    points. A straightened chain could otherwise run along or beyond the other one, with no face between them."""
+    """Remove regions of two chains that are narrower than `width`. P : (p, 3) points of the net.
+    Each such region joins the region beyond an inner chain. Otherwise one chain could cross or touch the other when it
+    is straightened, with no face between them."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
@@ -327,7 +332,7 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
 
 
 def mean_width(line: Floats) -> float:
-    """Area inside a closed line (k, 3) over half of its length."""
+    """Return the area inside a closed line (k, 3), divided by half of the line's length."""
     around = float(np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).sum())
     return 2 * float(np.linalg.norm(vector_area(line))) / max(around, 1e-300)
 
@@ -339,20 +344,20 @@ def vector_area(line: Floats) -> Floats:
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric points in each cell that hold a trimmed face; with the centre alone the face may wave."""
+"""Barycentric points in each cell that hold a trimmed face near the skins; with the centre alone the face may wave."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""Extra points in cells longer than the thickness: between four points a surface of degree 9 waved by 6 mm, in
-triangles of 180 mm and a sheet of 100 mm."""
+"""Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree 9
+waved by 6 mm between four points."""
 
 REGION_SHARE = 1 / 6
-"""Length of a cell over the size of its region from which on it is long, too: in a notched region of 200 mm a surface
+"""A cell is also long if its length exceeds this share of its region's size. In a notched region of 200 mm, a surface
 of degree 9 waved by 4 mm between points of cells of 50 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegionInterior:
-    """Points of the skins inside regions.    fine : True if long cells get the points `MORE`."""
+    """Points on the skins inside regions.    fine : True if long cells get the points `MORE`."""
 
     sheet: StripedSheet
     lifting: Lifting
@@ -375,12 +380,11 @@ class RegionInterior:
         return dict(zip(regions, np.split(np.concatenate(point_rows)[order], ends), strict=True))
 
     def _skin_points(self, F: Ints, weights: Sequence[tuple[float, float, float]]) -> Floats:
-        """(k m, 6) points at each of k barycentric weights in cells (m, 3)."""
         a, b, c = (self.sheet.weights[F[:, i]] for i in range(3))
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
-        """(m,) whether a side of a cell is longer than the thickness, or long for its region of size (m,)."""
+        """Return (m,) True for cells with a side longer than the thickness, or long for a region of size (m,)."""
         P = self._on_mesh(self.sheet.weights)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
         return np.asarray(long > np.minimum(self.thickness, REGION_SHARE * size))

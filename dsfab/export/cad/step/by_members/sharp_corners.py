@@ -1,4 +1,4 @@
-"""Trimmed faces and rims of openings moved onto their edges beside sharp corners, so that fillets succeed."""
+"""Trimmed faces and rims of openings that are moved onto their edges beside sharp corners, so that fillets succeed."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -14,12 +14,13 @@ from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace, inside_
 from dsfab.export.splines import bernstein
 
 NODES = np.linspace(0, 1, 4)[:, None]
-"""(4, 1) shares of a piece where it is moved onto a face: a cubic has four heights."""
+"""Shares (4, 1) of a piece at which the piece is moved onto a face: a cubic has four heights."""
 
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes for one face: numbers of rim pieces that then lie on it, and new edges and vertices (6,) by number."""
+    """Changes for one face: numbers of the rim pieces that move onto the face, and new edges and vertices (6,) by
+    number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -27,8 +28,8 @@ class MovedRim:
 
 
 class Rims:
-    """Rim edges of a model, which can move onto the faces beside them.
-    pieces : rim edges at sharp corners.    ends : the edges that end at each vertex."""
+    """Rim edges of a model that can move onto the faces beside them.
+    pieces : rim edges at sharp corners.    ends : numbers of the edges that end at each vertex."""
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
         self.model, self.edges, self.vertices = model, list(model.edges), list(model.vertices)
@@ -41,17 +42,18 @@ class Rims:
         self.moved = set[int]()
 
     def pieces_around(self, face: TrimmedFace) -> set[int]:
-        """Pieces around a face."""
+        """Rim pieces along the outline of a face."""
         return self.pieces & _edges_of_face(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
-        """Curves around a face that are no rims."""
+        """Curves along the outline of a face that are not rims."""
         around = _edges_of_face(face)
         return {e: poles for e, poles in curves.items() if e in around and e not in self.rims}
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
-        """Return the changes that put the rim pieces around a face onto the face; None if the face has no such pieces.
-        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too."""
+        """Return the changes that move the rim pieces around a face onto the face; None without such pieces.
+        on_seams : True if the face runs through the seams at corners, so that the rim pieces there can lie on it, too.
+        """
         around = _edges_of_face(face)
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -74,7 +76,7 @@ class Rims:
         return MovedRim(face_pieces, edges, vertices)
 
     def take(self, change: MovedRim) -> None:
-        """Apply changes."""
+        """Apply the changes of `moved_onto`."""
         for e, edge in change.edges.items():
             self.edges[e] = edge
         for v, point in change.vertices.items():
@@ -95,41 +97,43 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
 
 
 FILLET_SHARE = 1 / 6
-"""Radius over the thickness of the largest fillet that takes no more of an edge than the surface lies on."""
+"""Radius (over the thickness) of the largest fillet whose part of an edge lies exactly on the surface."""
 
 INNER_SHARE = 6 / 7
-"""Least share of that radius on the inner skin. Around one opening the inner edge is a quarter shorter, and fillets of
-2 mm in a sheet of 16 mm took all of it and more."""
+"""Smallest radius on the inner skin, as a share of the outer radius. Around one opening the inner edge is a quarter
+shorter, and fillets of 2 mm in a sheet of 16 mm took more than the whole edge."""
 
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where a part of an edge is held; between six of them the surface is off by less than 5e-8 mm."""
+"""Parameters where the surface must meet a part of an edge; between six of them the surface is off by less than 5e-8
+mm."""
 
 TEST_PLACES = np.linspace(0, 1, 33)
-"""Parameters where the distance is measured, and where an edge may be cut."""
+"""Parameters where the distance is measured and an edge may be cut."""
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest accepted distance in mm: with 5e-7 all corners of a dome take fillets."""
+"""Largest accepted distance in mm; already with 5e-7 all corners of a dome take fillets."""
 
 HELD_WEIGHT, MOVE_WEIGHT = 1e6, 1e-4
-"""Weights of held points and of the movement of poles, against 1 of points along edges."""
+"""Weights of held points and of the movement of poles; points along edges have the weight 1."""
 
 FIT_WEIGHTS = ((1.0, 1e-2), (0.1, 1e-4))
-"""Weights of old places and of second differences of the movement of poles. With the first, faces with three corners of
-openings strayed 0.07 to 0.3 mm from other edges, where only `SPLIT` is allowed; with the second 0.02 mm."""
+"""Weights of old places and of second differences of the movement of poles. With the first pair, faces with three
+corners of openings strayed 0.07 to 0.3 mm from other edges, where only `SPLIT` is allowed. With the second pair it was
+0.02 mm."""
 
 STILL_PLACES = np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2)
-"""Parameters where a surface stays in place; without them one of a sphere of 2 m moved by 1.4 mm."""
+"""Parameters where a surface must not move; without these places a surface of a sphere of 2 m moved by 1.4 mm."""
 
 STILL_ROWS = rows_at(STILL_PLACES)
 
 MOVED = 1 / 400
-"""Largest movement there over the thickness."""
+"""Largest movement at the still places, as a share of the thickness."""
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges at sharp corners beside trimmed faces, and put these faces exactly onto the cut parts.
-    If no degree fits within `SPLIT`, or if the inside moves by more than `MOVED`, the face stays and rims move onto it
-    as far as they may."""
+    A face stays if no degree fits within `SPLIT`, or if its inside moves by more than `MOVED`. Its rims then move onto
+    the face as far as they may."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -155,7 +159,6 @@ def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMode
 
 
 def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, Floats]]) -> TrimmedFace:
-    """Put a face at least on its seams and move its rims, or those at corners without seams, onto it, if possible."""
     if not rims.pieces_around(face):
         return face
     ways = [rims.seams(face, curves) for curves in held_curves]
@@ -169,7 +172,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Return the face with moved rims; None if these move, or edges are off, by more than `SPLIT`."""
+    """Return the face with moved rims; None if its rims move, or its edges are off, by more than `SPLIT`."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -188,15 +191,16 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Shares of an edge at which it is cut, beyond the fillets at its ends, which reach radius times `halves`."""
-    shortest_cut = 0.1  # share of an edge that is too short for a cut
+    """Return the shares of an edge at which it is cut, beyond the fillets at its ends, which reach radius times
+    `halves`."""
+    shortest_cut = 0.1  # a cut part is longer than this share of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
     for end, half in enumerate(halves):
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1: edge too short
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if the edge is short
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -205,7 +209,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
 
 
 def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Floats]) -> TrimmedFace:
-    """Return a face that runs through its held edges, curves with poles (4, 6); the same face if that fails."""
+    """Return a face that runs through its held edges, curves with poles (4, 6); the old face if that fails."""
     curves = [held_curves[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held_curves.keys())]
     if not curves:
         return face
@@ -224,14 +228,14 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Return poles of a surface through the first points; None if that fails. All points are (k, 3).
-    It is within `FLUSH_TOLERANCE` of the second points, near to the third, those of edges, and within `largest_move` of
-    the old surface at the fourth, inside."""
-    # Largest excess after three degrees: of 502 faces that became flush in seven designs the worst had 10.3. Hopeless
-    # faces took nine tenths of the time.
+    """Return the poles of a surface through the first points, all points (k, 3); None if that fails.
+    The surface is within `FLUSH_TOLERANCE` of the second points and near the third points, which lie on edges. At the
+    fourth points, inside, it is within `largest_move` of the old surface."""
+    # The search ends if the excess after three degrees is larger. Of 502 faces that became flush in seven designs the
+    # worst had 10.3; without this limit hopeless faces took nine tenths of the time.
     hopeless = 20.0
-    more_degrees = 6  # largest increase of a surface's degree
-    exact = 5e-8  # millimetres: OCCT ignores 1e-7, and poles are rounded
+    more_degrees = 6  # the degree of a surface rises by at most 6
+    exact = 5e-8  # half of 1e-7 mm, which OCCT ignores, because poles are rounded
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())
@@ -257,8 +261,8 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """(k,) movement of pole heights that brings the surface onto the first points and near to the third.
-    rows : basis (., k) for each kind of points.    distances : from the surface."""
+    """Return the (k,) movement of pole heights that brings the surface onto the first points and near the third points.
+    rows : basis (., k) for each kind of points.    distances : from the surface to each kind of points."""
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), MOVE_WEIGHT * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([HELD_WEIGHT * distances[0], distances[2], np.zeros(sum(map(len, still)))])

@@ -23,7 +23,7 @@ from dsfab.export.cad.step.by_members.regions import ChainLoop
 from dsfab.export.splines import bernstein
 
 LEAST_SINE = 1 / 4
-"""Least sine of a parallelogram's angle; surfaces over flatter ones are folded where they bend."""
+"""Smallest sine of a parallelogram's angle; surfaces over flatter parallelograms are folded where they bend."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,19 +60,19 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Return two right-handed directions (2, 2) out of `ways` (k, 2) for the parallelogram that least leaves the
-        box. Its corners count, at the heights of a quadric through all points."""
+        """Choose two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least; return
+        them (2, 2). Its corners count, at the heights of a quadratic surface through all points."""
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
-        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # drop closed edges, which have no chord
+        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # closed edges have no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         ends = np.stack(
             [(places_in_plane @ turned).min(axis=0), (places_in_plane @ turned).max(axis=0)]
-        )  # (2, k) how far left of each way
+        )  # (2, k) distances to the left of each way
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
-        i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed, or the surface faces the other way
+        i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
         i, j, sine = (x[np.abs(sine) >= LEAST_SINE] for x in (i, j, np.abs(sine)))
         if not len(i):
             return self.sides
@@ -86,7 +86,6 @@ class FaceDomain:
 
 
 def _quadric(plane_points: Floats) -> Floats:
-    """(k, 6) monomials of a quadric at places (k, 2)."""
     x, y = plane_points.T
     return np.stack([np.ones(len(plane_points)), x, y, x * x, x * y, y * y], axis=1)
 
@@ -97,62 +96,63 @@ def distance_outside(points: Floats, box: Floats) -> float:
 
 
 def _outside(points: Floats, box: Floats) -> Floats:
-    """(..., 3) distances outside of a box (2, 3) along each axis; negative inside."""
     return np.asarray(np.maximum(box[0] - points, points - box[1]))
 
 
 SPLIT = 0.045
-"""Millimetres of a gap up to which a cut may split edges. A reader measures an edge's tolerance at 23 points; at those
-of a half the gap may be wider, which OCCT finds invalid. Its cuts set a new tolerance, but none above 0.05 mm
+"""Widest gap (mm) up to which a cut may split an edge. A reader measures an edge's tolerance at 23 points; at the
+points of a half edge the gap may be wider, which OCCT finds invalid. OCCT's cuts set a new tolerance of at most 0.05 mm
 (`BOPAlgo_Builder::PostTreat`). All failed cuts of a pavilion crossed wider gaps."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points, against 1 of inner points; the second is for gaps that the first does not close. With 30 one
+"""Weights of edge points against 1 of inner points; the second is for gaps that stay open with the first. With 30 one
 cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by 100 mm. In one face of a
-mesh of 1 m the gap stays 0.2 mm; the second weight reduces the inner distance from 2.8 to 0.4 mm."""
+mesh of 1 m the gap stays 0.2 mm; there the second weight reduces the inner distance from 2.8 to 0.4 mm."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
 """Weights of second differences of the poles added to a surface of degree `BASE_DEGREE`; they hold poles far from all
-points. With the second, poles beside faces of a torus of 2.5 m were up to 0.35 m off, and OCCT's box with them."""
+points. With the second weight, poles beside faces of a torus of 2.5 m were up to 0.35 m off, and OCCT's box too."""
 
 BASE_DEGREE = 2
 """Degree of the surface to which corrections of higher degree are added."""
 
 INWARDS = np.array([0.3, 0.5, 0.7, 0.85, 0.95])
-"""Shares of the way from the middle of an outline to it."""
+"""Positions of inner points, as shares of the way from the middle of an outline to the outline."""
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Weights of edges and of second differences, and degrees, in the order of trials until the gap is narrow enough."""
+"""Weights of edges, weights of second differences, and degrees; trials follow this order until the gap is narrow
+enough."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Further trials until edges can be split."""
+"""Further trials, in order, until edges can be split."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
-"""(t, 2, 2) axes of the tried rectangles around a region."""
+"""Axes (t, 2, 2) of the rectangles around a region that are tried."""
 
 TURNED_AREA_SHARE = 3 / 4
-"""Share of its area below which the rectangle is turned; corners of turned ones leave the box around the region."""
+"""A turned rectangle is used if its area is below this share of the usual one; its corners leave the box of the
+region."""
 
 FEWEST_STEPS, STEP_SHARE = 12, 1 / 160
-"""Least steps along an edge, and average step over the outline's length. With 8 steps along an edge of 2.8 m the gap
-seemed to be 0.01 mm, but a surface of degree 5 was 0.12 mm off between two."""
+"""Smallest number of steps along an edge, and average step as a share of the outline's length. With 8 steps along an
+edge of 2.8 m the gap seemed to be 0.01 mm, but a surface of degree 5 was 0.12 mm off between two steps."""
 
 LEAST_NORMAL_COSINE = 0.35
-"""Least cosine between the mean plane's normal and those of a region."""
+"""Smallest cosine between the normal of the mean plane and the normals of a region."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrimmedFace:
     """Faces of a region on both skins.
 
-    loops : of edges, the outer one first.    outer, inner : poles (p + 1, p + 1, 3), mm.
+    loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
     axes  : (3, 3) for each surface: its plane and the direction of its heights.
     gap   : widest gap at the edges.    off : largest distance of inner points along the mean normal.
-    exact : True if the surfaces run through edges, or so near that all digits of the poles count.
-    astray : excess over the allowed distance from the mesh; -inf if unlimited.
+    exact : True if the surfaces run through edges, or so near that all digits of the poles matter.
+    astray : excess over the allowed distance from the mesh; -inf without a limit.
     """
 
     loops: list[ChainLoop]
@@ -173,7 +173,8 @@ class TrimmedFace:
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Fit the faces of a region with inner points (k, 6); raises ExportError if no plane sees it as one outline.
+    """Fit the faces of a region with inner points (k, 6); raises ExportError if the region overlaps itself in every
+    plane.
     part : True if the points are those of a larger region, which may bend away."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
@@ -198,7 +199,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """(k,) points (k, 6) inside closed lines (., 6), on the same side of the sheet."""
+    """Return the points out of (k, 6) that lie inside closed lines (., 6) and on the same side of the sheet."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -206,13 +207,13 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 
 def inside_of(line: Floats) -> Floats:
-    """(k, d) points inside an outline (n, d), where the movement of a surface is measured."""
+    """Return (k, d) points inside an outline (n, d) at which the movement of a surface is measured."""
     middle = line.mean(axis=0)
     return np.asarray((middle + INWARDS[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
-    """(k, 6) points along a loop, denser at the ends of edges, where a surface strays first."""
+    """Return (k, 6) points along a loop, denser at the ends of edges because a surface leaves the edges there first."""
     poles = [model.poles(step) for step in loop]
     long = np.array([np.linalg.norm(np.diff(P[:, :3], axis=0), axis=1).sum() for P in poles])
     steps = np.maximum(FEWEST_STEPS, np.ceil(long / (STEP_SHARE * max(long.sum(), 1e-300)))).astype(int)
@@ -221,7 +222,6 @@ def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
 
 @cache
 def _sample_matrix(n: int) -> Floats:
-    """(n, 4) Bernstein polynomials at n parameters along an edge."""
     return bernstein((1 - np.cos(np.pi * np.arange(n) / n)) / 2)
 
 
@@ -237,7 +237,7 @@ def middle_normal(points: Floats) -> Floats:
 
 
 def axes_of(normal: Floats) -> Floats:
-    """(3, 3) right-handed axes, the normal last."""
+    """Return (3, 3) right-handed axes; the last one is the normal."""
     along = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     along /= np.linalg.norm(along)
     return np.stack([along, np.cross(normal, along), normal])
@@ -252,7 +252,7 @@ def signed_area(P: Floats) -> float:
 def _surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Fit poles and axes of a surface; return also its gap at the edges and its distance from inner points.
+    """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points.
 
     ways : chords of the edges. Nothing holds a surface beside its outline, but programs draw boxes around poles. If
     poles over a rectangle leave the box, the surface lies over the parallelogram along two chords that leaves it least.
@@ -272,7 +272,7 @@ def _surface(
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return poles of the best surface over a domain, and its distances from edges and inner points."""
     # Poles of degree `BASE_DEGREE` may lie this multiple of `limits.off` above or below all points. Poles of a higher
-    # degree are nearer: with them OCCT's box of a dome was 13 mm too high instead of 38 mm.
+    # degree are nearer: they made OCCT's box of a dome 13 mm too high instead of 38 mm.
     high = 2.0
     z, gap, inner_distance = _best(over.uv, over.z, over.inside, limits.gap, limits.off)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
@@ -281,7 +281,6 @@ def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, fl
 
 
 def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
-    """(k,) heights of points (k, 3) above a surface, millimetres."""
     rows = height_rows(places(poles, axes, points), len(poles) - 1)
     return np.asarray(points @ axes[2] - rows @ (poles @ axes[2]).ravel())
 
@@ -291,13 +290,13 @@ def _chords(model: NetModel, loop: ChainLoop) -> Floats:
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
-    """(k,) distance in mm of a closed line (k, 6) from one surface near it and near inner points (j, 6); maximum of
-    both skins. Infinite if no plane sees all points."""
+    """Return the (k,) distance in mm of a closed line (k, 6) from a surface near the line and near inner points (j, 6).
+    The result is the larger distance of both skins, and infinite if the points overlap in every plane."""
     return np.maximum(*misfits(points, line, degree))
 
 
 def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
-    """Yield the distances (k,) of `misfit` on the outer and then on the inner skin."""
+    """Yield the distances (k,) as in `misfit`, first on the outer skin and then on the inner skin."""
     points = points[inside_outlines(points, [line])]
     allowed = np.concatenate([points, line])
     mean = middle_normal(allowed)
@@ -325,8 +324,8 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
-    """(3, 3) axes, turned about the last one if the rectangle around a line (k, 3) becomes far smaller.
-    A fuller rectangle leaves fewer poles without points."""
+    """Turn axes (3, 3) about the last one if the rectangle around a line (k, 3) becomes far smaller.
+    A smaller rectangle has fewer poles without points."""
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
@@ -334,11 +333,11 @@ def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
 
 
 def _best(uv: Floats, z: Floats, inside: int, gap_limit: float, inner_limit: float) -> tuple[Floats, float, float]:
-    """Return poles of heights z (k,) over a square, the first `inside` of them inner points, and the distances from
-    edges and from inner points.
+    """Return poles over a square near heights z (k,), and the distances from edges and inner points (the first
+    `inside`).
 
-    High degrees wave between the points for a tiny gain. If no trial closes the gap as wanted, the result is the one
-    with least inner distance among those whose edges can be split, or the one with the least sum.
+    High degrees wave between the points and gain little. If no trial closes the gap as wanted, the result is the trial
+    with the least inner distance among those whose edges can be split, or otherwise with the least sum.
     """
     base_rows = height_rows(uv, BASE_DEGREE)
     base = _heights(base_rows, z, np.ones(len(z)), SMOOTH_WEIGHTS[1], np.zeros((BASE_DEGREE + 1, BASE_DEGREE + 1)))
@@ -358,7 +357,8 @@ def _best(uv: Floats, z: Floats, inside: int, gap_limit: float, inner_limit: flo
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """(p + 1, p + 1) poles near heights z (k,) with basis A (k, (p + 1)^2) and weights, and near poles `base`."""
+    """Return poles (p + 1, p + 1) near heights z (k,), by weights and a basis A (k, (p + 1)^2), and near poles
+    `base`."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

@@ -1,4 +1,4 @@
-"""Corrections of trimmed faces that leave the skins, or that lie too far from their edges at sample points."""
+"""Corrections of trimmed faces that leave the skins, or whose widest gap at an edge lies between OCCT's samples."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -35,9 +35,9 @@ def without_strays(
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
     """Refit faces that are too far off the skins between their points, with more points.
-    points : (k, 6) of each fit.    away : returns the vectors from points to both skins. Faces with a limit from the
-    mesh stay unchanged, because the division judges them."""
-    rounds = 2  # a face that was corrected in one place may stray in another
+    points : (k, 6) of each fit.    away : function of points; returns the vectors to both skins. If a limit of the
+    distance from the mesh exists, faces stay unchanged because the division judges them."""
+    rounds = 2  # a face that was corrected in one place may stray in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
         if not todo:
@@ -49,7 +49,7 @@ def without_strays(
             fit_points[i] = np.concatenate([fit_points[i], face_points])
             try:
                 result[i] = trimmed_face(model, result[i].loops, fit_points[i], limits, True)
-            except ExportError:  # with the new points the face bends too much
+            except ExportError:  # the face bends too much with the new points
                 continue
             todo.append(i)
     return result
@@ -58,7 +58,8 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """For each face (k, 6) points of skins beside samples if one is farther off than `tolerance`; else none."""
+    """Return for each face (k, 6) points of the skins at samples farther off than `tolerance`; empty if there is
+    none."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -78,31 +79,31 @@ SAMPLES = 23
 """Number of points along an edge, ends included, at which OCCT measures the gap."""
 
 BETWEEN = 8
-"""Steps between two of them, where this module measures the gap."""
+"""Number of steps between two of OCCT's points; this module measures the gap at each step."""
 
 PEAK_WEIGHT, SMOOTH_WEIGHT, MOVE_WEIGHT = 1e4, 1e-2, 1e-4
-"""Weights of peaks and exact edges, of second differences of the movement of poles, and of that movement, against 1 of
-points along edges."""
+"""Weights of peaks and exact edges, of second differences of the movement of poles, and of the movement. Points along
+edges have the weight 1."""
 
 SAMPLING_ROUNDS, MORE_DEGREES = 6, 2
-"""Number of rounds of moving peaks, and of degrees that a surface may gain."""
+"""Number of rounds in which peaks move, and number of degrees that a surface may gain."""
 
 SLOPE_STEP = 1e-3
-"""Millimetres between two points for the slope of a surface."""
+"""Distance (mm) of two points that determine the slope of a surface."""
 
 DENSE = np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1)
-"""Parameters where gaps are measured; OCCT looks at every `BETWEEN`th."""
+"""Parameters where gaps are measured; OCCT measures at every `BETWEEN`th of them."""
 
 SLOPE = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12
-"""Coefficients of five consecutive gaps for the slope in the middle."""
+"""Coefficients of five consecutive gaps that give the slope in the middle."""
 
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where exact edges are held."""
+"""Parameters where a surface must meet exact edges."""
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
     """Move the widest gap of each seam that ends at an outline to a sample of OCCT, so that the measured tolerance is
-    right. A face stays if that opens a gap above `SPLIT`, or moves its inside by more."""
+    right. A face stays unchanged if that opens a gap above `SPLIT`, or moves its inside by more than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -112,8 +113,9 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face with as many peaks as possible at samples. exact_poles : poles of edges that stay exact."""
-    fine = 5e-4  # gap under which all digits of the poles count, because rounding moves its peak
+    """Return a face with as many widest gaps as possible at samples. exact_poles : poles of edges that must stay
+    exact."""
+    fine = 5e-4  # below this gap (mm) poles keep all digits, because rounding would move the peak
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
@@ -142,13 +144,13 @@ class _PeakSurface:
     held: Floats
     edges: Floats
     over: dict[int, Floats] = field(default_factory=dict)
-    """By degree: (3, e, k, poles) basis at points of seams, and a step along both axes beside them."""
+    """Basis at points of seams and one step along both axes beside them, (3, e, k, poles), by degree."""
     around: dict[int, Floats] = field(default_factory=dict)
-    """By degree: (j, poles) basis along all edges."""
+    """Basis along all edges, (j, poles), by degree."""
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return poles with the fewest peaks off the samples, in the lowest degree. exact : keep exact edges exact."""
-        exact_gap = 1e-6  # largest gap of an exact edge of a flush face, which stays exact
+        """Return the poles of lowest degree with the fewest peaks off the samples. exact : keep exact edges exact."""
+        exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
         result, least = self.poles, int(self._misplaced(self._gaps(local)).sum())
         for degree in range(count - 1, count + MORE_DEGREES):
@@ -167,7 +169,8 @@ class _PeakSurface:
         return float(np.abs(self._gaps(poles @ self.axes.T)).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Heights of poles after each round, with the number of misplaced peaks. Gaps below `exact_gap` stay."""
+        """Yield heights of poles after each round, with the number of misplaced peaks; gaps below `exact_gap` do not
+        move."""
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -196,7 +199,6 @@ class _PeakSurface:
         return bool(after <= max(SPLIT, before) and np.abs(moved).max() <= SPLIT)
 
     def _rows(self, points: Floats, degree: int) -> Floats:
-        """(e, k, poles) basis at points (e, k, 3)."""
         rows = height_rows(places(self.poles, self.axes, points.reshape(-1, 3)), degree)
         return rows.reshape(*points.shape[:2], rows.shape[1])
 
@@ -216,15 +218,14 @@ class _PeakSurface:
         return self._gaps_and_cosines(local)[0]
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
-        """(e, k) gaps, and cosines between the direction of heights and the surface's normals."""
         heights, heights_u, heights_v = self._seam_rows(len(local) - 1) @ local[..., 2].ravel()
         cosines = 1 / np.sqrt(1 + ((heights_u - heights) / SLOPE_STEP) ** 2 + ((heights_v - heights) / SLOPE_STEP) ** 2)
         return (self.seams @ self.axes[2] - heights) * cosines, cosines
 
     def _misplaced(self, gaps: Floats) -> Bools:
-        """(e,) whether the widest gap lies between two of OCCT's samples."""
-        exact = 1e-7  # millimetres of a gap that OCCT ignores
-        short = 3e-6  # share by which the widest sampled gap may be less than the widest gap; OCCT allows 1e-5
+        """Return (e,) True if the widest gap of a seam lies between two of OCCT's samples."""
+        exact = 1e-7  # OCCT ignores a gap below this (mm)
+        short = 3e-6  # the widest sampled gap may be less than the widest gap by this share; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         wrong = (sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT)
@@ -232,7 +233,6 @@ class _PeakSurface:
 
 
 def _summits(gaps: Floats) -> Floats:
-    """(e,) largest of gaps (e, k), refined by a parabola through it and its neighbours."""
     peak = gaps.argmax(axis=1)
     before, value, after = (gaps[np.arange(len(gaps)), np.clip(peak + i, 0, gaps.shape[1] - 1)] for i in (-1, 0, 1))
     bend = 2 * value - before - after
@@ -241,14 +241,16 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Sample nearest to the peak of gaps (k,), and the gap wanted there; 0 (any) in the first round."""
+    """Return the sample nearest to the peak of gaps (k,), and the wanted gap there; 0 means any gap, in the first
+    round."""
     higher = 1.003  # the moved peak exceeds the old one, because another peak may be as high
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make them flat there."""
+    """Return rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make the gaps flat
+    there."""
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():
         if 0 < k < gaps.shape[1] - 1:

@@ -1,4 +1,4 @@
-"""Division of trimmed regions by chords and seams where their surface misses the edges or the mesh."""
+"""Division of trimmed regions by chords and seams where the surface misses the edges or the mesh."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,21 +28,22 @@ from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
 LEAST_WIDTH_SHARE = 1 / 20
-"""Least mean width that a chord cuts off over the thickness. OCCT draws no triangles of a lens of 1.6 x 0.2 mm."""
+"""A chord must cut off a mean width above this share of the thickness; OCCT draws no triangles of a lens of 1.6 x
+0.2 mm."""
 
 CHORD_SHARES = np.linspace(0, 1, 17)[1:-1]
 """Shares of a chord where its distance from the outline is measured."""
 
 TRIED = 24
-"""Number of tried chords; half of them begin where the gap is widest."""
+"""Number of chords to try; half of them begin where the gap is widest."""
 
 POINTS = 8
-"""Points of the outline along half an edge."""
+"""Number of points of the outline along half an edge."""
 
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """Outline of a region in halves of its edges. A place is the index of a half.
+    """Outline of a region in halves of its edges. A place is the index of a half edge.
     poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop."""
 
     poles: Floats
@@ -62,15 +63,16 @@ class HalvedOutline:
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
-        """(k, 6) closed line from place a to place b, and back along the cubics (c, 4, 6) of a seam from a to b."""
+        """Return the closed line (k, 6) from place a to place b, and back along the cubics (c, 4, 6) of a seam from
+        a to b."""
         turned = np.roll(self.line, -a * POINTS, axis=0)[: (b - a) % len(self.poles) * POINTS]
         back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
-        """Yield pairs of places, ascending, with a clear chord inside the outline.
-        Chords from the `worst` places (k,) come first, then all others, each group by length over the smaller area cut
-        off. Each group has `times * TRIED / 2` pairs at most."""
+        """Yield pairs of places, ascending, whose chord is clear inside the outline.
+        Chords from the `worst` places (k,) come first and all other chords last, each group by length over the smaller
+        area cut off. Each group has at most `times * TRIED / 2` pairs."""
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
@@ -80,7 +82,7 @@ class HalvedOutline:
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = LEAST_WIDTH_SHARE * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # a chord outside has a negative area
+        order = order[least[order] > narrow * long[order]]  # outer chords have a negative area
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
@@ -92,8 +94,8 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
-    """Return whether the chord between points a and b (2,) of a closed line (k, 2) keeps its distance from the line."""
-    clear = 0.3  # least distance from the outline over the distance from the nearer end: the sine of the angle there
+    """Return True if the chord between points a and b (2,) of a closed line (k, 2) is clear of the line."""
+    clear = 0.3  # distance from the outline over distance from the nearer end: the sine of the angle there
     P, directions = a + CHORD_SHARES[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
     x = np.clip((from_start * directions).sum(axis=2) / np.maximum((directions**2).sum(axis=1), 1e-300), 0, 1)
@@ -102,21 +104,21 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
 
 
 TRIAL_DEGREE = 6
-"""Degree of the surfaces on trial."""
+"""Degree of the surfaces that are built for trials."""
 
 TIMES = 3
-"""Factor of the number of tried seams, if fewer do not help enough; then the best of all is taken. In one opening the
-first usable seam led to six parts of a few mm, two of degree 15, that crossed in OCCT's triangles; the best seam led to
-four."""
+"""If the seams of the first trial do not help enough, this factor times more seams are tried; then the best of all is
+taken. In one opening the first usable seam led to six parts of a few mm, two of degree 15, that crossed in OCCT's
+triangles; the best seam led to four parts."""
 
 OUT, OFF = 1 / 150, 2.0
 """Largest distance of poles outside the box over its diagonal, and of inner points over `limits.off`. Poles of one face
-were 320 mm outside of a mesh of 2.3 m, with OCCT's box; another was 3.7 mm off inside for 0.8 allowed."""
+were 320 mm outside of a mesh of 2.3 m, and OCCT's box grew too; another face was 3.7 mm off inside for 0.8 allowed."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""Numbers of cubics of a seam, tried in order until it is off the skins by at most this share of `limits.off`. One
-cubic of 1.2 m on a waving sheet was 6.7 mm off, and so were the faces. With a limit from the mesh only one cubic is
-tried, because OCCT drew no triangles of a face beside a longer seam."""
+"""Numbers of cubics of a seam, tried in order until the seam is off the skins by at most this share of `limits.off`.
+One cubic of 1.2 m on a waving sheet was 6.7 mm off, and so were the faces. If the distance from the mesh is limited,
+only one cubic is tried, because OCCT drew no triangles of a face beside a longer seam."""
 
 SEAM_SHARES = np.linspace(0, 1, 17)
 """Shares of a seam where its distance from the mesh is measured."""
@@ -129,8 +131,9 @@ def divided_faces(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
-    """Divide the faces whose edges no cut could split; adds the edges between the parts to the model.
-    inside : returns (k, 6) inner points of regions.    away : returns the vectors from points to both skins."""
+    """Divide the faces whose edges no cut could split; add the edges between the parts to the model.
+    inside : function that returns inner points (k, 6) of regions.    away : function of points; returns vectors to
+             skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
@@ -141,10 +144,11 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Largest ratio of gap, inner distance, pole distance from the box and distance from the mesh to its limit."""
+    """Return the largest ratio to its limit: of gap, inner distance, distance of poles from the box, and of the
+    mesh."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles are farther off by the deflection
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles add the deflection
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
@@ -158,8 +162,8 @@ class _FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6). With a limit from the mesh more seams are tried if a part is still
-        too far off."""
+        """Divide a face with inner points (k, 6). With a limit from the mesh, more seams are tried if a part is
+        still too far off."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -170,7 +174,7 @@ class _FaceDivision:
         return pieces
 
     def _parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        largest_count = 12  # parts of one region
+        largest_count = 12  # one region has at most 12 parts
         todo, finished = [replace(face, loops=[self.over_halves(loop) for loop in face.loops])], list[TrimmedFace]()
         while todo:
             todo.sort(key=lambda face: allowance_used(face, self.limits))
@@ -188,16 +192,17 @@ class _FaceDivision:
         return steps
 
     def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face in two if both parts are better: by the first seam that does so, or by the best of many."""
-        less = 0.9  # largest share of the region's `allowance_used` for the worse part
-        loop, model = self.over_halves(face.loops[0]), self.model  # an earlier seam may have been halved since
+        """Divide a face in two if both parts are better: by the first seam that makes them better, or by the best of
+        many."""
+        less = 0.9  # the worse part may have at most this share of the region's `allowance_used`
+        loop, model = self.over_halves(face.loops[0]), self.model  # another division may have halved a seam
         best_seam: tuple[int, int, Floats] | None = None
         least = less * allowance_used(face, self.limits)
         for ends, cubics in self._seams(HalvedOutline.from_loop(model, loop), points):
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # cuts can still split it
+            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # cuts can split the face
             if worse < least and not wide:
                 if self.times == 1:
                     return two
@@ -214,9 +219,9 @@ class _FaceDivision:
         return list(without_strays(self.model, two, dict.fromkeys(two, points), self.away, self.limits).values())
 
     def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
-        full = 3  # best seams for which faces are built
-        many = 2000  # approximate number of points for trials; regions over a foot have ten thousand
-        at_gap = 4  # places nearest to the widest gap, where half of the tried seams begin
+        full = 3  # faces are built for the best three seams
+        many = 2000  # trials use about so many points; regions over a foot have ten thousand
+        at_gap = 4  # half of the tried seams begin at the four places nearest to the widest gap
         points = points[:: 1 + len(points) // many]
         distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)
         worst = np.argsort(-np.maximum(distances, np.roll(distances, 1)), kind="stable")[:at_gap]
@@ -231,8 +236,9 @@ class _FaceDivision:
         return [(pairs[i], seams[i]) for i in np.argsort(errors, kind="stable").tolist()[:limit]]
 
     def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
-        """(k, 4, 6) cubics on the skins between both points (6,) of each chord, as many as needed or allowed."""
-        checks = 8  # places along each cubic where its distance from the skins is measured
+        """Return cubics (k, 4, 6) on the skins between the two points (6,) of each chord, as many as needed or
+        allowed."""
+        checks = 8  # the distance of each cubic from the skins is measured at 8 places
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:
             if not todo:
@@ -249,12 +255,10 @@ class _FaceDivision:
         return result
 
     def _is_near(self, cubics: Floats) -> bool:
-        """Return whether a seam (k, 4, 6) is near enough to the mesh, if that is limited; some pass beside a crease."""
         beyond = self.limits.beyond_mesh
         return beyond is None or float(beyond((bernstein(SEAM_SHARES) @ cubics).reshape(-1, 3)).max()) <= 0
 
     def _with_seam(self, loop: ChainLoop, a: int, b: int, cubics: Floats) -> tuple[ChainLoop, ChainLoop]:
-        """Return both parts of a loop, with new edges (k, 4, 6) between place a and the later place b."""
         steps, place_steps, model = list[tuple[int, bool]](), list[int](), self.model
         for i, step in enumerate(loop):
             place_steps.append(len(steps))

@@ -1,4 +1,4 @@
-"""Lifting of points of the mesh to both skins, with normals on each side of a crease and mitres between them."""
+"""Lifting of mesh points to both skins, with normals on each side of a crease and mitres between the sides."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,22 +14,22 @@ from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
 LEAST_BEND = 8.0
-"""Degrees between two faces from which their edge may be part of a crease, if an edge of the crease bends by
+"""Smallest angle (degrees) between the faces at an edge of a crease. Another edge of the crease must bend by
 `CREASE`."""
 
 BEND_RATIO = 4.0
-"""Least bend of a crease over the bend of the edges beside it."""
+"""Smallest ratio of the bend of a crease to the bend of the edges beside the crease."""
 
 STRAIGHT = np.cos(np.radians(30.0))
-"""Cosine of the largest turn between the end of a crease and an edge that continues it."""
+"""Cosine of the largest turn between the end of a crease and the edge that continues the crease."""
 
 OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]
-"""The two other edges of a face, for each edge."""
+"""The two other edges of a face, for each of its three edges."""
 
 
 def crease_edges(surface: Surface) -> Bools:
-    """(e,) edges that are parts of creases."""
-    shortest = 6  # edges of a crease: single sharp edges are noise of the mesh
+    """Return (e,) True for edges that are parts of creases."""
+    shortest = 6  # a crease has at least 6 edges; single sharp edges are noise of the mesh
     edges = surface.edges
     inner = edges.count == 2
     bend = np.zeros(len(edges.ends))
@@ -38,7 +38,7 @@ def crease_edges(surface: Surface) -> Bools:
     crease = np.zeros(len(bend), dtype=bool)
     for _ in range(2):  # the second round finds faces of two creases
         rest = np.where(crease | ~inner, 0.0, bend)
-        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) the sharper of a face's other edges
+        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) sharper of the two other edges
         around = np.zeros(len(bend))
         np.maximum.at(around, edges.of, sharper_other)
         crease |= inner & (bend >= np.maximum(LEAST_BEND, BEND_RATIO * around))
@@ -54,9 +54,9 @@ def crease_edges(surface: Surface) -> Bools:
 
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
-    """(e,) creases extended straight from their ends.
+    """Extend creases straight from their ends; return (e,) True for their edges.
 
-    A face where several creases meet has another sharp edge, so the flatter one is the reference here.
+    A face where several creases meet has another sharp edge, so the comparison uses the flatter of its other edges.
     """
     edges = surface.edges
     around = np.zeros(len(bend))
@@ -75,7 +75,7 @@ def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bool
 
 
 ZERO_WEIGHT = 1e-9
-"""Barycentric weight that counts as zero."""
+"""Barycentric weights below this count as zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +83,8 @@ class CreaseSides:
     """Vertices of a surface as (s,) columns: the n vertices, then one column for each side of a vertex on a crease.
 
     creases : (k, 2) edges, the smaller vertex first, in order.    vertex : (s,) of each column.
-    corner  : (m, 3) column of each face's corners.    normals : (s, 3) of one side each.
-    half    : (s,) see `DenseSurface`.
+    corner  : (m, 3) column of each face's corners.    normals : (s, 3) normal of each column.
+    half    : (s,) half the thickness, see `DenseSurface`.
     mitre   : (s, 3) metres, from half the thickness along a normal to the point where both sides meet.
     """
 
@@ -118,7 +118,8 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Convert barycentric weights (k, n) to columns (k, s), twice: seen from both sides of a crease."""
+        """Convert barycentric weights (k, n) to two arrays of weights on columns (k, s), one for each side of a
+        crease."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -134,8 +135,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """(j,) indices of points beside creases, with weights (k, n), that lie in no face but half way between points
-        of two."""
+        """Return the (j,) indices of points with weights (k, n) that lie half way between two faces beside a crease."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -143,7 +143,6 @@ class CreaseSides:
         return np.asarray(special[faces[special, 0] < 0])
 
     def _beside_creases(self, weights: csr_array) -> tuple[Ints, Bools]:
-        """Row of each weight, and whether it is positive in a row with vertices on creases."""
         split = np.zeros(self.surface.n, dtype=bool)
         split[self.vertex[self.surface.n :]] = True
         row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
@@ -152,7 +151,8 @@ class CreaseSides:
         return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """(count, 2) faces with the vertices of each row, the same twice except on edges; -1 if there is none."""
+        """Return (count, 2) faces with the vertices of each row: two faces on an edge, twice the same face inside;
+        -1 if none."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -175,14 +175,14 @@ class CreaseSides:
         return row_faces
 
     def on_creases(self, weights: csr_array) -> Bools:
-        """(k,) whether points with barycentric weights (k, n) lie on a crease."""
+        """Return (k,) True for points with barycentric weights (k, n) on a crease."""
         low, high = ends_of_rows(weights)
         n, split = self.surface.n, self.vertex[self.surface.n :]
         on_edge = _positions_of(_keys(self.creases, n), low * n + high) >= 0
         return np.asarray((low >= 0) & (on_edge | ((low == high) & np.isin(low, split))))
 
     def lines_on_creases(self, weights: csr_array, start: Ints, end: Ints) -> Bools:
-        """(e,) whether the lines between rows `start` and `end` (e,) of weights lie on a crease."""
+        """Return (e,) True if the line between rows `start` and `end` (e,) of weights lies on a crease."""
         low, high = ends_of_rows(weights)
         n, is_on_edge = self.surface.n, (low[start] >= 0) & (low[end] >= 0)
         a, b = np.minimum(low[start], low[end]), np.maximum(high[start], high[end])
@@ -204,7 +204,6 @@ def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
 
 
 def _corner_sides(surface: Surface, crease: Bools) -> Ints:
-    """(m, 3) column of each corner: its vertex, or a side from n on."""
     F, edges = surface.F, surface.edges
     fan = corner_fans(F, edges, apart=crease).ravel()
     pair = np.unique(np.stack([F.ravel(), fan], axis=1), axis=0)
@@ -220,8 +219,7 @@ def _corner_sides(surface: Surface, crease: Bools) -> Ints:
 
 
 def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
-    """(s, 3) vectors from half the thickness along normals N (s, 3) to the point with that distance on all sides."""
-    longest = 3.0  # multiple of half the thickness: sharper creases become blunt
+    longest = 3.0  # a mitre longer than three times half the thickness becomes blunt
     mitres = np.zeros_like(N)
     for v in np.unique(vertex):
         is_same = vertex == v
@@ -232,7 +230,6 @@ def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
 
 
 def _keys(vertices: Ints, n: int) -> Ints:
-    """(k,) one number for each row of ascending vertices."""
     key = vertices[:, 0].astype(np.int64)
     for column in vertices.T[1:]:
         key = key * n + column
@@ -240,7 +237,6 @@ def _keys(vertices: Ints, n: int) -> Ints:
 
 
 def _positions_of(numbers: Ints, sought: Ints) -> Ints:
-    """(k,) position of each wanted number in `numbers`, or -1."""
     if not len(numbers):
         return np.full(len(sought), -1)
     order = np.argsort(numbers, kind="stable")
@@ -249,13 +245,13 @@ def _positions_of(numbers: Ints, sought: Ints) -> Ints:
 
 
 MOST_LIFT = 1 / 5
-"""Largest lift of a point over the thickness. At most a quarter of the thickness counts as chord error (`MOST_CHORD`),
-and both skins and the fits stray a little more."""
+"""Largest lift of a point, as a share of the thickness. At most a quarter of the thickness counts as chord error
+(`MOST_CHORD`), and both skins and the fits are off by a little more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lifting:
-    """Uncut surface with its skins, see `DenseSurface`."""
+    """Uncut surface with its skins, see `DenseSurface`, as the target of points of the mesh."""
 
     skins: DenseSurface
 
@@ -265,7 +261,7 @@ class Lifting:
         return cls(dense_surface(surface, curved))
 
     def points(self, weights: csr_array) -> Floats:
-        """(k, 6) points on the outer and the inner skin, mm, over points with barycentric weights (k, n)."""
+        """Return (k, 6) points on the outer and the inner skin, mm, at barycentric weights (k, n)."""
         if not len(self.sides.creases):
             return self._points(weights)
         left_weights, right_weights = self.sides.rows(self._in_faces(weights))
@@ -274,7 +270,7 @@ class Lifting:
     def _in_faces(self, weights: csr_array) -> csr_array:
         """Replace weights of points between two faces beside a crease by those of the nearest places in a face.
 
-        Otherwise their side is unknown, and they were up to 1.4 mm off the rest of their chain.
+        Without this step the side of such points is unknown, and they were up to 1.4 mm off the rest of their chain.
         """
         between = self.sides.between_faces(weights)
         if not len(between):
@@ -285,7 +281,6 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        """(k, 6) the same over weights (k, s) on the columns of `sides`."""
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -302,18 +297,18 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """(k, 6) vectors from points (k, 6) beside the skins to the skins, across, over the places nearest to the
+        """Return (k, 6) vectors across the sheet from points (k, 6) to the skins, at the mesh places nearest to the
         middles."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
-        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # at a seam the other side may be as near
+        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam the skins swap
         targets[is_flipped], across[is_flipped] = np.roll(targets[is_flipped], 3, axis=1), -across[is_flipped]
         across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
         vectors = [np.einsum("ki,ki->k", (targets - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
         return np.concatenate(vectors, axis=1)
 
     def weights_at(self, points: Floats) -> csr_array:
-        """(k, n) barycentric weights of the places of the mesh nearest to points (k, 3), millimetres."""
+        """Return (k, n) barycentric weights of the mesh points nearest to points (k, 3), millimetres."""
         V, F = self.skins.points, self.skins.surface.F
         _, simplex, place = self._tree.squared_distance(V, F, np.ascontiguousarray(points))
         corners = F[np.asarray(simplex)]
@@ -329,7 +324,7 @@ class Lifting:
 
     @cached_property
     def sides(self) -> CreaseSides:
-        """Sides of its creases."""
+        """Sides of the surface's creases."""
         return CreaseSides.from_skins(self.skins)
 
     @cached_property

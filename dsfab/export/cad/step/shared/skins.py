@@ -1,4 +1,4 @@
-"""Points of smooth skins between the vertices of a mesh, and the allowed distance of a solid from the mesh."""
+"""Points of smooth skins between mesh vertices, and the allowed distance of a solid from the mesh."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,7 +16,7 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
-    """Surface, divided zero or more times, with its skins. Lengths in millimetres.
+    """Surface with its skins, divided zero or more times. Lengths in millimetres.
 
     surface : metres.    half : (n,) half the thickness of the faces, metres.    shift : see `Curved`.
     parent  : (m,) original face of each face.    twins : see `Curved`.
@@ -46,7 +46,7 @@ class DenseSurface:
     def half_vectors(self) -> Floats:
         """(n, 3) vectors to the skins along the mean normals.
 
-        Other normals lean a little to one side or the other, which is noise on a skin.
+        Other normals lean a little to one side, which makes a skin uneven.
         """
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
@@ -62,7 +62,7 @@ class DenseSurface:
 
     @cached_property
     def finer(self) -> "DenseSurface":
-        """The surface with each triangle divided in four."""
+        """The surface after each triangle was divided in four."""
         return DenseSurface(self._divided_surface, self.carry(self.half), self.shift, np.tile(self.parent, 4))
 
     @property
@@ -88,9 +88,9 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """(e, 3) points half way along edges (e, 2) of P (n, 3), on cubics whose ends are normal to d (n, 3).
+    """Return (e, 3) points half way along edges (e, 2) of P (n, 3), on cubics whose ends are normal to d (n, 3).
 
-    Fits then do not wave between vertices.
+    With these points, fits do not wave between vertices.
     """
     N = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
     chord = P[ends[:, 1]] - P[ends[:, 0]]
@@ -99,16 +99,16 @@ def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
 
 
 def end_means(values: Floats, ends: Ints) -> Floats:
-    """Means of values (n, ...) at both ends of edges (k, 2), three times as fast as numpy's mean."""
+    """Return means of values (n, ...) at both ends of edges (k, 2), three times as fast as numpy's mean."""
     a, b = ends.T
     return np.asarray((values[a] + values[b]) / 2)
 
 
 def chord_errors(skins: DenseSurface) -> Floats:
-    """(m,) distance of each triangle's centre from the smooth surface through its corners, metres.
+    """Return the (m,) distance of each triangle's centre from the smooth surface through its corners, metres.
 
-    At the centre it is a third more than at the middles of the edges: h^2 / 6R and h^2 / 8R for equilateral triangles
-    with edges h on a sphere of radius R.
+    At the centre the distance is a third more than at the middles of the edges. For equilateral triangles with edges h
+    on a sphere of radius R it is h^2 / 6R at the centre, and h^2 / 8R at the middles.
     """
     V, edges = skins.surface.V, skins.surface.edges
     sags = np.linalg.norm(cubic_midpoints(V, skins.normals, edges.ends) - end_means(V, edges.ends), axis=1)
@@ -116,10 +116,10 @@ def chord_errors(skins: DenseSurface) -> Floats:
 
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
-    """(m,) share by which the smooth solid over each triangle is larger than the mesh's.
+    """Return the (m,) share by which the smooth solid over each triangle is larger than the mesh's prism.
 
-    Its area is larger, and its thickness between vertices with different normals. The error is proportional to the
-    square of the edges, so a third of the difference remains after each triangle is divided in four.
+    The area is larger, and so is the thickness between vertices with different normals. The error is proportional to
+    the square of the edges, so a third of the difference remains after each triangle is divided in four.
     """
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
@@ -131,20 +131,20 @@ def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
 def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     """(m,) volumes between triangles V - D and V + D; (n, 3) each."""
     a, b, c = F.T
-    across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3  # of V + s D, from s = -1 to 1
+    across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3  # mean over V + s D, s from -1 to 1
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 
 MOST_CHORD = 1 / 4
-"""Largest chord error over the thickness, because the estimate is wrong at creases."""
+"""Largest chord error, as a share of the thickness, because the estimate is wrong at creases."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothLimits:
     """Thickness, and allowed distance of the smooth solid from the mesh beyond the mesh's own chord error, millimetres.
 
-    V, F    : (n, 3) and (m, 3) both skins of the uncut surface.
-    chord   : (m,) chord error of their triangles.
+    V, F    : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
+    chord   : (m,) chord error of these triangles.
     rounder : (m,) share by which the volume over them may be larger, because the mesh cuts curves short.
     """
 
@@ -162,8 +162,8 @@ class SmoothLimits:
 
     @property
     def summary(self) -> str:
-        """Allowed distances as a part of a sentence; at coarse triangles and creases they are larger."""
-        coarse = 2  # from this multiple of the usual error on, the message names the largest
+        """Allowed distances as a part of a sentence; at coarse triangles and creases larger distances are allowed."""
+        coarse = 2  # the message names the largest error if it is at least twice the usual error
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
         coarsest_text = (
@@ -176,12 +176,12 @@ class SmoothLimits:
     def allowed_distances(self, points: Floats) -> Floats:
         """(k,) allowed distances of points, with the chord error of the nearest triangle.
 
-        The nearest vertex is no substitute, because it may belong to another triangle where triangles are long.
+        The nearest vertex is not enough, because it may belong to another triangle where triangles are long.
         """
         return np.asarray(self.distance + self.chord[self.nearest(points)])
 
     def nearest(self, points: Floats) -> Ints:
-        """(k,) triangles nearest to points."""
+        """Return (k,) the triangle nearest to each point."""
         return np.asarray(self._tree.squared_distance(self.V, self.F, points)[1])
 
     @cached_property
@@ -192,7 +192,7 @@ class SmoothLimits:
 
 
 def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> SmoothLimits:
-    """Return the limits for a solid cut from a surface. tolerance : of the user, mm; `OFF_SURFACE` if 0.
+    """Return the limits for a solid cut from a surface. tolerance : of the user, mm; 0 means `OFF_SURFACE`.
 
     The exporter and `dsfab check` use the same limits.
     """

@@ -1,4 +1,4 @@
-"""Acceptance of smooth pieces by OCCT, gaps, volume and distance from the mesh; the plan that all layouts share."""
+"""Acceptance of smooth pieces: OCCT's findings, gaps, volume and distance from the mesh; data for all layouts."""
 
 from collections.abc import Collection, Container, Iterator
 from dataclasses import dataclass, field, replace
@@ -26,15 +26,15 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import corners_of, faces_at
 
 GAP_SHARE = 1 / 20
-"""Widest gap between a skin and its edges over the thickness."""
+"""Widest gap between a skin and its edges, as a share of the thickness."""
 
 NEAR_SHARE = 1 / 2
-"""Share of the allowed distance below which a point is near, without a look at the local chord error."""
+"""A point nearer to the mesh than this share of the allowed distance passes without a look at the local chord error."""
 
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
-    """Verdict on a piece. reason : of a refusal, or ''.    bad : (k, 3) places where tighter curves may help.
+    """Verdict on a piece. reason : reason of a refusal, or ''.    bad : (k, 3) places where tighter curves may help.
 
     there, back : largest distances of the piece from the mesh and of the mesh from the piece.    volume : of the piece.
     """
@@ -47,7 +47,7 @@ class Acceptance:
 
 
 class MeshDistances(NamedTuple):
-    """Distances between a piece and the mesh, one way: the largest, the one with the largest excess and its limit, bad
+    """One-way distances between a piece and the mesh: the largest, the one with the most excess and its limit; bad
     places."""
 
     most: float
@@ -61,7 +61,7 @@ _NOWHERE = MeshDistances(0.0, 0.0, 0.0, np.zeros((0, 3)))
 
 @dataclass(frozen=True, eq=False)
 class MeshSolids:
-    """Solids of a part's mesh, millimetres."""
+    """Solids in the mesh of a part, millimetres."""
 
     part: Part
 
@@ -85,7 +85,7 @@ class MeshSolids:
         return tree
 
     def solids_at(self, points: Floats) -> Ints:
-        """(k,) solids of the vertices nearest to points."""
+        """Return (k,) the solid of the vertex nearest to each point."""
         shell, solids = self._shells
         vertex_shell = np.full(len(self.part.V), -1)
         vertex_shell[self.part.F] = shell[:, None]
@@ -116,7 +116,7 @@ class PieceJudge:
 
     @cached_property
     def solid(self) -> Ints:
-        """(p,) solid of the mesh for each piece: that of the nearest vertex."""
+        """(p,) solid of the mesh for each piece: the solid of the nearest vertex."""
         sample_vertices = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
         return self.solids.solids_at((self.sheet.V + self.sheet.D)[sample_vertices])
 
@@ -125,7 +125,7 @@ class PieceJudge:
         return self.solids.faces(set(range(self.solids.count)) - finished)
 
     def verdicts(self, pieces: dict[int, SmoothPiece], findings: dict[int, OcctFinding]) -> dict[int, Acceptance]:
-        """Judge pieces by number, with OCCT's findings about those that it read."""
+        """Judge pieces, given by number, with OCCT's findings about the pieces that OCCT read."""
         distances = self._distances({k: findings[k] for k in pieces if k in findings and findings[k].tessellates})
         return {
             k: self._verdict(k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
@@ -175,12 +175,11 @@ class PieceJudge:
     def excess_volumes(self) -> Floats:
         """(p,) share by which the volume of each piece may be larger, because the mesh cuts curves short."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # a point on a skin has its triangle in half the time
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # points on a skin halve the search time
         share = self.limits.rounder[self.limits.nearest(upper)]
         return np.maximum(self._sum(share) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
-        """(p,) sum over each piece of a share of the volume over each face."""
         sheet = self.sheet
         volumes = share * prisms(sheet.V, sheet.D, sheet.F)
         return np.asarray(np.bincount(sheet.piece, volumes, sheet.count), dtype=np.float64)
@@ -199,7 +198,7 @@ class PieceJudge:
         return away
 
     def distances(self, V: Floats, F: Ints) -> tuple[MeshDistances, MeshDistances]:
-        """Distances of the triangles V (n, 3), F (m, 3) of all solids from those of the part, and back."""
+        """Return distances of the triangles V (n, 3), F (m, 3) of all solids from the part's triangles, and back."""
         part = self.solids.part
         return self._farthest(V, F, part.V, part.F), self._farthest(part.V, part.F, V, F)
 
@@ -226,13 +225,13 @@ class PieceJudge:
 
 
 FIT_SHARE = 1 / 3
-"""Tolerance of the skins over the allowed distance."""
+"""Tolerance of the skins, as a share of the allowed distance."""
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
-"""Layouts: largest lean of a chart's normals in degrees, least number of charts, and seed."""
+"""Layouts: largest angle (degrees) of normals from a chart's mean normal, smallest number of charts, and seed."""
 
 MOST_WALLS = 1500
-"""Most walls of a sheet for a part in a hurry: half a minute at most."""
+"""Most walls of a sheet if the part has an effort limit: these take half a minute at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +245,7 @@ class SmoothSolid:
 
 
 class SmoothPlan:
-    """Plan for a part's smooth file; raises ExportError if its sheet is unknown, or too large for a hurry."""
+    """Plan for a part's smooth file; raises ExportError if its sheet is unknown, or too large for the effort limit."""
 
     def __init__(self, part: Part) -> None:
         if part.curved is None:
@@ -277,18 +276,18 @@ class SmoothPlan:
 
     @cached_property
     def whole(self) -> SheetOutline:
-        """The sheet in one chart."""
+        """The sheet in a single chart."""
         return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
 
     @cached_property
     def gate(self) -> PieceJudge:
-        """Judge for solids without charts."""
+        """Judge for solids before they are divided into charts."""
         return PieceJudge(self.solids, self.whole, self.limits)
 
     @property
     def chart_count(self) -> int:
         """Number of charts that suffices for all outlines."""
-        loops = 40  # outlines of one chart: OCCT's time for a face grows with their number squared
+        loops = 40  # a chart has about 40 outlines, because OCCT's time grows with the square of their number
         return sum(len(region.loops) for region in self.whole.regions) // loops + 1
 
     def _require_few_walls(self, limit: int) -> None:

@@ -27,18 +27,16 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import PreparedProgram
 
 REFITS = 2
-"""Number of times that refused pieces of a layout are built tighter."""
+"""Number of times that the refused pieces of a layout are built again with tighter curves."""
 
 CLOSEST = len(LEVEL_FACTORS) - 1
-"""Highest level of refitting."""
+"""Highest level of tighter curves."""
 
 CHORDS, NEAR = 64, 4
-"""Chords of an edge for the distance of mesh corners, and number of chords tested for each corner."""
+"""Number of chords of an edge for distances of mesh corners, and number of chords tested for each corner."""
 
 
 class _AcceptedPiece(NamedTuple):
-    """Accepted piece: its layout, its number there, and the verdict."""
-
     model: SmoothModel
     number: int
     verdict: Acceptance
@@ -51,7 +49,7 @@ def smooth_file(part: Part) -> SmoothPieceFile:
 
 
 def first_draft(part: Part) -> tuple[int, int]:
-    """Return the faces and bytes of a part's first smooth file, unchecked; raises ExportError if it cannot be built."""
+    """Return faces and bytes of a part's first smooth file without checks; raises ExportError if it cannot be built."""
     plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.build(next(plan.layouts())).model
@@ -63,7 +61,7 @@ def first_draft(part: Part) -> tuple[int, int]:
 
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
-        most_faces = 6000  # OCCT reads so many in one to two minutes; then no further layout is tried
+        most_faces = 6000  # OCCT reads 6000 faces in one to two minutes; larger files get no further layout
         self.part, self.plan = part, SmoothPlan(part)
         self.inspected, self.most = 0, most_faces
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
@@ -98,7 +96,7 @@ class _SmoothSearch:
         # which refits did not cure.
         hopeless = 40
         program = programs.enter_context(occt())
-        with one_blas_thread():  # threads on two busy cores take ten times as long
+        with one_blas_thread():  # several threads on two busy cores take ten times as long
             built = self.plan.build(fields, self.done)
         gate, model, requested = built.gate, built.model, built.asked
         levels = [dict[RunKey, int]() for _ in model.pieces]
@@ -126,7 +124,7 @@ class _SmoothSearch:
 
     def _findings(self, program: PreparedProgram, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
         face_seconds = 0.1
-        base_seconds = 120  # processor time, many times the usual time, because a check may never end
+        base_seconds = 120  # processor time is limited to many times the usual time, because a check may never end
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
         self.last = [(model, k) for k in which]
@@ -168,7 +166,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
 
 
 def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
-    """Rebuild a piece until no curve crosses, gapes or strays, or no closer fit is left."""
+    """Rebuild a piece until no curve crosses, leaves a gap or strays, or until no tighter fit is left."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
@@ -181,9 +179,9 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """(k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than the solid may be.
+    """Return (k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than the solid may be.
 
-    OCCT's triangles would show that, too, but another round with OCCT takes seconds.
+    OCCT's triangles would show such corners, too, but another round with OCCT takes seconds.
     """
     x = np.linspace(0, 1, CHORDS + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
@@ -195,7 +193,6 @@ def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
 
 
 def _corners(sheet: SheetOutline, k: int) -> Floats:
-    """(n, 3) both ends of the mesh's posts along the walls of a piece."""
     runs = [run for region in sheet.regions if region.piece == k for loop in region.loops for run in loop]
     v = np.unique(np.concatenate([run.vertices for run in runs if run.beyond == WALL]))
     return np.concatenate([sheet.V[v] + sheet.D[v], sheet.V[v] - sheet.D[v]])

@@ -1,4 +1,4 @@
-"""Spline surfaces of both skins over each chart, by least squares with few poles."""
+"""Spline surfaces of both skins over each chart, fitted by least squares with few poles."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -43,14 +43,12 @@ class SplinePatch:
         return self._along_v(b, across_u), self._along_v(b, du), self._along_v(db, across_u)
 
     def _local_poles(self, i: Ints, j: Ints) -> Floats:
-        """(k, 4, 4, d) poles from (i, j) on."""
         _, q, d = self.poles.shape
         numbers = (i * q + j)[:, None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
         return np.asarray(self.poles.reshape(-1, d).take(numbers, axis=0).reshape(-1, 4, 4, d))
 
     @staticmethod
     def _across_u(hat: Floats, around: Floats) -> Floats:
-        """(k, 4, d) sums over the first direction with weights (k, 4)."""
         k, *_, d = around.shape
         return np.asarray(np.einsum("ka,kax->kx", hat, around.reshape(k, 4, -1)).reshape(k, 4, d))
 
@@ -63,8 +61,8 @@ class SplinePatch:
         return SplinePatch(self.u, self.v, self.poles[:, :, begin:end])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
-        """(k, 2) parameters of the surface's points nearest to `points` (k, 3), by Gauss-Newton from uv."""
-        step_limit = 1e-8  # share of the surface's size: a tenth of a micrometre on ten metres
+        """Return (k, 2) parameters of the surface points nearest to `points` (k, 3), by Gauss-Newton steps from uv."""
+        step_limit = 1e-8  # steps end at this share of the surface's size: 0.1 micrometres on ten metres
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
         for _ in range(rounds):
@@ -84,20 +82,20 @@ SMOOTHING = 1e-5
 """Weight of the differences of poles against distances from points."""
 
 FEWEST_POLES, MOST_POLES = 6, 48
-"""Limits of the poles of a fit in one direction."""
+"""Smallest and largest number of poles of a fit in one direction."""
 
 FEW_POLES = 24
 """A chart with more poles in one direction is divided once, because OCCT searches all poles for each projection."""
 
 FIRST_POLES = 8.0
-"""Poles of the first attempt: geometric mean of both directions."""
+"""Number of poles of the first attempt: geometric mean of both directions."""
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
-    """Surface fitted to points.
+    """Surface that was fitted to points.
 
-    off     : largest distance from points inside.
+    off     : largest distance from the points that the tolerance applies to.
     size    : geometric mean of the numbers of poles in both directions, before limits.
     starved : True if more points would allow more poles.
     """
@@ -122,7 +120,7 @@ def fitted_surface(
     first_poles, most_poles : poles of the first attempt (geometric mean of both directions), and limit for each.
     The error of a cubic surface is proportional to the fourth power of its spans, which sets the next attempt.
     """
-    points_per_pole = 2.5  # with fewer points, surfaces wave between them and gape at seams
+    points_per_pole = 2.5  # with fewer points, surfaces wave between the points and leave gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
     pole_limit = np.sqrt(len(uv) / points_per_pole)
@@ -167,11 +165,11 @@ def _through(
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """Points by knot cell, and the basis functions of the 16 poles around each.
+    """Points sorted by knot cell, and the basis functions of the 16 poles around each cell.
 
     Points of one cell share poles, so one matrix product for each cell takes a quarter of the time of other sums.
-    order : (k,) points, cell after cell; start : of each cell there.
-    poles : (c, 16) of each cell; hats (k, 16) of the points in that order.
+    order : (k,) points, cell after cell; start : first index of each cell in `order`.
+    poles : (c, 16) poles of each cell; hats (k, 16) values of the basis functions at the points in that order.
     """
 
     order: Ints
@@ -224,13 +222,11 @@ def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
 
 
 def _gram(n: int, order: int) -> Floats:
-    """(n, n) matrix of squared differences of n poles."""
     D = np.diff(np.eye(n), order, axis=0)
     return D.T @ D
 
 
 def _diagonal(table: Floats, below: int) -> Floats:
-    """(n,) entries of a diagonal by columns, padded with zeros."""
     entries, none = np.diagonal(table, -below), np.zeros(abs(below))
     return np.concatenate([entries, none] if below > 0 else [none, entries])
 
@@ -240,8 +236,8 @@ OUTSIDE, BOUNDARY = 0.2, 0.5
 side. The tolerance does not apply to either."""
 
 FOLDED = 0.01
-"""Largest share of a chart's faces that face away. Refined coarse meshes fold at corners of the boundary; the distance
-of the fit from all points is limited anyway."""
+"""Largest share of a chart's faces that face away. Coarse meshes fold at corners of the boundary when they are refined;
+the distance of the fit from all points is limited in any case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,8 +261,8 @@ class SkinPoints:
 
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
-    """Collect the points of a chart and a ring around it. near_faces : (faces of the mesh,); in_chart : (n,) vertices
-    of the chart."""
+    """Collect the points of a chart and of a ring around it. near_faces : (faces of the mesh,); in_chart : (n,)
+    vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
     F = F.reshape(-1, 3)
@@ -297,13 +293,11 @@ def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPo
 
 
 def _mean(d: Floats, ends: Ints) -> Floats:
-    """Half-thickness vectors at the middles of edges, with mean direction and mean length of the ends."""
     middle, length = end_means(d, ends), end_means(np.linalg.norm(d, axis=1), ends)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
 
 
 def _axes(V: Floats, across: Floats) -> Floats:
-    """(3, 3) right-handed axes: the longest direction in the plane, the direction square to it, and `across`."""
     across = across / max(float(np.linalg.norm(across)), 1e-300)
     flat = V - V.mean(axis=0)
     flat = flat - np.outer(flat @ across, across)
@@ -319,18 +313,18 @@ MOST_DIVISIONS = 2
 coarse mesh is unknown, but both charts at a seam must agree."""
 
 HALVED, FEWEST = 4, 12
-"""Most divisions of a chart, and least vertices of a divisible chart."""
+"""Largest number of divisions of a chart, and smallest number of vertices of a chart that is divided."""
 
 STEEPEST = np.cos(np.deg2rad(80.0))
-"""Cosine of the lean beyond which a chart is divided between its most opposite normals."""
+"""A chart is divided between its most opposite normals if the cosine of a normal's angle to the axis is smaller."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkinChart:
-    """Plane and the skins over it. Lengths in millimetres.
+    """Plane of a chart, and both skins over the plane. Lengths in millimetres.
 
-    origin, axes : (3,) and (3, 3): two in the plane, and the one across it, along the normals.
-    upper, lower, middle : surfaces of the skins, and between them, over the plane.
+    origin, axes : (3,) and (3, 3): two axes in the plane, and the normal of the plane.
+    upper, lower, middle : surfaces of the skins, and of their middle, over the plane.
     tolerance    : of the fit; larger on a coarse mesh.
     steepest     : cosine of the largest angle between the plane and a face, 1st percentile.
     off          : largest distance of a skin from its points.
@@ -408,7 +402,8 @@ class ChartAtlas:
                 self.charts[k] = chart
 
     def _lean_field(self, k: int) -> Floats | None:
-        """(n,) field from the steepest normals of chart k to the opposite ones; None if a plane sees the chart well."""
+        """Return a (n,) field from the steepest normals of chart k to the opposite normals; None if no division is
+        needed."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -419,7 +414,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # share of the half length: then the border is about as steep as other borders
+        part_width = 0.25  # this share of the half length makes the border about as steep as other borders
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)
@@ -437,7 +432,7 @@ class ChartAtlas:
         return fields
 
     def _chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
-        of_chord = 0.3  # share of the mesh's chord error that is added to the tolerance
+        of_chord = 0.3  # the tolerance includes this share of the mesh's chord error
         F = self.surface.F
         near_faces = faces_at(F, self._best[0] == k)
         for _ in range(2):

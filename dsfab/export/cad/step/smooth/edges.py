@@ -66,29 +66,29 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
 
 
 LEVEL_FACTORS = (1.0, 0.2, 0.04)
-"""Factors of the tolerance after each refusal of a run."""
+"""Factors of the tolerance of a run: before, after one, and after two refusals."""
 
 OUTLINE_SHARE = 0.55
-"""Tolerance of outlines over the allowed distance."""
+"""Tolerance of outlines, as a share of the allowed distance."""
 
 SPACE_SHARE = 1 / 50
-"""Tolerance of curves on the skins over the thickness."""
+"""Tolerance of curves on the skins, as a share of the thickness."""
 
 SAMPLE_FACTORS = (1, 4, 16)
-"""Factors of the number of samples on the skins, in turn until the curve is close enough."""
+"""Factors of the number of samples on the skins; they are tried in turn until the curve is close enough."""
 
 LOOP_SHARE = 0.03
-"""Largest tolerance of a loop over its width, because the sides of a slit must not cross."""
+"""Largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothEdge:
-    """Run of an outline as curves.
+    """Curves along a run of an outline.
 
     start, end   : vertices of the sheet.
     upper, lower : cubics with equal knots, or lines.
-    flat         : by chart, the curve in its plane.
-    gap          : largest distance between the curves in space and those on the skins, millimetres.
+    flat         : by chart, the curve in the plane of the chart.
+    gap          : largest distance between the curves in space and the curves on the skins, millimetres.
     wall         : True under a wall, False where two charts meet.
     """
 
@@ -118,7 +118,7 @@ class EdgeTolerances:
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
         """Tolerance of the curve of a run in its plane."""
-        of_chord = 0.5  # share of the mesh's own chord error that is added to the tolerance
+        of_chord = 0.5  # the tolerance includes this share of the mesh's chord error
         limit = min(OUTLINE_SHARE * self.distance + of_chord * self.chord, LOOP_SHARE * run.width)
         return LEVEL_FACTORS[level] * limit / steep
 
@@ -136,8 +136,6 @@ class RunRequest(NamedTuple):
 
 
 class _RunPart(NamedTuple):
-    """Part of a run of walls, and its curve in the plane."""
-
     asked: RunRequest
     flat: Spline
 
@@ -231,7 +229,6 @@ def parameters(curve: Spline, finer: int = 1) -> Floats:
 
 @lru_cache(maxsize=1024)
 def _parameters(knots: bytes, finer: int) -> Floats:
-    """Memoised, because most curves share a few lists of knots."""
     breaks = np.unique(np.frombuffer(knots))
     count = finer * max(24, int(np.ceil(128 / (len(breaks) - 1))))
     steps = breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(count) / count
@@ -252,7 +249,8 @@ def edge_on_nodes(
 
 
 SEAM_SHARE = 1 / 1000
-"""Tolerance of a seam in each of its charts over the thickness. The remainder counts twice in the gap between them."""
+"""Tolerance of a seam in each of its two charts, as a share of the thickness; the gap at a seam is up to twice as
+wide."""
 
 T = TypeVar("T")
 
@@ -264,7 +262,7 @@ def seam_edges(
     requests: list[RunRequest], nodes: OutlineNodes, sheet: SheetOutline, allowed: EdgeTolerances
 ) -> list[SmoothEdge]:
     """Fit one curve for both charts of each seam, half way between their skins."""
-    of_edge = 0.05  # tolerance in space as a share of the mesh's edges: the place of a seam does not matter
+    of_edge = 0.05  # tolerance in space as a share of the mesh's edges; the place of a seam need not be exact
     runs, charts = (
         [request.run for request in requests],
         [k for request in requests for k in (request.chart, request.run.beyond)],

@@ -1,4 +1,4 @@
-"""Division of a surface into charts that a plane sees whole, and the outlines of the sheet in each chart."""
+"""Division of a surface into charts that project onto a plane without folds, and the sheet's outlines in each chart."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ CONE_SLACK = np.deg2rad(12.0)
 obliquely."""
 
 REACH = 0.25
-"""Diffusion length of indicators over the radius of small charts."""
+"""Diffusion length of indicators, as a share of the radius of small charts."""
 
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
@@ -35,14 +35,14 @@ SYMMETRIC: dict[str, Any] = {
 """SuperLU options for factors of symmetric matrices with fewer entries."""
 
 SWEEPS = 4
-"""Rounds of diffusion and choice."""
+"""Number of rounds of diffusion and choice of charts."""
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
     """Return fields (n, c) on the vertices; chart k is where field k is largest.
 
-    cone : half angle, radians, around the mean normal of a cluster for all its normals.
-    fewest : least number of charts; start : seed, another number gives another layout.
+    cone : largest angle, radians, between a normal of a cluster and its mean normal.
+    fewest : smallest number of charts; start : seed, another number gives another layout.
     """
     label = _clusters(surface, cone, fewest, start)
     if label.max() == 0:
@@ -53,7 +53,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
     """(m,) cluster of each face. All normals of a cluster lie in the cone around their mean, unless the rounds run
     out."""
-    rounds = 30  # rounds that add seeds of clusters
+    rounds = 30  # at most 30 rounds add seeds of clusters
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
     rng = np.random.default_rng(start)
@@ -78,8 +78,8 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """Graph of distances between neighbouring faces; turns count too, so that clusters end at bends."""
-    turn_cost = 0.2  # cost of a turn by one radian, over the root of the surface's area
+    """Return the graph of distances between neighbouring faces. Turns add distance, so that clusters end at bends."""
+    turn_cost = 0.2  # a turn by one radian costs this share of the root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
     angle = np.arccos(np.clip(np.einsum("ki,ki->k", surface.normals[f], surface.normals[g]), -1, 1))
@@ -106,7 +106,6 @@ def _middles(surface: Surface, label: Ints) -> list[int]:
 
 
 def _cosines(surface: Surface, label: Ints) -> Floats:
-    """(m,) cosines between each face's normal and its cluster's mean normal."""
     vectors = surface.areas[:, None] * surface.normals
     mean = np.stack([np.bincount(label, x) for x in vectors.T], axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
@@ -132,7 +131,6 @@ def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
 
 
 def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
-    """(n, c) indicators of the clusters, alternately diffused and chosen from."""
     count = int(label.max()) + 1
     stiffness = -igl.cotmatrix(surface.V, surface.F)
     mass = voronoi_mass(surface)
@@ -147,7 +145,7 @@ def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
         for _ in range(SWEEPS - 1):
             chosen = np.zeros_like(load)
             chosen[np.arange(surface.n), fields.argmax(axis=1)] = mass
-            moved = (chosen != load).any(axis=0)  # half of the small charts do not change
+            moved = (chosen != load).any(axis=0)  # skip charts without a change
             fields[:, moved] = step.solve(chosen[:, moved])
             load = chosen
     return fields
@@ -169,18 +167,18 @@ def _halve(surface: Surface, label: Ints, bad: int, cosine: Floats) -> None:
 
 
 SHARP = np.deg2rad(35.0)
-"""Turn of a wall at a vertex from which on there is a corner."""
+"""A wall has a corner at a vertex with at least this turn (radians)."""
 
 WALL = -1
-"""Number that replaces a chart beyond a wall."""
+"""Number in place of a chart, where a wall ends the chart."""
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
     """Part of an outline.
 
-    vertices : (k,) in order, the material on their left.    beyond : chart beyond it, or `WALL`.
-    width    : of its loop, mm: twice the area over the length, which is a circle's radius or a slit's width.
+    vertices : (k,) in order, the material on their left.    beyond : chart on the other side, or `WALL`.
+    width    : width of the loop, mm: twice the area over the length, which is a circle's radius or a slit's width.
     """
 
     vertices: Ints
@@ -190,7 +188,7 @@ class OutlineRun:
 
 @dataclass(frozen=True, eq=False)
 class ChartRegion:
-    """Connected part of the sheet in one chart; loops of runs in any order."""
+    """Connected part of the sheet in one chart. Its loops consist of runs, in any order."""
 
     chart: int
     piece: int
@@ -222,7 +220,7 @@ class SheetOutline:
 
 @dataclass(frozen=True, eq=False)
 class _HalfEdgeCharts:
-    """Half-edges by sorted keys start * n + end, with the chart beyond each and its family of edges."""
+    """Half-edges by sorted keys start * n + end, with the chart on the other side of each and its family of edges."""
 
     n: int
     key: Ints
@@ -241,7 +239,6 @@ def both_skins(sheet: DividedSheet, shift: int) -> Floats:
 
 
 def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
-    """(n, 3) vertices of the middle surface and half-thickness vectors, millimetres."""
     D = MM_PER_M * sheet.D
     return MM_PER_M * sheet.V + shift * D, D
 
@@ -289,7 +286,7 @@ def _repeated_vertices(loops: list[Ints]) -> Ints:
 
 
 def _simple_loops(loop: Ints) -> list[Ints]:
-    """Cut a loop at repeated vertices. STEP forbids such wires, and only a few readers repair them."""
+    """Cut a loop at repeated vertices, because STEP forbids loops that touch themselves and few readers repair them."""
     return [loop[positions] for positions in cut_apart(list(range(len(loop))), loop.tolist())]
 
 
@@ -325,7 +322,7 @@ def _width(line: Floats, length: float) -> float:
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Positions in a loop where runs begin: at least two, the same from both sides of a seam."""
+    """Return positions in a loop where runs begin: at least two, and equal from both sides of a seam."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

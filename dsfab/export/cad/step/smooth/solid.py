@@ -1,4 +1,4 @@
-"""Smooth solids as closed shells on shared edges, crossings of their outlines, and their STEP entities and file."""
+"""Smooth solids: closed shells with shared edges, a test for crossing outlines, and the STEP entities and file."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -44,7 +44,8 @@ from dsfab.export.splines import Spline, segment_spline
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Two faces of a region: its chart, and loops of edges, each with True if forwards; the outer loop first."""
+    """Two faces of a region: its chart, and its loops of edges, the outer loop first. True marks an edge that runs
+    forwards."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -78,7 +79,7 @@ class SmoothPiece:
 
 @dataclass(frozen=True, eq=False)
 class SmoothModel:
-    """Pieces on their charts, nodes, and the thickness, mm."""
+    """Pieces on their charts, the nodes of their outlines, and the thickness in mm."""
 
     charts: dict[int, SkinChart]
     nodes: OutlineNodes
@@ -153,7 +154,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
 
 
 ROUNDED = 1e-9
-"""Distance from a chord over its length within which a point lies on it."""
+"""A point lies on a chord if its distance from the chord is below this share of the chord's length."""
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -162,7 +163,7 @@ def crossings(piece: SmoothPiece) -> Floats:
 
 
 def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
-    samples = 16  # chords of each curve
+    samples = 16  # each curve has 16 chords
     x = np.linspace(0, 1, samples + 1)
     edges = [piece.edges[i] for loop in skin.loops for i, _ in loop]
     flat = np.stack([edge.flat[skin.chart](x) for edge in edges])
@@ -177,11 +178,11 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Ends 2 k and 2 k + 1 of edges k at sharp corners whose sides change places near the corner, so that they cross.
+    """Return ends 2 k and 2 k + 1 of edges k at sharp corners whose sides cross near the corner.
 
-    Chords at the corner do not show that. Tangents do, compared with the directions to the middles of the edges.
+    Chords at the corner do not show the crossing. The tangents show it in comparison with the middles of the edges.
     """
-    least_cosine = 0.5  # between the sides of a sharp corner
+    least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
     before = np.concatenate([np.roll(numbers, 1) for numbers in number])
@@ -199,7 +200,6 @@ def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
 
 
 def _turn(before: Floats, after: Floats) -> Floats:
-    """(k,) positive for turns to the left."""
     return np.asarray(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
 
 
@@ -208,7 +208,7 @@ def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
     apart = np.linalg.norm(middle[chord_a] - middle[chord_b], axis=1)
-    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # crossing chords are this close
+    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # crossing chords are near
     chord_a, chord_b = chord_a[is_close], chord_b[is_close]
     meet = np.zeros(len(chord_a), dtype=bool)
     for a in (start, end):
@@ -218,7 +218,6 @@ def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
 
 
 def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
-    """(k,) whether the ends of a chord lie clearly on different sides of a line."""
     along = (end - start)[line]
     long = np.linalg.norm(along, axis=1)
     to, past = start[chord] - start[line], end[chord] - start[line]
@@ -227,10 +226,10 @@ def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
 
 
 ROUNDING = 3e-5
-"""Largest rounding of coordinates over the thickness; 1e-6 mm at least."""
+"""Largest rounding of coordinates, as a share of the thickness; at least 1e-6 mm."""
 
 SIDES = {"lower": (0, 0, "(1.,0.)"), "upper": (0, 1, "(1.,0.)"), "start": (0, 0, "(0.,1.)"), "end": (1, 0, "(0.,1.)")}
-"""Sides of a wall: start, in lengths of its sides, and direction."""
+"""Position of each side of a wall: where it starts, in lengths of the sides, and its direction."""
 
 
 class SmoothText:
@@ -318,7 +317,6 @@ class SmoothText:
         return self._curve(curve, list(self._points(curve.poles)), spans)
 
     def _curve(self, curve: Spline, through: list[int], spans: int) -> int:
-        """Add a curve with parameters 0 to `spans`."""
         return self.new.spline(curve.degree, through, _shared_knot_text(spans * curve.knots))
 
     def _wall(self, edge: SmoothEdge, poles: list[list[int]]) -> int:
@@ -342,21 +340,20 @@ def _shared_knot_text(knots: Floats) -> KnotText:
 
 @lru_cache(maxsize=1024)
 def _knot_text_of_bytes(knots: bytes) -> KnotText:
-    """Memoised, because most curves share a few lists of knots."""
     digits = 14
     return knot_text(np.frombuffer(knots), digits)
 
 
 SKINS = "curved solid with spline skins"
-"""Description of the file in its header."""
+"""Description of the solid in the header of the file."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothPieceFile:
     """Text of the file and its measured properties.
 
-    pieces  : of the sheet; smooth : number of accepted ones.
-    gap     : widest among these, mm; there, back : largest distances from the mesh and back.
+    pieces  : number of pieces of the sheet; smooth : number of accepted pieces.
+    gap     : widest gap of accepted pieces, mm; there, back : largest distances from the mesh and back.
     volume  : of all smooth solids according to OCCT, cubic millimetres.
     refused : reason why pieces were refused, or ''.
     """

@@ -1,4 +1,4 @@
-"""Facts about a STEP or BREP file according to OCCT."""
+"""OCCT's facts about a STEP or BREP file."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +18,7 @@ from dsfab.export.cad.step.worker.shapes import (
 def step_facts(path: Path) -> dict[str, Any]:
     """Return the numbers of solids and faces, OCCT's validity check, and the total volume, cubic millimetres.
 
-    {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}; for tessellated geometry
+    Solids give {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}, tessellated geometry
     {"triangles": 12, "volume": 1000.0}, and for lines {"lines": 3, "length": 12.0}. Raises ValueError if OCCT finds no
     shape.
     """
@@ -76,7 +76,7 @@ def _triangles(shape: Any) -> dict[str, Any]:
 
 
 def _tessellates(shape: Any, faces: list[Any]) -> bool:
-    """Return whether every face becomes triangles, which a few valid curved faces do not. Planar faces alone are not
+    """Return True if every face becomes triangles; a few valid curved faces do not. Planar faces alone are not
     tested."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh

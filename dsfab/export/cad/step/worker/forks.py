@@ -1,4 +1,4 @@
-"""Work shared with forks of this process. OCCT holds Python's lock, so threads would wait."""
+"""Work that this process shares with its forks. OCCT holds Python's lock, so threads would wait for each other."""
 
 import ctypes
 import json
@@ -28,7 +28,7 @@ class ForkedWork:
     @staticmethod
     def _run(work: Callable[[], Any], to: int) -> None:
         try:
-            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: it ends with its parent
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: the fork ends with its parent
             with os.fdopen(to, "w") as pipe:
                 json.dump(work(), pipe)
         finally:
@@ -48,7 +48,8 @@ class ForkedWork:
 
 
 def map_with_fork(work: Callable[[int], Any], count: int) -> list[Any]:
-    """Results of `work` for 0, 1 ... count - 1, shared with a fork: a free process takes the next number."""
+    """Return results of `work` for 0, 1 ... count - 1, shared with a fork: each process takes the next number when
+    it is free."""
     numbers, issue = os.pipe()
     os.write(issue, array("I", range(count)).tobytes())
     os.close(issue)

@@ -2,8 +2,8 @@
 
 Each finding holds `valid`, `closed`, `tessellates`, `faces`, `volume` (mm3), `box` (its lowest and highest corner),
 `gap` (mm: measured largest distance between an edge and its curve on a face, whatever its tolerance) and `bad`, the
-ends (k, 3) of crossing edges. An invalid solid gets no triangles, and a solid without triangles no volume, because they
-take most of the time.
+ends (k, 3) of crossing edges. An invalid solid gets no triangles, and a solid without triangles gets no volume, because
+triangles and volumes take most of the time.
 """
 
 from collections.abc import Callable
@@ -30,16 +30,16 @@ REPAIRS = (
     *("IntersectingWires", "LoopWires", "NotchedEdges", "Tail", "Small", "SmallAreaWire", "Lacking", "Degenerated"),
     *("AddNaturalBound", "MissingSeam", "Seam", "SplitFace", "VertexTolerance"),
 )
-"""Repairs of OCCT's reader that are switched off: a file that needs one is refused, and the tests take 40 % of the
-time. OCCT still adds what STEP leaves to readers: curves on surfaces, and tolerances of edges."""
+"""Repairs that OCCT's reader must not make: a file that needs one is refused, and the tests take 40 % of the time. OCCT
+still adds what STEP leaves to readers: curves on surfaces, and tolerances of edges."""
 
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
     """Return the findings for each solid of a file, one to a product; [] if OCCT cannot read it.
 
     deflection : mm, of the triangles that become `0.stl`, `1.stl` ... in the folder.
-    copies     : fork processes to share the solids and measure them. False after OCCT made triangles, because a fork
-                 would wait for threads that it does not have.
+    copies     : True if forks share the work. Must be False after OCCT made triangles, because a fork would then wait
+                 for threads that it does not have.
     """
     reader = _reader(path)
     if reader is None:
@@ -53,9 +53,9 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
     """Return the findings for each solid of a file that is judged as a whole; [] if OCCT cannot read it.
 
-    The triangles are those of `dsfab check`. Its reader also repairs, but a file that is valid here needs no repair. If
-    every face has triangles, they and the shape appear in the folder as from `write_triangles`. With `copies` they
-    appear before all findings are complete, so that the caller can use them in parallel.
+    The triangles are those of `dsfab check`. That reader also repairs, but a file that is valid here needs none. If
+    every face has triangles, the folder gets the triangles and the shape as from `write_triangles`. With `copies` this
+    happens before all findings are complete, so that the caller can use the triangles in parallel.
     """
     reader = _reader(path)
     if reader is None or not reader.TransferRoots():
@@ -87,7 +87,7 @@ def _reader(path: str) -> Any | None:
         repairs = DataMap_TCollection_AsciiString_TCollection_AsciiString()
         for name in REPAIRS:
             repairs.Bind(TCollection_AsciiString(f"FixShape.Fix{name}Mode"), TCollection_AsciiString("0"))
-        reader.SetShapeFixParameters(repairs)  # after reading, which resets the parameters
+        reader.SetShapeFixParameters(repairs)  # reading resets these parameters
     return reader
 
 
@@ -107,7 +107,6 @@ def _root(reader: Any, folder: str, deflection: float, copies: bool, i: int) -> 
 
 
 def _findings(solid: Any, triangulate: Callable[[Any, list[Any]], bool], copies: bool) -> dict[str, Any]:
-    """Findings about a solid. `triangulate` returns True if every face has triangles."""
     faces = faces_of(solid)
     meanwhile = ForkedWork(partial(_measures, solid, faces)) if copies else None
     checked = _shape_findings(solid)
@@ -141,11 +140,11 @@ def _triangulates(deflection: float, solid: Any) -> bool:
 
 
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
-    """Return whether every face gets triangles, by Delabella's sweep, or else by OCCT's own method.
+    """Return True if every face gets triangles, by Delabella's sweep or otherwise by OCCT's own method.
 
-    The sweep takes a quarter of the time for a skin with hundreds of holes, with as many and as close triangles.
+    For a skin with hundreds of holes the sweep takes a quarter of the time, with as many and equally close triangles.
     """
-    angle = 0.5  # largest turn between neighbouring triangles, radians
+    angle = 0.5  # neighbouring triangles turn by at most 0.5 radians
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
 
@@ -175,8 +174,8 @@ def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
 
 
 def _gap(face: Any) -> float:
-    """Largest distance between a face's edges and their curves on it, sampled at equal parameters."""
-    samples = 24  # along each edge
+    """Return the largest distance between a face's edges and their curves on the face, at equal parameters."""
+    samples = 24  # each edge has 24 samples
     from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
     from OCP.BRep import BRep_Tool
     from OCP.BRepLib import BRepLib_ValidateEdge
@@ -201,7 +200,6 @@ def _gap(face: Any) -> float:
 
 
 def _crossing(faces: list[Any]) -> list[list[float]]:
-    """Ends of edges that cross within their wire; of all edges of invalid faces if OCCT names none."""
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.BRepCheck import BRepCheck_Status, BRepCheck_Wire
     from OCP.TopoDS import TopoDS, TopoDS_Edge

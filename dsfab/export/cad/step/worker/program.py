@@ -1,9 +1,9 @@
-"""OCCT in a process of its own, because it may crash or not end.
+"""OCCT in a separate process, because OCCT may crash or never finish.
 
     python -P program.py COMMAND FILE ARGUMENTS ...
 
-prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments the program loads OCCT and
-then reads them from its input, a list as one line of JSON.
+prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments the program loads OCCT first,
+and then reads the arguments from its input, a list as one line of JSON.
 The modules beside this one import nothing else from dsfab, so that the program is a second opinion and starts quickly.
 """
 
@@ -85,8 +85,8 @@ def _later_arguments() -> list[str]:
 
 def main() -> None:
     """Run a command and print its report; an unreadable file is an error of one line."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # copies of this process have no threads, and need none
-    gc.disable()  # a tenth of the time that importing OCCT takes
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # forks of this process have no threads
+    gc.disable()  # this saves a tenth of the time of importing OCCT
     command, *arguments = sys.argv[1:] or _later_arguments()
     try:
         report = COMMANDS[command](*arguments)
@@ -94,7 +94,7 @@ def main() -> None:
         sys.exit(str(error))  # the caller shows this sentence without a traceback
     sys.stdout.write(json.dumps(report) + "\n")
     sys.stdout.flush()
-    os._exit(0)  # taking the solids apart takes a quarter of a second
+    os._exit(0)  # a normal exit takes a quarter of a second to free the solids
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from dsfab.export.cad.step.worker import program as occt_program
 from dsfab.export.subprocesses import PreparedProgram, ProgramError, last_line
 
 SECONDS, SECONDS_PER_MB = 60.0, 10.0
-"""Time limits for reading."""
+"""Limits of the time for reading: a constant part, and seconds per megabyte."""
 
 
 def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class StepMesh:
-    """V (n, 3) millimetres, F (m, 3) without shared vertices between faces, and the number of solids.
+    """Triangles of a STEP file: V (n, 3) millimetres, F (m, 3) without shared vertices between faces; number of solids.
 
     face       : (m,) face of each triangle, counted through all solids.
     deflection : largest distance of the triangles from curved faces, millimetres.
@@ -77,7 +77,7 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
 
 
 def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMesh:
-    """Read the triangles of a program from a folder; raises OSError if there are none.
+    """Read the triangles that a program wrote to a folder; raises OSError if there are none.
 
     facts : `deflection` and perhaps `solids`.    shape : OCCT's binary shape; read from the folder by default.
     """
@@ -88,15 +88,15 @@ def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMes
 
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
-"""Triangle of a binary STL file, after 84 bytes of header."""
+"""Record of one triangle in a binary STL file, after 84 bytes of header."""
 
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
-    """OCCT's findings about a solid, see `pieces`. bad : (k, 3) ends of crossing edges; V, F : its triangles; mm.
+    """OCCT's findings about a solid, see `pieces`. bad : (k, 3) ends of crossing edges; V, F : triangles of the solid;
+    mm.
 
-    Triangles of different faces share no vertices.
-    """
+    Triangles of different faces share no vertices."""
 
     valid: bool
     closed: bool
@@ -137,10 +137,10 @@ def whole_findings(
     limit: float,
     on_triangles: Callable[[StepMesh], None] = lambda mesh: None,
 ) -> list[OcctFinding]:
-    """Return findings as `findings`, for solids that are judged together; they have no triangles of their own.
+    """Return findings as from `findings`, for solids that are judged together; these findings contain no triangles.
 
-    `on_triangles` is called with the triangles of all solids, as by `read_step`, if every face has some, while OCCT
-    continues. One reading serves both, which takes half of OCCT's time here.
+    If every face has triangles, `on_triangles` gets the triangles of all solids, as from `read_step`, while OCCT
+    continues. The file is read only once, which takes half of OCCT's time here.
     """
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
@@ -165,7 +165,6 @@ def _records(
     limit: float,
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return the program's answer; `look` is called as soon as its triangles are written."""
     program.send("whole" if look else "pieces", path, folder, str(deflection))
     mesh_path = Path(folder) / "mesh.npz"
     line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)
@@ -181,7 +180,7 @@ def _finding(record: dict[str, Any], path: Path) -> OcctFinding:
 
 
 def distinct_points(points: Floats) -> tuple[Floats, Ints]:
-    """Distinct rows of points (k, 3), in order, and the index of each: `np.unique`, four times as fast."""
+    """Return the distinct rows of points (k, 3) in order, and the index of each: `np.unique`, four times as fast."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]
     is_first = np.ones(len(points), dtype=bool)

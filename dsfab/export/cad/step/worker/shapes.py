@@ -1,4 +1,4 @@
-"""Shapes of OCCT: reading and writing, their parts, boxes, volume and validity."""
+"""Shapes of OCCT: functions to read and write shapes, and their parts, boxes, volume and validity."""
 
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ def read(path: Path) -> Any:
         BRepTools.Read_s(shape, str(path), BRep_Builder())
     else:
         reader = step_reader(path)
-        if reader is None:  # else it would crash
+        if reader is None:  # OCCT would crash
             raise ValueError("OCCT does not read it")
         reader.TransferRoots()
         shape = reader.OneShape()
@@ -39,7 +39,7 @@ def step_reader(path: Path) -> Any | None:
 
 
 def write_binary(shape: Any, path: Path) -> None:
-    """Write OCCT's binary shape, without triangles. It loads 50 times as fast as STEP."""
+    """Write OCCT's binary shape without triangles; OCCT loads it 50 times as fast as STEP."""
     from OCP.BinTools import BinTools, BinTools_FormatVersion
 
     if not BinTools.Write_s(shape, str(path), False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT):
@@ -66,7 +66,7 @@ def faces_of(shape: Any) -> list[Any]:
 
 
 def compound(shapes: list[Any]) -> Any:
-    """Join shapes into one, as they are."""
+    """Join shapes into one without changes."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
@@ -92,7 +92,7 @@ def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
 
 
 def diagonal(shape: Any, optimal: bool = True) -> float:
-    """Return the diagonal of the smallest box that OCCT finds, or of its quick one."""
+    """Return the diagonal of the smallest box that OCCT finds, or of the box that OCCT computes quickly."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -102,7 +102,7 @@ def diagonal(shape: Any, optimal: bool = True) -> float:
 
 
 def is_valid(shape: Any) -> bool:
-    """Return OCCT's verdict on a shape."""
+    """Return True if OCCT finds a shape valid."""
     from OCP.BRepCheck import BRepCheck_Analyzer
 
     return bool(BRepCheck_Analyzer(shape).IsValid())
@@ -112,7 +112,7 @@ def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
     """Return the volume (mm3) to a relative accuracy; other rules of OCCT are wrong on faces with many holes or curved
     edges.
 
-    On a plate with 65 holes and curved walls the adaptive rule was 1e-3 off, this one 7e-9 with an accuracy of 1e-5.
+    On a plate with 65 holes and curved walls the adaptive rule was 1e-3 off, this rule 7e-9 with an accuracy of 1e-5.
     """
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps

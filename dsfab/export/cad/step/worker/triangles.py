@@ -1,4 +1,4 @@
-"""Triangles of the solids in a STEP file according to OCCT.
+"""OCCT's triangles of the solids in a STEP file.
 
 `mesh.npz` holds V (n, 3) millimetres, F (m, 3) counter-clockwise from outside, and the face (m,) of each triangle,
 counted through all solids. Neighbouring faces share no vertices. `shape.bin` is OCCT's binary shape.
@@ -13,7 +13,7 @@ import numpy as np
 from dsfab.export.cad.step.worker.shapes import compound, diagonal, faces_of, parts, read, write_binary
 
 DEFLECTION_SHARE = 1e-4
-"""Default deflection over the diagonal of the bounding box."""
+"""Default deflection, as a share of the diagonal of the bounding box."""
 
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
@@ -46,7 +46,7 @@ def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple
 
 def draw(shape: Any, deflection: float) -> None:
     """Let OCCT triangulate a shape; it stores the triangles with the faces."""
-    angle = 0.2  # largest turn between neighbouring triangles, radians
+    angle = 0.2  # neighbouring triangles turn by at most 0.2 radians
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
     BRepMesh_IncrementalMesh(shape, deflection, False, angle, True)
@@ -84,7 +84,7 @@ def _triangles(face: Any) -> tuple[Any, Any]:
     if mesh is None:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     nodes: Iterable[Any] = map(mesh.Node, range(1, mesh.NbNodes() + 1))
-    if not place.IsIdentity():  # moving points takes as long as reading them
+    if not place.IsIdentity():  # moving takes as long as reading
         move = place.Transformation()
         nodes = (node.Transformed(move) for node in nodes)
     V = np.array([node.Coord() for node in nodes])

@@ -1,4 +1,4 @@
-"""Trials of OCCT with the solids of a STEP file, as in CAD programs."""
+"""OCCT's trials with the solids of a STEP file: cuts, fillets, sections and writing, as in CAD programs."""
 
 import tempfile
 import time
@@ -11,28 +11,28 @@ from typing import Any, NamedTuple
 from dsfab.export.cad.step.worker.shapes import bounds, compound, faces_of, gauss_kronrod_volume, is_valid, parts, read
 
 TOGETHER_LIMIT = 1e-5
-"""Largest relative error of the volume of two halves together, see `VolumeErrors`."""
+"""Largest relative error of the volume of two halves that are measured together, see `VolumeErrors`."""
 
 ALONE_LIMIT = 1e-4
-"""Largest relative error with each half measured by itself, as programs report volumes."""
+"""Largest relative error of the volume of two halves that are measured separately, as CAD programs do."""
 
 PLANES = (
     *((1.0, 0.11, 0.07, 0.03), (0.09, 1.0, -0.13, -0.05), (0.05, 0.08, 1.0, 0.02), (1.0, 0.9, 0.2, 0.07)),
     *((1.0, -1.1, 0.3, -0.04), (0.4, 1.0, 0.9, 0.06), (0.9, -0.3, 1.0, -0.08), (-0.7, 1.0, 0.15, 0.11)),
 )
-"""Normals of cuts, and their distance from the middle of the box over its diagonal."""
+"""Cutting planes: normal, and distance from the middle of the box as a share of its diagonal."""
 
 BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))
 """Two corners of the box for a cut, as shares of the solids' box."""
 
 FILLETS, SHARP = 10, 20.0
-"""Most rounded edges, and least degrees between their faces."""
+"""Largest number of edges that are rounded, and smallest angle (degrees) between the faces of such an edge."""
 
 ROUND, OF_EDGE = 10.0, 1 / 8
-"""Radius of a fillet in mm, and its largest share of the edge."""
+"""Radius of a fillet in mm, and its largest value as a share of the edge."""
 
 SMOOTH = cos(radians(1.0))
-"""Cosine of the angle up to which one edge continues another."""
+"""Cosine of the largest angle at which one edge continues another edge."""
 
 
 def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, Any]:
@@ -80,9 +80,9 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 
 
 def sample(path: Path) -> dict[str, Any]:
-    """Return the result of one cut through the middle of a file: `box`, `halves` (both valid), `off`, as `missed`.
+    """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid), `off` (as `missed`).
 
-    Volumes come last, and only for valid halves, because those of smooth solids take most of the time.
+    Volumes are measured last, and only for valid halves, because volumes of smooth solids take most of the time.
     """
     begin = time.process_time()
     shape = read(path)
@@ -108,7 +108,7 @@ def _plain_volume(shape: Any) -> float:
 
 
 class VolumeErrors(NamedTuple):
-    """Relative error of the volume of two halves: `alone`, measured each by itself, and `together`, measured as one
+    """Relative errors of the volume of two halves: `alone` if measured separately, and `together` if measured as one
     shape.
 
     `together` is measured only for `alone` between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Both are 1 for an invalid half.
@@ -125,7 +125,7 @@ class VolumeErrors(NamedTuple):
 
     @property
     def fault(self) -> float:
-        """Relative error if it is too large, else 0."""
+        """Relative error if the error is too large, otherwise 0."""
         return self.together if self.together > TOGETHER_LIMIT else 0.0
 
 
@@ -133,7 +133,6 @@ INVALID = VolumeErrors(1.0, 1.0)
 
 
 def _volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
-    """Compare the volume of halves with the whole; [] means an invalid half."""
     if not halves:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
@@ -180,10 +179,9 @@ def _box(box: list[float]) -> Any:
 
 
 def _split(shape: Any, tool: Any) -> list[Any]:
-    """Return the parts inside and outside of a tool, or [] if one is invalid.
+    """Return the parts inside and outside of a tool, or [] if a part is invalid.
 
-    Both are cells of one subdivision. Two booleans on one filler gave the same volumes but took up to 1.4 times as
-    long.
+    Both are cells of one subdivision. Two booleans on one filler gave equal volumes but took up to 1.4 times as long.
     """
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
@@ -216,7 +214,7 @@ def _largest_nearest_distance(points: Any) -> float:
 
 
 def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> bool:
-    meet = 0.05  # millimetres within which ends of a section's edges coincide
+    meet = 0.05  # ends of a section's edges coincide if they are at most 0.05 mm apart
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
     from OCP.TopoDS import TopoDS
@@ -263,10 +261,10 @@ def _fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Sharp edges from skin to skin with their lengths; the commonest length of straight edges is the thickness.
+    """Return sharp edges from skin to skin with their lengths; the most frequent length of straight edges is the
+    thickness.
 
-    Edges that continue others smoothly are pieces of rims, which may happen to be as long.
-    """
+    Edges that continue other edges smoothly are pieces of rims, whose length may equal the thickness by chance."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces
