@@ -75,8 +75,8 @@ def choose(tab, identifier, value):
 def shown(tab, server):
     """The preset that the page shows, as the server and as the page itself have it; they must be the same."""
     changes = tab.run("dsfab.state.changes")
-    preset = server.session.opened.preset_with(changes)
-    command, save = server.session.opened.command(changes)
+    preset = server.session.current_preset.preset_with(changes)
+    command, save = server.session.current_preset.command(changes)
     if not save:
         assert load_preset(*served_changes(command)) == preset
     page = tab.run("dsfab.state.preset.statics")

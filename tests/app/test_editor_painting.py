@@ -104,8 +104,8 @@ def test_an_opening_is_painted(tab, server):
     solved(tab)
     assert tab.run("document.getElementById('notice').textContent") == ""
     assert tab.run("dsfab.model.facts.area") < area - 3
-    preset = server.session.opened.preset_with(tab.run("dsfab.state.changes"))
-    saved = tomllib.loads(server.session.opened.toml(tab.run("dsfab.state.changes")))
+    preset = server.session.current_preset.preset_with(tab.run("dsfab.state.changes"))
+    saved = tomllib.loads(server.session.current_preset.toml(tab.run("dsfab.state.changes")))
     assert len(saved["pattern"]["region"][0]["at"]["points"]) == len(preset.pattern.region[0].at.points) == len(points)
     tab.run("document.getElementById('undo').click()")
     assert len(tab.run("dsfab.state.changes['pattern.region'][0].at.points")) < len(points)

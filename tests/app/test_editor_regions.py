@@ -79,7 +79,7 @@ def test_every_place_has_its_numbers(tab, server):
     type_into(tab, "surface-support-1-at-center-x", "0,5")
     type_into(tab, "surface-support-1-at-radius", "1.8")
     type_into(tab, "pattern-guide-0-curve-1-z", "3.25")
-    now = server.session.opened.preset_with(tab.run("dsfab.state.changes"))
+    now = server.session.current_preset.preset_with(tab.run("dsfab.state.changes"))
     assert now.surface.support[1].at.center == (0.5, 3, 3.3)
     assert now.surface.support[1].at.radius == 1.8
     assert now.pattern.guide[0].curve[1] == (3, 1, 3.25)
@@ -98,7 +98,7 @@ def test_a_handle_is_dragged_along_the_surface_and_is_one_step_of_undo(tab, serv
     assert tab.run("dsfab.viewer.eye.numbers") == eye  # the picture does not turn
     at = tab.run("dsfab.state.get('surface.support.1.at')")
     assert at["radius"] == 1.6
-    surface = server.session.opened.preset.surface.build()
+    surface = server.session.current_preset.preset.surface.build()
     assert np.linalg.norm(surface.V - np.array(at["center"]), axis=1).min() < 0.8  # on it, within an edge of a vertex
     assert np.hypot(*np.subtract(handle(tab, "surface.support.1.at.center"), target)) < 1.5
     assert len(tab.run("dsfab.state.past")) == 1

@@ -182,11 +182,11 @@ def main() -> None:
     if asked.fit:
         print(fit(read(asked.table)))
         return
-    first, last = map(int, ("0-0" if asked.named else asked.seeds).split("-"))
+    first, last = map(int, ("0-0" if asked.from_name else asked.seeds).split("-"))
     if not asked.table.exists():
         asked.table.write_text(",".join(field.name for field in fields(SolidRow)) + "\n", encoding="ascii")
     for seed in range(first, last + 1):
-        for kind in asked.kinds or (NAMED if asked.named else DRAWN):
+        for kind in asked.kinds or (NAMED if asked.from_name else DRAWN):
             add_row(asked.table, kind, seed, asked.unknowns)
 
 

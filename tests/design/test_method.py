@@ -47,9 +47,9 @@ def test_all_are_told_and_the_best_is_taken(chosen):
     close = [rank for rank in found if rank[:-1] == found[0][:-1] and rank[-1] <= (1 + NEAR_BEST) * min(found)[-1]]
     assert found[0] in close  # these are put in order by better elements
     assert found[len(close) :] == sorted(found)[len(close) :]
-    width = chosen.settled.pattern.width
+    width = chosen.resolved_preset.pattern.width
     assert tried[0].name.endswith(width.rule if width.q == chosen.preset.pattern.width.q else f"q {width.q:g}")
-    assert ("modes" in tried[0].name) == (chosen.settled.pattern.method == "modes")
+    assert ("modes" in tried[0].name) == (chosen.resolved_preset.pattern.method == "modes")
 
 
 @pytest.mark.slow
@@ -143,8 +143,8 @@ def test_the_table_has_a_line_for_each_and_the_facts_too(chosen):
 
 
 def test_the_settled_preset_makes_the_same_sheet(chosen):
-    asked = chosen.settled
-    assert asked == chosen.settled
+    asked = chosen.resolved_preset
+    assert asked == chosen.resolved_preset
     assert asked.pattern.method in ("stripes", "modes")
     again = dsfab.run(asked)
     assert np.array_equal(again.sheet.surface.V, chosen.sheet.surface.V)
@@ -266,7 +266,7 @@ def test_of_modes_the_pair_that_evening_makes_the_stiffest_is_taken():
 
 def evened(made, one):
     """What modes and phases are worth after eight steps."""
-    trial = StressedTrial(made.preset.settled(one.mode, one.phase), made.stressed)
+    trial = StressedTrial(made.preset.with_modes(one.mode, one.phase), made.analysis)
     worth, grading = [], trial.start
     for _ in range(8):
         step = trial.step(grading)

@@ -387,7 +387,7 @@ def test_stripes_of_one_family_are_half_the_material(families):
     """Threshold 1/2: a quarter of each spacing is material, 1 - (3/4)^2 of the area where two families cross."""
     given = plate(families=families)
     assert share(given) == pytest.approx(7 / 16 if families == "both" else 1 / 4, rel=0.02)
-    made = pattern_step(given.preset, given.stressed, Log(None), even=given.even)
+    made = pattern_step(given.preset, given.analysis, Log(None), even=given.even)
     assert set(made.names) == ({"major", "minor"} if families == "both" else {families})
     other = {"major": "minor", "minor": "major"}
     if families != "both":

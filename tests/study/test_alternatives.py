@@ -183,8 +183,10 @@ def test_the_first_thing_in_a_report_is_what_a_design_loses_to(pulled, monkeypat
 
 def test_a_design_that_was_not_searched_for_is_built_without_a_look(pulled):
     assert is_searched(pulled.preset)
-    assert not is_searched(pulled.settled)
-    even = pulled.settled.with_pattern(width=pulled.preset.pattern.width.model_copy(update={"rule": "stressed"}))
+    assert not is_searched(pulled.resolved_preset)
+    even = pulled.resolved_preset.with_pattern(
+        width=pulled.preset.pattern.width.model_copy(update={"rule": "stressed"})
+    )
     assert is_searched(even)
 
 
@@ -197,7 +199,7 @@ def test_sweeps_can_measure_both(pulled):
 @pytest.mark.slow
 def test_a_search_says_first_what_its_best_run_loses_to(pulled, tmp_path, capsys):
     path, folder = tmp_path / "pulled.toml", tmp_path / "sweep"
-    path.write_text(preset_toml(pulled.settled))
+    path.write_text(preset_toml(pulled.resolved_preset))
     ask = ["--vary", "pattern.rim=0.05:0.06", "--optimise", "sheet_mass", "--evaluations", "1", "--keep", "nothing"]
     assert main(["sweep", str(path), *ask, "--workers", "1", "--quiet", "-o", str(folder)]) == 0
     capsys.readouterr()

@@ -63,7 +63,7 @@ def test_meridians_of_a_sphere_are_rings_with_slots_at_equal_angles():
     """Planks in planes through the middle: rings of radii R - h/2 and R + h/2, slots .1 radians apart."""
     graph, rings = graph_of("sphere", 0.2), 0
     outward = np.einsum("ki,ki->k", graph.by_id["B05"].axis.N, graph.by_id["B05"].axis.P).mean()
-    for part in plan_of("sphere", 0.2).found.pieces:
+    for part in plan_of("sphere", 0.2).planks.pieces:
         if graph.by_id[part.member].family != "minor":
             continue
         rings += 1
@@ -183,8 +183,8 @@ def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
     """Bodies of planks as thick as they are: the upper one, off by some of the way on which it comes, meets none."""
     plan, strips = plan_of(name), {one.id: one for one in refolded_plan(whole_of(name)).strips}
     pieces = [part for part in plan.planks.pieces if part.member[0] == "B"]
-    upper = max(pieces, key=lambda part: plan.planks.steep[part.id])  # of many slots
-    here = [one for one in plan.planks.crossings.found if one.members[1] == upper.member]
+    upper = max(pieces, key=lambda part: plan.planks.slide_angles[part.id])  # of many slots
+    here = [one for one in plan.planks.crossings.crossings if one.members[1] == upper.member]
     here = [one for one in here if upper.span[0] <= one.at[1] <= upper.span[1]]
     normals = np.array([one.normal for one in here])
     assert len(here) > 2
@@ -245,6 +245,6 @@ def test_planks_of_a_vault_stand_on_the_ground_and_its_files_are_the_same_twice(
 def test_slots_too_near_to_each_other_and_steep_ones_are_told():
     thick = plan_of("sphere", 0.4, PlankStock(0.3, 0.6, 0.012, "none", (0.02, 0.008)))
     assert any(line.startswith("NOT POSSIBLE: slots are nearer to each other") for line in thick.lines)
-    assert thick.found.crowded
+    assert thick.planks.crowded
     bolts = plan_of("sphere", 0.4, PlankStock(0.018, 0.12, 0.09, "cover", (0.02, 0.008)))
-    assert any(line.startswith("NOT TO SLIDE TOGETHER") for line in bolts.lines) == bool(bolts.found.stuck)
+    assert any(line.startswith("NOT TO SLIDE TOGETHER") for line in bolts.lines) == bool(bolts.planks.stuck)
