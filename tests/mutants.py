@@ -48,27 +48,27 @@ class Subject:
 
 
 SUBJECTS = (
-    Subject("surface.shapes.structures", "_twisted", "surface/test_figures.py", "twisted_solid"),
-    Subject("surface.shapes.turned", "tower", "surface/test_shapes.py", "tower or sizes"),
-    Subject("surface.enclosed", "_tetrahedra", "surface/test_mesh.py"),
-    Subject("surface.enclosed", "_faces", "surface/test_mesh.py"),
-    Subject("surface.drawing_files", "_loops", "surface/test_drawings.py"),
-    Subject("surface.formats.obj", "_add_face", "surface/test_reader.py"),
-    Subject("surface.formats.soup", "joined", "surface/test_soup.py"),
-    Subject("statics.material", "Material.membrane", "statics/test_statics.py"),
-    Subject("statics.material", "Material.bending_stiffness", "statics/test_statics.py"),
+    Subject("surface.shapes.figures", "_twist_solid", "surface/test_figures.py", "twisted_solid"),
+    Subject("surface.shapes.round_shapes", "tower", "surface/test_shapes.py", "tower or sizes"),
+    Subject("surface.mesh", "_tetrahedron_volumes", "surface/test_mesh.py"),
+    Subject("surface.mesh", "_face_blocks", "surface/test_mesh.py"),
+    Subject("surface.files.drawings", "_loops", "surface/test_drawings.py"),
+    Subject("surface.files.obj_and_off", "_add_face", "surface/test_reader.py"),
+    Subject("surface.files.mesh_files", "with_shared_vertices", "surface/test_soup.py"),
+    Subject("statics.model", "Material.membrane", "statics/test_statics.py"),
+    Subject("statics.model", "Material.bending_stiffness", "statics/test_statics.py"),
     Subject("statics.stress", "stress", "statics/test_statics.py"),
     Subject("statics.stress", "von_mises", "statics/test_stress.py"),
     Subject("diffusion.tensors", "principal_stresses", "diffusion/test_diffusion.py"),
-    Subject("diffusion.tensors", "_isotropic", "diffusion/test_diffusion.py"),
+    Subject("diffusion.tensors", "_is_isotropic", "diffusion/test_diffusion.py"),
     Subject("diffusion.tensors", "combined_stress", "statics/test_cases.py", "combined"),
-    Subject("diffusion.operators", "diffusion_operator", "diffusion/test_diffusion.py"),
-    Subject("pattern.wave", "wave", "pattern/test_pattern.py"),
+    Subject("diffusion.tensors", "diffusion_operator", "diffusion/test_diffusion.py"),
+    Subject("pattern.stripes", "wave", "pattern/test_pattern.py"),
     Subject("pattern.stripes", "Stripes.levels", "pattern/test_pattern.py"),
-    Subject("pattern.stripes", "Stripes.widened", "pattern/test_width.py"),
+    Subject("pattern.stripes", "Stripes.with_width_factor", "pattern/test_width.py"),
     Subject("pattern.stripes", "frequency_for", "pattern/test_spacing.py"),
-    Subject("export.smooth.fits", "_parabolas", "export/test_smooth_fits.py"),
-    Subject("export.smooth.patch_fits", "fitted", "export/test_smooth_fits.py", "poles"),
+    Subject("export.splines", "_parabolas", "export/test_smooth_fits.py"),
+    Subject("export.cad.step.smooth.charts", "fitted_surface", "export/test_smooth_fits.py", "poles"),
 )
 
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
@@ -154,7 +154,7 @@ def noticed(subject: Subject, function: FunctionType, code: CodeType) -> bool:
 
 def survivors(subject: Subject) -> tuple[int, list[str]]:
     """How many mutants a function has, and which of them no test notices; raises where its tests fail without any."""
-    function, tests = subject.function(), f"tests.{subject.file.removesuffix('.py')}"
+    function, tests = subject.function(), f"tests.{subject.file.removesuffix('.py').replace('/', '.')}"
     importlib.import_module(tests)  # what it imports is there then, in all forks
     del sys.modules[tests]
     if noticed(subject, function, function.__code__):

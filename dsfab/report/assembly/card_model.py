@@ -66,10 +66,6 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
     ]
 
 
-def _millimetres(size: tuple[float, float]) -> str:
-    return " x ".join(f"{MM_PER_M * x:.0f}" for x in size) + " mm"
-
-
 def model_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return the page for a model of members; none for a structure at full size."""
     return [(f"Building the model at 1:{plan.model:g}", _model_page(plan))] if plan.model and plan.graph else []
