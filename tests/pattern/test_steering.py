@@ -23,7 +23,7 @@ from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.inspection import quality_facts, quality_lines
 from dsfab.report.html_pages import CaptionNumbers
-from dsfab.results import CaseResult, StaticsResult, StressedSurface
+from dsfab.results import CaseResult, PatternResult, StaticsResult, StressedSurface
 from dsfab.slicing import material_area
 from dsfab.slicing.measures.pattern_quality import pattern_quality
 from dsfab.statics import Equilibrium
@@ -376,10 +376,13 @@ def test_a_surface_with_one_side_turns_by_quarters_only():
 
 
 def share(given: Case) -> float:
-    pattern = pattern_step(
-        given.preset, StressedSurface(given.surface, given.statics, None), Log(None), even=given.even
-    )
+    pattern = pattern_of(given)
     return material_area(given.surface, pattern.fields, pattern.levels) / given.surface.area
+
+
+def pattern_of(given: Case) -> PatternResult:
+    stressed_surface = StressedSurface(given.surface, given.statics, None)
+    return pattern_step(given.preset, stressed_surface, Log(None), even=given.even)
 
 
 @pytest.mark.parametrize("families", ["both", "major", "minor"])
@@ -387,7 +390,7 @@ def test_stripes_of_one_family_are_half_the_material(families):
     """Threshold 1/2: a quarter of each spacing is material, 1 - (3/4)^2 of the area where two families cross."""
     given = plate(families=families)
     assert share(given) == pytest.approx(7 / 16 if families == "both" else 1 / 4, rel=0.02)
-    made = pattern_step(given.preset, given.analysis, Log(None), even=given.even)
+    made = pattern_of(given)
     assert set(made.names) == ({"major", "minor"} if families == "both" else {families})
     other = {"major": "minor", "minor": "major"}
     if families != "both":
