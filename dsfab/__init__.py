@@ -1,25 +1,25 @@
 """dsfab: Diffusion Structures, from a surface, its supports and its loads to a file that a fabricator opens.
 
-    preset = dsfab.load_preset("dome", {"surface.edge": 0.6})   # a shipped one, or a TOML file of yours
-    design = dsfab.run(preset)                                   # all of its stages; shown as a picture in a notebook
+    preset = dsfab.load_preset("dome", {"surface.edge": 0.6})   # a shipped preset, or your TOML file
+    design = dsfab.run(preset)                                   # runs all stages; a notebook shows a picture
     design.write("dome.step")                                    # one file: step, stl, 3mf, dxf, ...
-    design.save("outputs/dome")                                  # everything that `dsfab build` writes
+    design.save("outputs/dome")                                  # all files that `dsfab build` writes
 
-    dsfab.revise(design, another)     the next design: only what has changed is made again
-    dsfab.sweep(preset, ...)          many designs, and what is measured of each
-    dsfab.compare(design)             beside others of the same mass
-    dsfab.edit(preset)                in a notebook, changed by hand
+    dsfab.revise(design, preset)      the design of a changed preset; unchanged stages keep their results
+    dsfab.sweep(preset, ...)          many designs, with measures of each
+    dsfab.compare(design)             compares the design with other designs of the same mass
+    dsfab.edit(preset)                opens an editor in a notebook
 
-    roof = dsfab.preset_for(mesh)                    # a mesh of yours, or a file: a sensible preset for it
-    roof = dsfab.Preset(                             # or every choice your own
-        surface=mesh,                                # yours, metres: trimesh, pyvista, compas, (V, F), or a path
+    roof = dsfab.preset_for(mesh)                    # proposes a preset for your mesh, or for a file
+    roof = dsfab.Preset(                             # or you make every choice
+        surface=mesh,                                # your mesh, metres: trimesh, pyvista, compas, (V, F), or a path
         supports=[dsfab.Support(dsfab.Boundary())],  # or Side, Box, Ball, PlanPolygon, Facing, All ...
         loads=[dsfab.SelfWeight(), dsfab.Snow(800)], # or Cladding, Force, Line, ...; newtons, pascals
         statics={"thickness": 0.05},                 # and pattern=, diffusion=, ..., each key as in TOML
     )
-    dsfab.Surface.of(mesh, "mm")      where its numbers are not metres;  dsfab.read_surface("roof.obj", "mm")
+    dsfab.Surface.of(mesh, "mm")      for a mesh in another unit;  dsfab.read_surface("roof.obj", "mm")
 
-Heavy libraries are imported where they are used: `import dsfab` is quick, and so is `dsfab --help`.
+dsfab imports heavy libraries only where it uses them, so `import dsfab` and `dsfab --help` are quick.
 """
 
 import os
@@ -32,62 +32,34 @@ try:
 except PackageNotFoundError:  # the files were copied without an installation
     __version__ = "0+unknown"
 
-# Threads of OpenBLAS that wait for work sleep after 2^20 cycles, a third of a millisecond, in place of 2^26: after one
-# product of long vectors they kept a core busy for 20 ms. It is read when numpy is loaded, so not where that was loaded
-# before.
+# Idle threads of OpenBLAS sleep after 2^20 cycles, a third of a millisecond, in place of 2^26 cycles: after one product
+# of long vectors they kept a core busy for 20 ms. OpenBLAS reads this when numpy is first imported.
 os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "20")
 
 _HOME = {
-    "All": "dsfab.surface",
-    "Ball": "dsfab.surface",
-    "Boundary": "dsfab.surface",
-    "Box": "dsfab.surface",
-    "Brush": "dsfab.surface",
-    "Cladding": "dsfab.surface",
-    "ClosedCurves": "dsfab.surface",
-    "Combination": "dsfab.surface",
-    "Design": "dsfab.design",
-    "Diffusion": "dsfab.preset.model",
-    "DsfabError": "dsfab.core.errors",
-    "Export": "dsfab.preset.model",
-    "Fabrication": "dsfab.preset.model",
-    "Facing": "dsfab.surface",
-    "Force": "dsfab.surface",
-    "Line": "dsfab.surface",
-    "LoadCase": "dsfab.surface",
-    "Nearest": "dsfab.surface",
-    "Pattern": "dsfab.preset.model",
-    "PatternRegion": "dsfab.surface",
-    "PlanPolygon": "dsfab.surface",
-    "Preset": "dsfab.preset.model",
-    "Pressure": "dsfab.surface",
-    "Previewer": "dsfab.render.previewer",
-    "SelfWeight": "dsfab.surface",
-    "Sheet": "dsfab.slicing",
-    "Side": "dsfab.surface",
-    "Slicing": "dsfab.preset.model",
-    "Snow": "dsfab.surface",
-    "Solid": "dsfab.thickening",
-    "Statics": "dsfab.preset.model",
-    "Support": "dsfab.surface",
-    "Surface": "dsfab.surface",
-    "Thickening": "dsfab.preset.model",
-    "Vertices": "dsfab.surface",
-    "Wind": "dsfab.surface",
-    "compare": "dsfab.study",
-    "edit": "dsfab.app.editor.notebook",
-    "inline_picture": "dsfab.render.design_picture",
-    "load_preset": "dsfab.preset.file",
-    "preset_for": "dsfab.preset.proposal",
-    "read_surface": "dsfab.surface",
-    "revise": "dsfab.design",
-    "run": "dsfab.design",
-    "save": "dsfab.report.design.save",
-    "sweep": "dsfab.study",
-    "to_build123d": "dsfab.design.output",
-    "write": "dsfab.design.output",
+    name: module
+    for module, names in {
+        "dsfab.app.editor.notebook": "edit",
+        "dsfab.core.errors": "DsfabError",
+        "dsfab.design": "Design revise run",
+        "dsfab.design.output": "to_build123d write",
+        "dsfab.preset.file": "load_preset",
+        "dsfab.preset.model": "Diffusion Export Fabrication Pattern Preset Slicing Statics Thickening",
+        "dsfab.preset.proposal": "preset_for",
+        "dsfab.render.design_picture": "inline_picture",
+        "dsfab.render.previewer": "Previewer",
+        "dsfab.report.design.save": "save",
+        "dsfab.slicing": "Sheet",
+        "dsfab.study": "compare sweep",
+        "dsfab.surface": (
+            "All Ball Boundary Box Brush Cladding ClosedCurves Combination Facing Force Line LoadCase Nearest "
+            "PatternRegion PlanPolygon Pressure SelfWeight Side Snow Support Surface Vertices Wind read_surface"
+        ),
+        "dsfab.thickening": "Solid",
+    }.items()
+    for name in names.split()
 }
-"""Where each public name lives; it is imported when first asked for."""
+"""Module of each public name; dsfab imports the module at the first use of the name."""
 
 __all__ = sorted(_HOME)
 

@@ -21,10 +21,9 @@ class CaseResult:
     """Load, equilibrium and stress of a load case or a combination.
 
     sigma   : (m, 3, 3) Pa, stress of the middle surface, or of the lower side of a flat sheet that only bends.
-    answers : further results of the sheet, from other elements where those of `equilibrium` do not suit (see `Ask`).
+    answers : further results of the sheet; elements other than those of `equilibrium` may compute them (see `Ask`).
     factors : of the cases in a combination; None for a case.
-    layered : (m, 3, 3) Pa, stress of all layers (`layer_stress`), if the pattern follows it; else None.
-    """
+    layered : (m, 3, 3) Pa, stress of all layers (`layer_stress`), if the pattern follows it; else None."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -43,12 +42,11 @@ class CaseResult:
 class StaticsResult:
     """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, as in a `CaseResult`.
 
-    These results are for all cases together, for pictures and for a design with one case. The next stage selects the
+    These results are of all cases together, for pictures and for a design with one case. The next stage selects the
     stress that the pattern follows from `cases`, so that another selection needs no new solution.
 
     cases      : the load cases by name, then the combinations.
-    objections : sentences on reasons against building, the gravest first (see `dsfab.design.buildability`).
-    """
+    objections : sentences on reasons against building, the gravest first (see `dsfab.design.buildability`)."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -64,7 +62,7 @@ class StaticsResult:
 
 @dataclass(frozen=True, eq=False)
 class DiffusionResult:
-    """Stage 3: tensors, and the modes of both families."""
+    """Stage 3: the diffusion tensors, and the modes of the major and of the minor stripes."""
 
     tensors: DiffusionTensors
     major: Modes
@@ -76,7 +74,7 @@ class StripeSteering:
     """Directions of stripes that guides or symmetry change.
 
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
-    guided : (m,) weight of guides; 1 as much as clear stress.
+    guided : (m,) weight of guides; at 1 they count as much as a clear direction of stress.
     over   : (m,) faces with exchanged families: the major stripes run along the second principal stress.
     told   : a sentence for the user on these directions, or ''."""
 
@@ -90,14 +88,15 @@ class StripeSteering:
 class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
-    phases  : with every possible line.
+    phases  : phases with every possible line.
     wanted  : for each level of halving, the finest first, (m,) share of each face in which its lines are used.
     slope   : (n, 2) lines per metre of the phases.    density : (n, 2) used lines per metre.
     first   : the family whose finer lines are drawn before those of the second family.
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
     symmetry : mirrors and turns of the stripes; None without any.
-    steered  : their deviation from the stress; None without any.
-    forces   : (m, 2) principal stresses that the stripes follow in place of those of the uncut sheet, Pa; or None."""
+    steered  : changes of the stripes' directions by guides or symmetry; None without changes.
+    forces   : (m, 2) principal stresses, Pa, if the stripes follow other stresses than those of the uncut sheet; or
+               None."""
 
     phases: tuple[CornerPhase, CornerPhase]
     wanted: tuple[tuple[Floats, ...], tuple[Floats, ...]]
@@ -113,13 +112,12 @@ class EvenStripes:
 class Candidate(NamedTuple):
     """Modes and phases of the major and of the minor stripes, as a trial for values that are `auto`.
 
-    compliance : joules on its own cut mesh; infinite when refused.
+    compliance : joules on its own cut mesh; infinite for a refused trial.
     over_uncut : compliance over that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
     whole      : share of the material in the largest piece with a support.
     pieces     : number of pieces of material.
-    refused    : reason for refusing it, or ''.
-    """
+    refused    : reason to refuse the trial, or ''."""
 
     mode: tuple[int, int]
     phase: tuple[float, float]
@@ -165,13 +163,12 @@ class StressedSurface:
 class Attempt(NamedTuple):
     """A method and a width rule, as a trial for the method `auto`.
 
-    name       : of method and rule, in plain words.
-    compliance : joules on its own cut mesh; infinite when refused.
+    name       : names of the method and the rule, in plain words.
+    compliance : joules on its own cut mesh; infinite for a refused trial.
     over_uncut : compliance over that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
-    dead_ends, slits : of its members, see `PatternQuality`.
-    refused    : reason for refusing it, or ''.
-    """
+    dead_ends, slits : numbers of members that end freely, and of narrow openings; see `PatternQuality`.
+    refused    : reason to refuse the trial, or ''."""
 
     name: str
     compliance: float = float("inf")
@@ -183,12 +180,9 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, float]:
-        """Key for sorting, the best first: attempts that carry the loads, without dead ends, without slits, the
+        """Key for sorting, the best first: attempts that carry the loads, have no dead ends, have no slits, are
         stiffest.
-
-        Stiffness counts per share of material. It has three digits, so that rounding errors do not decide between
-        mirror
-        images."""
+        Stiffness counts per share of material, with three digits: rounding must not decide between mirror images."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.slits > 0, soft
 
@@ -197,15 +191,12 @@ class Attempt(NamedTuple):
 class PatternResult:
     """Stage 4: by name, linear fields and the level values at which each is cut (see `dsfab.slicing.cutting.cut`).
 
-    fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width. Evenly
-                  spaced stripes are at corners, a family in several fields: its coarse lines, then the lines between
-                  them.
-                  Kept material is on parts of faces, where these are divided; `keep` has two fields: patches, and
-                  points
-                  and curves.
-    half_widths : (n,) each: material is |z - k| < d, k integer, for the families; inf for other fields. z is frequency
-                  x
-                  + phase on modes, and the phase of the used lines on even stripes.
+    fields      : values at the vertices, (n,), or (n, 2) for stripes of varying width. An odd number of levels lies
+                  below material. Evenly spaced stripes have fields at corners of faces. A family may have several
+                  fields: its coarse lines first, then the lines between these. Kept regions have fields on divided
+                  faces, two for `keep`: one for patches, one for points and curves.
+    half_widths : (n,) for each field. For the families, material is |z - k| < d with integer k; for other fields d is
+                  infinite. On modes, z is frequency x + phase; on even stripes, z is the phase of the used lines.
     factor      : factor on the widths for reaching pattern.width.solid_fraction; 1 without it.
     frequency   : of the major and of the minor stripes; for `spacing` the result.
     mode, phase : of both families; for `auto` the result.
@@ -214,8 +205,7 @@ class PatternResult:
     asked       : [pattern] with the results of `auto`; None without `auto`.
     tidy        : stripes for the cut to remove, because they lead nowhere; None removes none.
     attempts    : trials for the method `auto`, best first; empty for another method.
-    trial       : the last cut of the search for widths, until slicing continues from it; pickles leave it out.
-    """
+    trial       : the last cut of the search for widths, until slicing continues from it; pickles leave it out."""
 
     names: tuple[str, ...]
     fields: tuple[Floats | CornerField | DividedField, ...]
@@ -237,11 +227,11 @@ class PatternResult:
 
     @property
     def cut_inputs(self) -> tuple[tuple[Floats | CornerField | DividedField, ...], tuple[Floats, ...], Tidy | None]:
-        """Fields, levels and tidy: the inputs of the cut."""
+        """Inputs of the cut: fields, levels, and stripes to remove."""
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return the pattern with a trial cut, if the cut is of this pattern."""
+        """Return the pattern with a trial cut, if this pattern was the input of the cut; else unchanged."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:

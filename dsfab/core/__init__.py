@@ -1,1 +1,1 @@
-"""Foundations without knowledge of structures: errors, units, arrays, messages, limits, materials, solvers."""
+"""Basic modules that every room uses: errors, units, arrays, messages, limits, materials and solvers."""

@@ -1,4 +1,4 @@
-"""Array types, checks of arrays that enter a frozen value, and lengths, areas and angles of arrays of vectors."""
+"""Array types, read-only copies for frozen values, and lengths, areas and angles of many vectors at once."""
 
 from collections.abc import Sequence
 from functools import reduce
@@ -42,12 +42,12 @@ def lengths(vectors: Floats) -> Floats:
 
 
 def row_max(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return the maximum (k,) of each row of an array (k, few), in a fifth of numpy's time."""
+    """Return the maximum (k,) of each row of an array (k, c) with few columns, in a fifth of numpy's time."""
     return np.asarray(reduce(np.maximum, rows.T))
 
 
 def row_min(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return the minimum (k,) of each row of an array (k, few), in a fifth of numpy's time."""
+    """Return the minimum (k,) of each row of an array (k, c) with few columns, in a fifth of numpy's time."""
     return np.asarray(reduce(np.minimum, rows.T))
 
 
@@ -58,7 +58,7 @@ def group_sums(group: Ints, values: Floats, count: int = 0) -> Floats:
 
 def weighted_quantiles(values: Floats, weight: Floats, shares: Sequence[float]) -> Floats:
     """Return the quantiles (q,) of values (k,) with weights (k,), at shares (q,) of the total weight. Each quantile is
-    an element of `values`. A share counts as reached within rounding."""
+    an element of `values`. Rounding errors do not decide whether the weights reach a share."""
     order = np.argsort(values, kind="stable")
     upto = np.cumsum(weight[order])
     positions = np.searchsorted(upto, np.asarray(shares) * upto[-1] * (1 - 1e-12))
@@ -128,9 +128,8 @@ def sorted_order(keys: Ints) -> Ints:
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Group equal integers (k,): return `sorted_order`, the start of each group in that order, and the group of
-    each key.
-    """
+    """Return `sorted_order` of integers (k,), the start of each group of equal keys in it, and each key's group
+    (k,)."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)
@@ -145,9 +144,7 @@ def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
 
 
 def complement(indices: Ints, count: int) -> Ints:
-    """Return the integers (count - k,) from 0 to count - 1 that are not in `indices` (k distinct integers),
-    ascending.
-    """
+    """Return the integers from 0 to count - 1 that `indices` (k distinct integers) lacks, ascending, (count - k,)."""
     is_absent = np.ones(count, dtype=bool)
     is_absent[indices] = False
     return np.flatnonzero(is_absent)
@@ -172,13 +169,13 @@ def first_few(indices: Ints, count: int = 5) -> str:
 
 
 ALIKE = 0.05
-"""Values of openings or bars that differ relatively by less than this may be equal, apart from effects of the mesh."""
+"""Relative difference below which widths of openings or of bars count as equal, because the mesh alone may cause it."""
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
-    """Return a value near `threshold` that splits values (k,) into small and large ones.
-    The result is the threshold itself, or the middle of the widest gap within `tolerance` of the threshold. So nearly
-    equal things, such as the openings between two rings of a dome, are on the same side."""
+    """Return a value near `threshold` that splits values (k,) into small and large ones. The result is the threshold
+    itself, or the middle of the widest gap within `tolerance` of the threshold. Nearly equal values are on the same
+    side, for example the widths of openings between two rings of a dome."""
     close_values = values[np.abs(values - threshold) < tolerance]
     if not len(close_values):
         return threshold

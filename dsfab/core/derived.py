@@ -1,7 +1,6 @@
-"""Results that follow from a frozen value alone. The value itself stores them.
+"""Results that follow from one frozen value alone; the value itself stores them.
 
-A `cached_property` does this inside a class. A package above, such as statics for a `Surface`, uses `derived`.
-"""
+Inside a class, `cached_property` does this. A room above the class, such as statics for a `Surface`, uses `derived`."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -12,7 +11,7 @@ R = TypeVar("R")
 
 
 class DerivedResults(dict[Any, Any]):
-    """Results by key; a pickled value leaves them out, because another process can compute them again."""
+    """Results by key. A pickled value omits them, because another process can compute them again."""
 
     def __reduce__(self) -> tuple[type["DerivedResults"], tuple[()]]:
         return DerivedResults, ()

@@ -1,7 +1,6 @@
 """Limits and tolerances that more than one part of dsfab applies.
 
-A stage that refuses input beyond a limit and a report that checks the same limit both import it from here.
-"""
+A stage that refuses input beyond a limit and a report that checks the same limit both import it from here."""
 
 from collections.abc import Iterable
 from typing import Literal
@@ -17,60 +16,47 @@ MARKS: tuple[Mark, ...] = (*SEVERITY, "note")
 BALANCE = 1e-4
 """Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes.
 
-It is far below the error of the elements. Rounding alone reaches 1e-6 on a long, thin, finely meshed sheet (a beam of
-30 widths with 8 `hhj` cells across). It reaches 1.3e-5 where needles of 9 micrometres bend at a thickness of 20 mm,
-because the entries of their stiffness are rounded.
-"""
+The limit is far below the error of the elements. Rounding alone reaches 1e-6 on a long, thin, finely meshed sheet (a
+beam of 30 widths with 8 `hhj` cells across). Rounding reaches 1.3e-5 where needle-shaped faces of 9 micrometres bend at
+a thickness of 20 mm, because the entries of their stiffness are rounded."""
 
-REPORTED_RESIDUAL = 1e-8  # Relative residual of the linear system, in its energy norm, above which dsfab reports it.
+REPORTED_RESIDUAL = 1e-8  # dsfab reports a larger relative residual of the linear system, measured in energy.
 
 RESIDUAL = 1e-6
-"""Largest accepted relative residual, and largest relative error of a compliance that it may cause.
+"""Largest accepted relative residual, and largest relative error of a compliance that the residual may cause.
 
-It is far below the error of the elements. The beam under `BALANCE` has 1e-6 in double precision. It has 1e-10 after
-refinement in longer numbers (`dsfab.statics.factorisation.refined_solution`), if the machine supports these. On a
-sheet with needles of 7 micrometres the residual stops at 1e-8. That rounding depends on the number of threads, and
-must not decide whether dsfab accepts a result.
-"""
+The limit is far below the error of the elements. The beam under `BALANCE` has 1e-6 in double precision. Refinement in
+longer numbers gives 1e-10 (`dsfab.statics.factorisation.refined_solution`), if the machine supports these. On a sheet
+with needle-shaped faces of 7 micrometres the residual stops at 1e-8. Such rounding depends on the number of threads,
+so it must not decide whether dsfab accepts a result."""
 
-LARGEST_MOVE = 0.1  # Displacement over the surface's longest side; linear statics are invalid beyond it.
-
+LARGEST_MOVE = 0.1  # Linear statics are invalid for larger displacements, as a share of the surface's longest side.
 AT_ONE_VERTEX = 0.95  # Largest accepted share of the reactions at one vertex.
 FEW_VERTICES = 3  # dsfab reports a support with fewer vertices if it carries more than `SOME_REACTION`.
 SOME_REACTION = 0.05  # A support with a smaller share of the reactions carries no load: it only prevents drift.
-
-FAR_FROM_SURFACE = 0.25  # Largest distance from a point to its vertex, as a share of the surface's size.
-
+FAR_FROM_SURFACE = 0.25  # Largest distance from a support's or load's point to its vertex, as a share of the size.
 LEAST_LOAD_SHARE = 1e-3  # Snow or wind has no effect if a smaller mean share reaches its faces.
-
-POSSIBLE_SIZE = (1e-9, 1e9)  # Metres; dsfab refuses other surfaces, because products of their numbers overflow.
-
+POSSIBLE_SIZE = (1e-9, 1e9)  # Metres; dsfab refuses all further sizes, because products of their numbers overflow.
 USUAL_SIZE = (0.01, 1e3)  # Metres; a smaller or larger surface causes a remark, because its unit may be wrong.
 CONVERGED = 0.02  # A compliance counts as computed if its relative error bound is below this value.
 
 FACETS = 0.2
-"""Limit of L^2 / (R h) of a mesh (edge length, radius of curvature, thickness), above which dsfab warns. At this value
-flat facets of a curved sheet change its compliance by 1 %, and its largest stress under pressure or weight by up to
-this share."""
+"""dsfab warns above this value of L^2 / (R h) of a mesh: edge length L, radius of curvature R, thickness h. At this
+value flat facets of a curved sheet change its compliance by 1 %, and its largest stress under pressure or weight by up
+to 20 %."""
 
-SLIT = 0.25  # Half-width, in periods, at which an opening is as wide as its members; a narrower one is a slit.
-
+SLIT = 0.25  # Half-width of a member, in periods, at which its opening is equally wide; a narrower opening is a slit.
 CROWDING = 1.25  # Where openings cannot be wider, members may take this many times their usual share of the spacing.
-FILM = 0.05  # A place counts as a film if less than this share of the sheet's thickness is left there.
+FILM = 0.05  # A part of the sheet thinner than this share of the thickness counts as a film.
 OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, as a share of the thickness.
 
 OFF_SURFACE = 1 / 20
-"""Default limit for the distance between a file's solid and the design's solid, as a share of the thickness.
+"""Default limit for the distance between a file's solid and the design's solid, as a share of the thickness. Smooth and
+simplified solids respect this limit, and so does the check of a file with curves."""
 
-Smooth and simplified solids respect this limit, and so does the check of a file that may have curves.
-"""
-
-SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids that otherwise exceed the budget.
-
-DEFLECTION = 1 / 4  # A reader's triangles may deviate from curved faces by this share of `OFF_SURFACE`.
-
+SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids that otherwise have too many faces for a file.
+DEFLECTION = 1 / 4  # Triangles that check a file's curved faces may deviate from these by this share of `OFF_SURFACE`.
 CHANGED_VOLUME = 5e-3  # Largest accepted relative change of a volume when curves or fewer triangles replace triangles.
-
 READ_BACK = 1e-3  # Writing and reading a file may change its volume, area, lengths and box by this share.
 
 

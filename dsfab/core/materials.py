@@ -3,8 +3,7 @@
 The design strength is the stress that a standard allows: the characteristic strength over the partial factor of the
 material, for timber also times k_mod = 0.8 (medium load duration, indoors or under a roof). dsfab compares it with
 the von Mises stress of an isotropic sheet. This is right for metals. Timber, plywood and GFRP are strong along their
-fibres only, and concrete in compression only; their comparison is a first estimate, and `says` names the strength.
-"""
+fibres only, and concrete in compression only; their comparison is a first estimate, and `says` names the strength."""
 
 from dataclasses import dataclass
 
@@ -16,7 +15,7 @@ class NamedMaterial:
     """A material that a preset may name.
     young : Pa, the mean value.      poisson : of an isotropic sheet.      density : kg/m3, the mean value.
     strength : Pa, the design strength.      says : the kind of the strength and its derivation.
-    expansion : thermal, 1/K; no stage uses it yet.      source : reference for all values."""
+    expansion : thermal expansion, 1/K; no stage uses it yet.      source : reference for all values."""
 
     name: str
     young: float
@@ -120,8 +119,8 @@ _ALL = (
 MATERIALS = {material.name: material for material in _ALL}  # Materials by name.
 
 NO_STRENGTH = (
-    "what members can bear is not known: the preset names no material and gives no strength; set statics.material = "
-    '"S355" (`dsfab materials` lists them), or statics.strength'
+    "statics gives neither a material nor a strength, so dsfab cannot check the members; set statics.material = "
+    '"S355" (`dsfab materials` lists all), or statics.strength'
 )
 """Message for a preset without a material and without a strength."""
 
@@ -132,7 +131,7 @@ def material_named(name: str) -> NamedMaterial:
     by_lower_name = {label.lower(): material for label, material in MATERIALS.items()}
     if key in by_lower_name:
         return by_lower_name[key]
-    # the search ignores capitals, but the hint must show the name exactly as in the list
+    # the search ignores capitals, but the hint must show the name with its capitals
     hint = did_you_mean(key, by_lower_name)
     for small, material in by_lower_name.items():
         hint = hint.replace(f" {small}?", f" {material.name}?")

@@ -1,7 +1,6 @@
 """TOML files as tables, and the list of the presets that come with dsfab.
 
-The list imports neither numpy nor pydantic: `dsfab presets` takes a tenth of the time of checking one preset.
-"""
+This module imports neither numpy nor pydantic, so `dsfab presets` takes a tenth of the time of checking one preset."""
 
 import tomllib
 from pathlib import Path
@@ -10,10 +9,8 @@ from typing import Any
 from dsfab.core.errors import PresetError
 
 PRESETS = tuple(folder / "presets" / kind for folder in Path(__file__).resolve().parents[1:3] for kind in ("", "paper"))
-"""Folders of the shipped presets: in a wheel inside the package, in a checkout at the top level.
-
-The presets of the paper's figures have their own folder. dsfab finds a preset by name in both folders.
-"""
+"""Folders of the shipped presets: in a wheel inside the package, in a checkout at the top level. The presets of the
+paper's figures have their own folder; dsfab finds a preset by name in both folders."""
 
 
 def shipped_presets() -> dict[str, Path]:
@@ -28,13 +25,13 @@ def preset_headline(path: Path) -> str:
 
 
 class TomlError(ValueError):
-    """Error in a text that should be TOML."""
+    """Error in a TOML text."""
 
 
 def toml_table(text: str) -> dict[str, Any]:
     """Return the tables of a TOML text; the function ignores a byte order mark.
-    Raises TomlError for invalid text, and for tables nested deeper than 50 levels, several times any preset's depth. It
-    also does if Python's reader fails (thousands of brackets, endless numbers)."""
+    Raises TomlError for invalid text, for tables nested deeper than 50 levels, and for text that stops Python's reader
+    (thousands of brackets, endless numbers). No preset needs a quarter of these levels."""
     try:
         values = tomllib.loads(text.removeprefix("\ufeff"))
         if _depth_is_over(values, 50):
@@ -43,16 +40,13 @@ def toml_table(text: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise TomlError(str(error)) from None
     except RecursionError:
-        raise TomlError("its values lie too deep in each other") from None
+        raise TomlError("its tables are nested too deeply") from None
     except ValueError:
         raise TomlError("a number in it has too many digits") from None
 
 
 def _depth_is_over(values: dict[str, Any], limit: int) -> bool:
-    """Return whether tables and lists are nested deeper than the limit. Loops do this, because dotted keys have no
-    limit.
-    """
-    level: list[Any] = [values]
+    level: list[Any] = [values]  # a recursion would fail, because dotted keys have no limit of depth
     for _ in range(limit):
         inside = [value for item in level for value in (item.values() if isinstance(item, dict) else item)]
         level = [value for value in inside if isinstance(value, dict | list)]

@@ -14,7 +14,7 @@ UNIT_WORDS: dict[str, str] = {
     "foot": "ft",
     "feet": "ft",
 }
-"""Units by the words in files for them, in small letters."""
+"""Unit for each word that a file may use for a unit, in lower case."""
 
 MM_PER_M = 1e3  # Exported files are in millimetres.
 GRAVITY = 9.80665  # Standard acceleration of gravity, m/s^2 (CGPM 1901).

@@ -30,8 +30,7 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     These directions decide in turn: the vectors; from the surface's centroid to that of every weight; the skew of the
     area; principal axes of inertia of the area and of the weights, pointed to where the third moment is positive. The
     coordinates x, y, z decide the rest: a dome under its own weight leaves a whole plane open, and any rotation of its
-    pattern is as good.
-    """
+    pattern is as good."""
     with one_blas_thread():
         return _axes(surface, weights, vectors)
 
@@ -126,8 +125,7 @@ def diffusion_modes(
 
     axes     : (3, 3) rows, for signs and bases; by default those of the surface alone (`reference_axes`).
     symmetry : only modes that are equal at all of its images: more pairs are computed until k such modes exist.
-    Raises PatternError if the mesh has too few vertices for k modes.
-    """
+    Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
 
@@ -187,9 +185,8 @@ def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """Factorise with PARDISO if installed, which takes half of SuperLU's time with one unknown per point.
-    Both are faster than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a
-    surface."""
+    """Factorise with PARDISO if installed, which takes half of SuperLU's time with one unknown per point. Both are
+    faster than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a surface."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
     results = derived_results(surface)  # one order of elimination serves all operators of a surface
@@ -220,8 +217,7 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Flo
     Symmetric surfaces repeat eigenvalues, and any rotation within such a space solves the equations. In each space the
     reference fields (x, y, z along the axes, then their products) are projected in turn and orthonormalised: the first
     vector is the part of the space most like x, and so on. The sign of a single mode follows from its third moment if
-    that
-    is clear, because the moment needs no axes; else from these fields."""
+    that is clear, because the moment needs no axes; else from these fields."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0

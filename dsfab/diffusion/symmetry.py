@@ -82,10 +82,9 @@ class Symmetry:
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
-        """Return the modes of X (n, k) that are equal at all images: eigenvalues, and M-orthonormal modes.
-        The means of the modes over the group span these modes: their singular values are 1 or 0 on a symmetric mesh.
-        In the
-        space of these modes L is diagonalised again (Rayleigh and Ritz)."""
+        """Return the modes of X (n, k) that are equal at all images: eigenvalues, and M-orthonormal modes. The means of
+        the modes over the group span these modes: their singular values are 1 or 0 on a symmetric mesh. In the space of
+        these modes L is diagonalised again (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # squared singular values are near 0 or 1
@@ -173,10 +172,8 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
     """Return the largest distance of points (p, 3) from the surface, and the interpolation (p, n) at the nearest
-    points.
-    Points within a thousandth of a vertex count as the vertex, because files round coordinates. Then fields of a
-    symmetric
-    mesh are equal at all images to the last digit, and so are all decisions by these fields."""
+    points. Points within a thousandth of a vertex count as the vertex, because files round coordinates. Then fields of
+    a symmetric mesh are equal at all images to the last digit, and so are all decisions by these fields."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)

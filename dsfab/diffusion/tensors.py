@@ -59,8 +59,7 @@ class DiffusionTensors:
     major     : (m, 3, 3) r along the primary direction: the major stripes run along it.
     minor     : (m, 3, 3) r along the secondary direction.
     isotropic : (m,) faces without a preferred direction.
-    principal : (m, 2) primary and secondary principal stress, Pa (times gamma).
-    """
+    principal : (m, 2) primary and secondary principal stress, Pa (times gamma)."""
 
     major: Floats
     minor: Floats
@@ -93,8 +92,7 @@ def diffusion_tensors(
                 `combined_stress`, which is nowhere negative, both rules choose the larger value.
     isotropy  : tolerance of the classification, against a reference stress (RMS of the principal stresses over the
                 area, without gamma): `signed` gamma (s1 - s2) <= isotropy ref; `magnitude`
-                (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 + isotropy with eps = isotropy ref.
-    """
+                (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 + isotropy with eps = isotropy ref."""
     stress, direction = principal_stresses(surface, sigma)
     if labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
@@ -118,8 +116,7 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
     add up, whereas a sum of the stresses would cancel. Cases are not normalised, so that a larger load counts more
     unless weights differ. Both principal values are 0 or more, so that `signed` and `magnitude` order them alike. In
     pure shear tension and compression are equal: |sigma| prefers no direction, and faces around it change their label.
-    A single case is therefore better followed by its own stress.
-    """
+    A single case is therefore better followed by its own stress."""
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
         stress, direction = principal_stresses(surface, sigma)

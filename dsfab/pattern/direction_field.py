@@ -41,8 +41,7 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 def family_crossings(frames: Frames, along: Floats) -> Bools:
     """Return vertices (n,) where the second family continues in the direction along (n, 3), a unit tangent up to sign.
     In a region the direction rotates by less than 45 degrees from vertex to vertex. The families keep their names in
-    the
-    largest region, and exchange them in its neighbours. A curve that ends inside the surface bounds no region."""
+    the largest region, and exchange them in its neighbours. A curve that ends inside the surface bounds no region."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -189,8 +188,7 @@ def cross_field(
 
     In each frame the direction is the square z^2 of a complex number, which a half turn does not change. The field
     minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2, e the first principal direction, c its confidence; and see
-    `Guidance`. Raises PatternError if the stress is zero.
-    """
+    `Guidance`. Raises PatternError if the stress is zero."""
     surface = frames.surface
     share = (surface.areas * directions.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
     e = directions.direction[:, 0]

@@ -148,9 +148,8 @@ class Frames:
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
         """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point the same way, -1 if one of them is
-        reversed.
-        If they are perpendicular, the surface's sense of rotation decides, because rounding would depend on the
-        coordinates."""
+        reversed. If they are perpendicular, the surface's sense of rotation decides, because rounding would depend on
+        the coordinates."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 

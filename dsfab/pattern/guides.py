@@ -33,8 +33,7 @@ class Guide:
     family    : the family whose stripes run along the guide; stripes of the second family run across it.
     member    : whether a member runs on the curve itself, whatever the weight.
     Raises GuideError unless there is either a curve or a region, for either without a direction, and for a member in a
-    region.
-    """
+    region."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     curve: tuple[Vector, ...] | None = None

@@ -17,9 +17,8 @@ EVEN = 0.01
 
 
 SNAP = 0.05
-"""The usual `slicing.snap`: a cut moves vertices onto the edge of a region if they are nearer than this share.
-It is a share of the growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are
-halved."""
+"""The usual `slicing.snap`: a cut moves vertices onto the edge of a region if they are nearer than this share. It is a
+share of the growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are halved."""
 
 SHORT = 1 / 16
 """Shorter edges, as a share of the reach, are not halved, because they are equally near to two parts of the
@@ -48,8 +47,7 @@ def curve_fields(
 
     The edge of a region divides faces where the distance is not linear; all fields share one division, after at most
     `rounds` of halving and `most_parts` additional parts. Beyond the reach and the longest edge, values are bounds: too
-    low, and finite.
-    """
+    low, and finite."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
         fields = [
@@ -166,10 +164,9 @@ class RegionBand:
     inside: Floats
 
     def layer(self, field: Floats | DividedField) -> Layer:
-        """Return the layer of minus the distance (n,) from the outline, metres: the region without its middle.
-        The layer has two fields with a level at 0. Material is where the first field exceeds the level and the second
-        does not
-        (see `dsfab.slicing.cutting.cut`)."""
+        """Return the layer of minus the distance (n,) from the outline, metres: the region without its middle. The
+        layer has two fields with a level at 0. Material is where the first field exceeds the level and the second does
+        not (see `dsfab.slicing.cutting.cut`)."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -247,10 +244,9 @@ def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.in
 
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
-    """Return the marked vertices (n,) that faces connect; the rest are points and curves.
-    Three vertices of the boundary mark no face, and two boundary vertices mark no inner edge: only the mesh decides
-    how far
-    such faces and edges extend beyond the intended curve."""
+    """Return the marked vertices (n,) that faces connect; the rest are points and curves. Three vertices of the
+    boundary mark no face, and two boundary vertices mark no inner edge: only the mesh decides how far such faces and
+    edges extend beyond the intended curve."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))

@@ -73,8 +73,7 @@ class Flow:
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; 0 by default.
         free  : begin without locked vertices, because phases that start from them may meet out of step in between.
-        rounds : of diffusion and normalisation, in which pairs of dislocations meet and vanish.
-        """
+        rounds : of diffusion and normalisation, in which pairs of dislocations meet and vanish."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
@@ -120,8 +119,7 @@ def _complex_numbers(x: Floats) -> Complexes:
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """Return B^power x, of length 1 in the mass (N,), from the Krylov space of `products` products with a linear B.
     Arnoldi's method [Saad 1992] writes B as a small matrix H on an orthonormal basis of B x, B B x, ..., and takes
-    powers
-    of H. With as many products as powers it is exact."""
+    powers of H. With as many products as powers it is exact."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
@@ -168,8 +166,7 @@ class CornerPhase:
     value    : (n,) at the vertices, periods.
     sign     : (m, 3) 1 or -1, and shift : (m, 3) integers: how a face sees the value at each of its corners.
     singular : (m,) faces in which a stripe ends or the direction reverses: there the phase is meaningless.
-    broken   : number of faces in which a stripe ends.
-    """
+    broken   : number of faces in which a stripe ends."""
 
     value: Floats
     sign: Floats
@@ -218,10 +215,8 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases (n,) as each face sees them without its neighbours.
-    From corner to corner a phase grows by the value nearest to `flow.turn`; the face is singular if it does not return
-    to
-    its start, or to its own sign."""
+    """Return phases (n,) as each face sees them without its neighbours. From corner to corner a phase grows by the
+    value nearest to `flow.turn`; the face is singular if it does not return to its start, or to its own sign."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn

@@ -30,8 +30,7 @@ class Stripes:
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
     threshold : -1 (everything is material) to 1 (everything is void); 0 makes half of a gradient line material.
-    Raises PatternError for other values.
-    """
+    Raises PatternError for other values."""
 
     frequency: float
     phase: float = 0.0
@@ -93,8 +92,7 @@ def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
 
     The mean distance is the area over the length of the centre lines, z = k for integers k; their mean length over all
     phases is the integral of |grad z| (the co-area formula [Federer 1959]), so it grows with the frequency. Raises
-    PatternError for a constant mode.
-    """
+    PatternError for a constant mode."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
     lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres of lines per unit of frequency
     if not lines * spacing > 0:

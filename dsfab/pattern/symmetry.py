@@ -63,8 +63,7 @@ class Images:
         metre.
 
         An image that sees g reversed has the conjugate. An image of a vertex may lie between other vertices. Their
-        phases
-        first grow along the way to the image, because the plain mean would lag with few edges in a period."""
+        phases first grow along the way to the image, because the plain mean would lag with few edges in a period."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g

@@ -41,8 +41,7 @@ class Widths:
     min_width, max_width : metres, bounds on the width at every vertex under any rule; 0 sets none.
     min_gap   : metres; a narrower gap to the next stripe is filled. 0 fills none.
 
-    Raises PatternError for other values, and for "constant" without `member`.
-    """
+    Raises PatternError for other values, and for "constant" without `member`."""
 
     rule: Rule = "plain"
     member: float = 0.0
@@ -89,8 +88,7 @@ class Widths:
         base   : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
         stress : (n,) for "graded" the size of the stress along the stripes, any unit; for "stressed" the relative
                  half-widths themselves.
-        factor : multiplies the rule, before the bounds.
-        """
+        factor : multiplies the rule, before the bounds."""
         d = factor * (slope * (self.member / 2) if self.rule == "constant" else base * self.grading(stress))
         if self.max_width:
             d = np.minimum(d, slope * (self.max_width / 2))
@@ -108,10 +106,8 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
 
     The length of the mean gradient would vanish on ridges of z, and open a slit along the middle of a member. Half the
     range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2 on a ridge, equal to the mean of |grad
-    z|
-    over the disc. So means extend over `radius`, metres, half the width of a member, and at least over two rings of
-    faces,
-    because otherwise members would fray on ridges."""
+    z| over the disc. So means extend over `radius`, metres, half the width of a member, and at least over two rings of
+    faces, because otherwise members would fray on ridges."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
@@ -159,8 +155,7 @@ def solved_factor(
     """Return the factor at which share(factor), which never falls, is `target` to `tolerance`.
 
     slope    : approximate derivative, if the factor may be about 1: the search then begins with the factor 1 and one
-               step
-               of Newton's.
+               step of Newton's.
     near_one : whether the factor is about 1: then secants start there.
     jump     : accepted miss if the share jumps past the target: the function then returns the factor of the nearest
                share.
@@ -168,8 +163,7 @@ def solved_factor(
 
     Secants of an interval around the solution, with the value at an end halved after it stays twice (Illinois rule of
     regula falsi [Dowell, Jarratt 1971]). Raises PatternError if no factor gives that share (ShareJumpError for a larger
-    jump).
-    """
+    jump)."""
 
     @cache
     def evaluate(factor: float) -> _End:
@@ -254,8 +248,7 @@ def evened_grading(
 
     Widths grow with the root of the energy density, because in a member with a fixed force the density falls with the
     square of the width. Redistributed forces need several steps. Widths stay where material is missing. The geometric
-    mean
-    of the densities stays, so that an evenly stressed sheet is unchanged."""
+    mean of the densities stays, so that an evenly stressed sheet is unchanged."""
     densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
     mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)
     has_material = (share > 1e-9) & (mean_work > 0)

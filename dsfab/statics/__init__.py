@@ -89,9 +89,7 @@ def solve_for(
     """Return `solve_cases` by the elements of a use, with ribs that twist as `bars` or as a thin sheet.
 
     Needles among faces, which a cut may leave, may stop the more accurate elements. Then elements that tolerate needles
-    solve the sheet (see `Equilibrium.elements`).
-    Raises StaticsError as `solve_cases`.
-    """
+    solve the sheet (see `Equilibrium.elements`). Raises StaticsError as `solve_cases`."""
     elements = elements_of(use)
     try:
         return solve_cases(sheet, loads, elements, bars=bars)
@@ -114,8 +112,7 @@ def solve_cases(
     spreads      : by case, see `equilibrium`; for all cases, or None.
     combinations : by name, the factor of each case; they follow the cases in the result.
     bars         : whether ribs that bend twist as rectangular bars, see `torsion_loss`.
-    Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases.
-    """
+    Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():
         if unknown := [case for case in factors if case not in loads]:

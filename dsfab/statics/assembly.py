@@ -22,8 +22,7 @@ def hinges(surface: Surface) -> Ints:
          / \
         0---1      0 -> 1 runs counter-clockwise in the face of vertex 2
          \ /
-          3
-    """
+          3"""
     h0, h1 = surface.edges.pairs.T
     corner = surface.F.ravel()
     ends = [corner[h0], corner[next_half_edge(h0)]]
@@ -35,9 +34,8 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
     """Return gradients (i, 4, 3) of the angles between the faces of hinges, per metre, and weights l^2 / (A1 + A2),
     (i,).
 
-    The opposite vertices have heights h2, h3 over the edge. If they move along their normals, the angle changes by n2
-    / h2
-    and n3 / h3; the ends of the edge balance this so that no rigid motion changes the angle."""
+    The opposite vertices have heights h2, h3 over the edge. If they move along their normals, the angle changes by n2 /
+    h2 and n3 / h3; the ends of the edge balance this so that no rigid motion changes the angle."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -65,8 +63,7 @@ class VertexPairs:
     ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
                vertices of all hinges if needed.
     of_edge  : (e,) the pair of each edge.
-    opposite : (i,) the pair across each hinge, p if its two faces have the same corners; empty without hinges.
-    """
+    opposite : (i,) the pair across each hinge, p if its two faces have the same corners; empty without hinges."""
 
     n: int
     ends: Ints

@@ -26,8 +26,7 @@ def curvatures(surface: Surface) -> Floats:
     about the edge in its global direction (s = +-1 against the half-edge's), the curvature is constant [Morley 1968;
     Grinspun et al. 2006 for mid-edge rotations on surfaces]:
 
-        kappa = 1/A sum over half-edges of  -s l omega m m^T + (w_k - w_j) sym(t m^T)
-    """
+        kappa = 1/A sum over half-edges of  -s l omega m m^T + (w_k - w_j) sym(t m^T)"""
     frame = tangents(surface)
     length, t, m = half_edge_frames(surface)
     rows = np.empty((surface.m, 12, 3))
@@ -74,8 +73,8 @@ def moment_loads(surface: Surface) -> Floats:
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
     with m pointing out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    The rotation counts with the half-edge's sign s; the slope counts without a sign, because it is odd along the edge.
-    """
+    The rotation counts with the half-edge's sign s; the slope counts without a sign, because it is odd along the
+    edge."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     across = np.einsum("mia,mca->mci", slope, outward)  # (m, half-edge, corner) hat slopes along m
@@ -139,8 +138,7 @@ def hinge_blocks(surface: Surface, material: Material, thickness: float) -> Pair
 
     At rest its Hessian is w g g^T with g = grad theta, hence positive semidefinite on curved sheets too. It gives good
     *directions* but does not converge to Kirchhoff's plate on general meshes: at 80 x 80 cells the centre of a clamped
-    plate moves by 0.56 (one diagonal) to 1.21 (crossed) of the exact value.
-    """
+    plate moves by 0.56 (one diagonal) to 1.21 (crossed) of the exact value."""
     h = hinges(surface)
     gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)

@@ -19,10 +19,8 @@ def facet_number(surface: Surface, thickness: float) -> float:
     """Return L^2 / (R h) of a typical face, the median: edge length times fold angle over the thickness.
 
     Loads on the flat faces of a curved sheet bend each face between its edges, as in a real polyhedron. On spheres
-    under
-    pressure, by `hhj`, the largest stress was too high by 0.8 to 0.9 of this number, a typical stress by 0.05 of it,
-    and
-    the energy by the share 1.1 of its square. `midedge` elements have no unknown for this effect."""
+    under pressure, by `hhj`, the largest stress was too high by 0.8 to 0.9 of this number, a typical stress by 0.05 of
+    it, and the energy by the share 1.1 of its square. `midedge` elements have no unknown for this effect."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -44,8 +42,7 @@ def face_moments(
     `hinge`   : constant, from the changed angles of the face's hinges. For pictures only: on a plate bent to a parabola
                 the mean over many faces is right to 2 %, but single faces scatter by 8 % (rows of staggered triangles)
                 to 60 % (random triangles, and twist on squares halved by diagonals). The statics themselves are off by
-                a
-                factor (see `hinge_blocks`). Faces on a free edge lack the share of this edge."""
+                a factor (see `hinge_blocks`). Faces on a free edge lack the share of this edge."""
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
     D = material.bending(thickness)
@@ -84,8 +81,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m.
 
     Across each edge lies a normal half way between those of its faces, so a face's own share is half of the angle:
-    kappa = 1/A sum over half-edges of  l theta / 2  m m^T     [Grinspun et al. 2006].
-    """
+    kappa = 1/A sum over half-edges of  l theta / 2  m m^T     [Grinspun et al. 2006]."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])

@@ -37,8 +37,7 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
 
     fixed   : (n, 3) held freedoms (of supports, and the normal of a sheet solved in its plane); the springs of `load`
               count too.
-    clamped : (e,) edges that do not rotate.
-    """
+    clamped : (e,) edges that do not rotate."""
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
     unheld = [k for k in range(count) if not load.supported[surface.F[label == k]].any()]
@@ -116,12 +115,9 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
     A boundary edge is held along a direction if both ends are held; an inner edge if all corners of one of its faces
-    are
-    held. The ears of a mesh (faces with two boundary edges) do not count as such faces, because the boundary alone
-    holds
-    their corners. Edges of faces held in all directions do not rotate. A bubble is held if more than half of its
-    squared direction lies in held directions.
-    """
+    are held. The ears of a mesh (faces with two boundary edges) do not count as such faces, because the boundary alone
+    holds their corners. Edges of faces held in all directions do not rotate. A bubble is held if more than half of its
+    squared direction lies in held directions."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True

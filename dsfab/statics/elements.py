@@ -25,15 +25,12 @@ class Elements:
     """A choice of elements.
 
     membrane : `constant` strain (3 unknowns a vertex), `quadratic` (two bubbles an edge more), or `hybrid` (the
-               unknowns
-               of `quadratic`, with stresses in equilibrium inside). Reports use the last two: constant strain is 5 to
-               15 % too stiff for bending of slender parts in their plane. `hybrid` has a third to a half of the errors
-               of
-               `quadratic`, which is the common six-node triangle of other programs.
+               unknowns of `quadratic`, with stresses in equilibrium inside). Reports use the last two: constant strain
+               is 5 to 15 % too stiff for bending of slender parts in their plane. `hybrid` has a third to a half of the
+               errors of `quadratic`, which is the common six-node triangle of other programs.
     bending  : `hinge` (the paper's; good for directions, does not converge to the plate on general meshes), `midedge`
                (one rotation an edge; converges, from the soft side), `hhj` (two rotations and a bubble an edge; one
-               order more accurate, for reports), or None for a sheet that is solved in its plane.
-    """
+               order more accurate, for reports), or None for a sheet that is solved in its plane."""
 
     membrane: Membrane = "constant"
     bending: Bending | None = "hinge"
@@ -96,10 +93,8 @@ def _computed_edge_frames(surface: Surface) -> Floats:
     """Return rows t, m, n (e, 3, 3) of each edge: its direction, across it in the sheet, and normal to the sheet.
 
     n is the mean of the faces' normals weighted by area, after turning the second face so that both normals agree. A
-    face
-    turned over changes nothing, and Moebius strips need no exception. Without such a mean (three faces on an edge, or
-    two folded by over 145 degrees) n is the line nearest to all normals: the first eigenvector of sum A n n^T.
-    """
+    face turned over changes nothing, and Moebius strips need no exception. Without such a mean (three faces on an edge,
+    or two folded by over 145 degrees) n is the line nearest to all normals: the first eigenvector of sum A n n^T."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
@@ -131,8 +126,7 @@ def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
 
     The sum is one product S^T Z: Z holds the rows of all blocks, and S selects the unknowns. This adds each entry once,
     without sorting the 100 to 300 triplets of every face. S^T becomes row-major before the product, which would
-    otherwise convert the much larger Z.
-    """
+    otherwise convert the much larger Z."""
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
     count = np.arange(m * c + 1, dtype=columns.dtype)
@@ -167,8 +161,7 @@ class Use:
     pair      : the elements (without bending for a sheet that is solved in its plane).
     tolerance : largest relative error on the finest mesh of a verification test; None if neither reports nor tests use
                 the pair.
-    about     : the purpose in words.
-    """
+    about     : the purpose in words."""
 
     pair: Elements
     tolerance: float | None

@@ -141,8 +141,7 @@ def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats])
 
     A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with residuals in the longest
     floating-point numbers of the machine. Thin sheets make K badly conditioned, so that a residual in double precision
-    would be mostly rounding. x is rounded to double after each step, and the residual is that of the returned x.
-    """
+    would be mostly rounding. x is rounded to double after each step, and the residual is that of the returned x."""
     x = solve(b)
     r = b - K @ x
     error = _energy_share(r, solve(r), b, x)

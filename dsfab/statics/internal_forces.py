@@ -27,8 +27,7 @@ class ShearRecovery:
     columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) the corners alone.
     sign    : (m, 6) -1 if the normal of the face is opposite to that of the face which defines the sign of M there.
     rim     : (m, 3) 1 on half-edges of free edges and of folds, which shear does not pass; else 0.
-    spread  : (N, N) distribution of a load on each unknown; columns sum to 1.
-    """
+    spread  : (N, N) distribution of a load on each unknown; columns sum to 1."""
 
     surface: Surface
     columns: Ints
@@ -206,10 +205,8 @@ def section_forces(
     n is the mean of each face, t times the stress of the middle surface, which its elements balance. m is the mean of
     moments averaged around each vertex: each flat face of a curved sheet bends under its own load, which averaging
     removes. q balances moments (`dsfab.statics.internal_forces`): errors of Navier's plate fall as h^1.5, to .3 % of
-    all
-    shear at 32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a
-    slab
-    with ribs thinner than a face."""
+    all shear at 32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a
+    slab with ribs thinner than a face."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))

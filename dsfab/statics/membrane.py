@@ -20,13 +20,12 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(3, 0): 1}, {(2, 1): 1}, {(1, 2): 1}, {(0, 3): 1},
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
-"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
-As a full space they do not depend on the numbering of corners. An element needs nine stresses (twelve edge
-displacements less three rigid motions); degrees 2 and 3 give seven. Two of degree 4 would do, but the pair
-r^2 (x^2 - y^2), r^2 x y lets a right isosceles triangle collapse. With the other pair the weakest strain of the
-triangle
-keeps 0.19 of the energy of the quadratic element, with all four functions 0.22. r^4 without compatibility would be a
-fifth function, but it changes no reported digit."""
+"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4. As a full space
+they do not depend on the numbering of corners. An element needs nine stresses (twelve edge displacements less three
+rigid motions); degrees 2 and 3 give seven. Two of degree 4 would do, but the pair r^2 (x^2 - y^2), r^2 x y lets a right
+isosceles triangle collapse. With the other pair the weakest strain of the triangle keeps 0.19 of the energy of the
+quadratic element, with all four functions 0.22. r^4 without compatibility would be a fifth function, but it changes no
+reported digit."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
@@ -78,9 +77,7 @@ def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
 
     strain : (m, 3 corners, 3) of the quadratic triangle. The projection keeps the element's mean stress, and its energy
              as half the mean product of the linear stress and strain. On the edge of a hole it is more accurate than
-             the
-             quadratic stress.
-    """
+             the quadratic stress."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(UNMIXED @ work / surface.areas[:, None, None])
 
@@ -90,11 +87,10 @@ def membrane_stiffness(
 ) -> csr_array:
     """Return K_m, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
 
-    `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
-    `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact); its edge bubbles
-    move within the sheet only, so flat triangles that meet at an angle stay closed without drilling unknowns.
-    `hybrid`: `quadratic` on the edges, with stresses in equilibrium inside (`dsfab.statics.membrane`); never stiffer.
-    """
+    `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`). `quadratic`: the
+    linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact); its edge bubbles move within the
+    sheet only, so flat triangles that meet at an angle stay closed without drilling unknowns. `hybrid`: `quadratic` on
+    the edges, with stresses in equilibrium inside (`dsfab.statics.membrane`); never stiffer."""
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
     if elements.membrane == "hybrid":
@@ -109,8 +105,7 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
     The pairs are those of edges, or of hinges if `elements` have hinges.
     Between corners with hat gradients g and f, and the projector P onto the face, the block of an isotropic C is
 
-    A (lam g f^T + mu f g^T + mu (g . f) P)
-    """
+    A (lam g f^T + mu f g^T + mu (g . f) P)"""
     pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
     lam, mu = C[0, 1], C[2, 2]
     face = surface.F.T
@@ -151,8 +146,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
     The paper's F = (x1 x2 x3) phi + n n_bar^T, linearised at rest: the normal's change cancels the transverse shear, so
     the strain is that of the constant-strain triangle in the face's tangent frame [Turner et al. 1956].
 
-    u : (n, 3) displacements, metres.  bubbles : (e, 2) edge bubbles along t and m, metres, of `quadratic`.
-    """
+    u : (n, 3) displacements, metres.  bubbles : (e, 2) edge bubbles along t and m, metres, of `quadratic`."""
     t = tangents(surface)
     slope, moved = hat_gradients(surface) @ t.transpose(0, 2, 1), u[surface.F] @ t.transpose(0, 2, 1)
     strain = voigt(slope[:, 0], moved[:, 0]) + voigt(slope[:, 1], moved[:, 1]) + voigt(slope[:, 2], moved[:, 2])

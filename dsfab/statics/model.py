@@ -33,10 +33,8 @@ class Material:
     def membrane(self, law: Law) -> Floats:
         """Return the stress from strain in the sheet's plane (3, 3), Pa, for (xx, yy, 2 xy).
 
-        `plane_stress`: the thickness is free to change, as in a thin sheet.
-        `stvk`: the paper's law literally (St. Venant-Kirchhoff, linearised). Its F leaves the normal unstretched, so
-        that the
-        law is one of plane strain."""
+        `plane_stress`: the thickness is free to change, as in a thin sheet. `stvk`: the paper's law literally (St.
+        Venant-Kirchhoff, linearised). Its F leaves the normal unstretched, so that the law is one of plane strain."""
         mu = self.young / (2 * (1 + self.poisson))
         lam = self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
         if law == "plane_stress":

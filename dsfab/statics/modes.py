@@ -34,13 +34,11 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
     """Return the supports of a sheet that vibrates and buckles: its own supports, unless it is solved in its plane.
 
     Supports of a sheet loaded in its plane mostly leave it free to fall over. So its held vertices, and those on
-    springs,
-    are held across the plane as well. If the sheet could still rotate about a line through them (a wall on its
+    springs, are held across the plane as well. If the sheet could still rotate about a line through them (a wall on its
     base, a cantilever), the free edges between such vertices are clamped too: a support along an edge holds the sheet
     upright.
 
-    plane : whether the sheet is solved in its plane; by default this follows from the load.
-    """
+    plane : whether the sheet is solved in its plane; by default this follows from the load."""
     axis = flat_axis(surface, load)
     if axis is None or plane is False:
         return ModeSupports(load)
@@ -71,9 +69,8 @@ HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 
 
 MODE_RESIDUAL = 1e-4
-"""Largest accepted relative residual of a mode, in the norm of the stiffness.
-It bounds the relative error of the mode [Parlett 1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut
-strip 200 thicknesses long."""
+"""Largest accepted relative residual of a mode, in the norm of the stiffness. It bounds the relative error of the mode
+[Parlett 1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +115,7 @@ def frequencies(
     spring    : (n, 3) stiffness of elastic supports, newtons per metre.
     K         : stiffness of the sheet (without springs) by the same elements, if it exists.
     factor_of : makes its factor: the cache of an `equilibrium` saves a factorisation.
-    Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns.
-    """
+    Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns."""
     surface, density = sheet.surface, sheet.material.density
     if not density > 0:
         raise StaticsError("natural frequencies need a material with a density; set density in kg/m3")
@@ -148,8 +144,7 @@ def buckling(
              buckling do not count: thin shells buckle well below, cylinders under axial load at a fifth to a half
              [Koiter 1945; NASA SP-8007].
     K, factor_of : (u, u), as for `frequencies`.
-    Raises StaticsError for mechanisms, and if the modes do not converge.
-    """
+    Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
     resultant = sheet.thickness * stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
     smallest = np.linalg.eigvalsh(resultant)[:, 0].min()
@@ -177,8 +172,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
-    resultant : (m, 3, 3) membrane force per length N, newtons per metre, tangent to each face.
-    """
+    resultant : (m, 3, 3) membrane force per length N, newtons per metre, tangent to each face."""
     t = tangents(surface)
     planar = np.einsum("mai,mij,mbj->mab", t, resultant, t)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)

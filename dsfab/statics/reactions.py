@@ -36,11 +36,9 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
-    """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques.
-    The torque of an edge goes to the supports that clamp the edge. If no support does, and yet the edge cannot rotate,
-    it
-    goes to the supports of its ends. Together they balance the loads, unless edges are clamped away from all supports.
-    """
+    """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques. The torque of an
+    edge goes to the supports that clamp the edge. If no support does, and yet the edge cannot rotate, it goes to the
+    supports of its ends. Together they balance the loads, unless edges are clamped away from all supports."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -52,9 +50,8 @@ def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equ
 
 
 def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
-    """Return the forces (s, n, 3), N, of each support on each vertex.
-    Supports that hold the same direction of a vertex share its force equally, springs in proportion to their stiffness.
-    """
+    """Return the forces (s, n, 3), N, of each support on each vertex. Supports that hold the same direction of a vertex
+    share its force equally, springs in proportion to their stiffness."""
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
     # a spring at a held place does not stretch
@@ -76,8 +73,7 @@ class SupportEntry:
     area     : m2 of the faces with all corners held.
     holds    : 'xyz', 'z, clamped', 'spring xy'.
     reaction : by case, (3,) newtons on the sheet.
-    share    : by case, of the sum of the magnitudes of all reactions at the vertices; 0 to 1.
-    """
+    share    : by case, of the sum of the magnitudes of all reactions at the vertices; 0 to 1."""
 
     name: str
     vertices: int

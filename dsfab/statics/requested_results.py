@@ -59,8 +59,7 @@ class Answers:
     stress      : and energy, see `SheetStress`.
     vibration, buckling : None without a request or without a result.
     refusals    : reasons for missing results, one sentence each.
-    assumed     : assumptions about the supports for vibration and buckling (`mode_supports`), or ''.
-    """
+    assumed     : assumptions about the supports for vibration and buckling (`mode_supports`), or ''."""
 
     elements: Elements
     equilibrium: Equilibrium
@@ -78,8 +77,7 @@ class SolvedCase:
     equilibrium : under `load` and `spread`, by `elements` or, without bending, `elements.in_plane`.
     elements    : the chosen pair (with bending, even if the sheet was solved in its plane).
     factor_of   : the function that factorised K (`ResultRequest.factor_for`), to save a second factorisation.
-    plane       : whether the sheet was solved in its plane; by default this follows from `load`.
-    """
+    plane       : whether the sheet was solved in its plane; by default this follows from `load`."""
 
     load: LoadCase
     spread: SpreadLoad

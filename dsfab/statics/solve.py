@@ -98,8 +98,7 @@ def equilibrium(
                already.
     factor_of : makes the factor: `stiffness_factor`, or a `FactorCache` for repeated use.
     Raises StaticsError if the supports leave a motion free, if a load acts on nothing, if edges without rotations are
-    clamped, or if the solution does not balance the loads.
-    """
+    clamped, or if the solution does not balance the loads."""
     return equilibria(surface, K, [load], elements, [spread] if spread else None, (), factor_of)[0]
 
 
@@ -117,8 +116,7 @@ def equilibria(
     K    : (u, u), see `equilibrium`.
     sums : factors of the k loads in each combination. A combination is summed, not solved; its residual is the bound
            that follows from the residuals of its parts.
-    Raises StaticsError as `equilibrium`, and for loads on different supports.
-    """
+    Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     fixed, turning = _held_freedoms(surface, loads, elements)
     F = np.stack([load.force.ravel() for load in loads], axis=1)

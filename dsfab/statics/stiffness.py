@@ -28,8 +28,7 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
     """Return K (N, N), N/m, over the unknowns of `elements`: membrane and, if they have it, bending.
 
     row : opened as "membrane", then as "bending". Both of the paper's elements use the same vertex pairs: their blocks
-          are added, and the time of the resulting matrix counts as bending.
-    """
+          are added, and the time of the resulting matrix counts as bending."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
         with row("membrane"):
@@ -51,8 +50,7 @@ class FaceStiffness:
     blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` if it is held.
     places : (nnz, m) matrix from factors s (m,) to the values of K.     indices, indptr : its sparse pattern.
     springs : (nnz,) values of the supports.    points, node : positions, and the point of each free unknown.
-    force  : (count, k) newtons.
-    """
+    force  : (count, k) newtons."""
 
     blocks: Floats
     unknown: Ints

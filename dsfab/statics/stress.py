@@ -24,8 +24,7 @@ def stress(
     """Return the membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent, of displacements u (n, 3), metres.
 
     bubbles : (e, 2) metres, `Equilibrium.bubbles`: with bubbles the result is the mean on each face of the linear
-              stress
-              of `quadratic` elements; None for constant strain."""
+              stress of `quadratic` elements; None for constant strain."""
     return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
 
@@ -86,8 +85,7 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
 
     Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge it
     keeps values that means of faces miss. On curved sheets it removes the bending of each flat face by its own load,
-    which is large at corners and cancels around a vertex. Across folds the mean of the face stays.
-    """
+    which is large at corners and cancels around a vertex. Across folds the mean of the face stays."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)

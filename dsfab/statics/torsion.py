@@ -37,10 +37,8 @@ class RibShape(NamedTuple):
 
 
 def rib_shape(surface: Surface) -> RibShape:
-    """Return the width of the material around each face and its direction.
-    The width is that of the largest disc in the material that touches the border point nearest to the face [medial
-    discs,
-    Blum 1967]."""
+    """Return the width of the material around each face and its direction. The width is that of the largest disc in the
+    material that touches the border point nearest to the face [medial discs, Blum 1967]."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
@@ -61,8 +59,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
     """Return radii (k,) of the largest empty discs that touch the border in points (k, 3) from the inner side.
 
     Small discs grow until they contain another point, and shrink until they are empty [Ma, Bae and Choi 2012]. Discs
-    that
-    begin as large as the surface have far centres: the search for their nearest points takes ten times longer."""
+    that begin as large as the surface have far centres: the search for their nearest points takes ten times longer."""
 
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
         """Return which discs contain another point, and the radii of discs that touch this point as well."""
@@ -94,8 +91,7 @@ def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_a
     """Return the negative part of K, over the unknowns of `elements`, that ribs lose because they twist as bars.
 
     Of each face D loses (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab along and across the rib.
-    Raises ValueError for bending that is neither `hhj` nor `midedge`.
-    """
+    Raises ValueError for bending that is neither `hhj` nor `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: torsion of ribs is lessened for hhj and midedge alone")
     share = torsion_share(ribs.widths / sheet.thickness)

@@ -26,8 +26,7 @@ class VaryingSheet(NamedTuple):
 
     thickness  : (m,) over that of the whole sheet, 0 to 1.
     compliance : joules, summed with the weights of the loads; constant strain and mid-edge bending.
-    forces     : for each load (m, 3, 3) membrane forces, N/m, symmetric and tangent to each face.
-    """
+    forces     : for each load (m, 3, 3) membrane forces, N/m, symmetric and tangent to each face."""
 
     thickness: Floats
     compliance: float
@@ -70,8 +69,7 @@ def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: 
     """Return x sqrt(gain / multiplier) (m,), moved by at most `move`; the multiplier meets the area [Bendsoe 1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
-    solid : (m,) faces that stay at 1.
-    """
+    solid : (m,) faces that stay at 1."""
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)

@@ -45,8 +45,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
     between them are halved in place.
 
     Raises SurfaceError for an invalid target or over `LARGEST` triangles, and for `smooth` on a surface that is not
-    manifold and consistently oriented.
-    """
+    manifold and consistently oriented."""
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} to refine to must be a positive length in metres")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
@@ -67,8 +66,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
 
 def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -> tuple[Floats, Ints, Ints]:
     """Apply one step of Loop's subdivision that leaves edges (k, 2) in place; return also the halves (2 k, 2) of
-    these edges.
-    """
+    these edges."""
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
@@ -155,8 +153,7 @@ def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
     """Return the edges (c,) whose ends share no neighbours except the opposite corners; collapsing such an edge
     preserves the topology.
 
-    Source: link condition [Dey et al. 1999].
-    """
+    Source: link condition [Dey et al. 1999]."""
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
     return np.asarray(np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel() == edges.count[chosen])

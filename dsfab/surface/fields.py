@@ -28,8 +28,7 @@ def hat_gradients(surface: Surface) -> Floats:
 
 def tangents(surface: Surface) -> Floats:
     """Return an orthonormal frame (m, 2, 3) of each face's plane: the direction of the first edge, and normal x
-    direction.
-    """
+    direction."""
     edge = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
     t1 = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
@@ -137,8 +136,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 class _Nodes(NamedTuple):
     """Crossings of levels and edges. Edge e has the crossings offset[e], offset[e] + 1, ... with the levels
-    begin[e], begin[e] + 1, ...
-    """
+    begin[e], begin[e] + 1, ..."""
 
     offset: Ints
     begin: Ints
@@ -184,8 +182,8 @@ def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints
     """Join links between pairs of `count` nodes (two links at most per node) to chains; return the nodes and links
     (c,) of each.
 
-    Open chains come first, each from the end with the lower number; closed chains repeat their first node at the end.
-    """
+    Open chains come first, each from the end with the lower number; closed chains repeat their first node at the
+    end."""
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)

@@ -1,8 +1,7 @@
 """Exact geodesic distances along a triangle mesh from vertices, edges and faces.
 
 The front consists of windows: parts of edges that a source sees through a strip of faces, unfolded into a plane
-[Mitchell, Mount and Papadimitriou 1987]. Vertices with an angle over 360 degrees, and boundaries, are new sources.
-"""
+[Mitchell, Mount and Papadimitriou 1987]. Vertices with an angle over 360 degrees, and boundaries, are new sources."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -155,8 +154,7 @@ class Distances(NamedTuple):
     """Distances at the vertices (n,) and the edge middles (e,), metres, and the faces (m,) that are partly within
     reach.
 
-    Distances are exact on these faces. Elsewhere they are upper bounds, or infinite.
-    """
+    Distances are exact on these faces. Elsewhere they are upper bounds, or infinite."""
 
     vertex: Floats
     middle: Floats
@@ -167,8 +165,7 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
     """Return the lengths of the shortest paths along a surface to the nearest origin; infinite if there is no path.
 
     reach : metres; the search skips faces that are farther away. Distances are exact on all faces that are partly
-            nearer.
-    """
+            nearer."""
     front = _Front(surface, origins, reach)
     waiting = front.advance([front.edge_windows(), front.vertex_windows(_Bends.from_origins(origins))], reach)
     reached = front.reached.copy()
@@ -178,9 +175,8 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) that send out rays, `offset` (k,) metres from the source.
-    A direction needs no rays within `bound` radians. Its angles (k, 2) from two edges (k, 2) at the vertex describe it.
-    """
+    """Vertices (k,) that send out rays, `offset` (k,) metres from the source. A direction needs no rays within `bound`
+    radians. Its angles (k, 2) from two edges (k, 2) at the vertex describe it."""
 
     vertex: Ints
     offset: Floats
@@ -204,8 +200,7 @@ class _Front:
 
     size    : (e,) lengths of the edges.    reached : (m,) faces that are partly within reach.
     bending : (n,) whether paths may bend.  bent : (n,) the distance at which each vertex last sent out rays.
-    waiting : vertices that still have to send out rays.
-    """
+    waiting : vertices that still have to send out rays."""
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
         self.F, self.edges, self.origins, self.reach = surface.F, surface.edges, origins, reach

@@ -31,15 +31,13 @@ def signed_volume(V: Floats, F: Ints) -> float:
     """Return the volume inside closed faces F (m, 3) on vertices V (n, 3), in their unit cubed; negative for inward
     faces.
 
-    Method: signed tetrahedra from the middle of the box (divergence theorem), so that no digits are lost far from 0.
-    """
+    Method: signed tetrahedra from the middle of the box (divergence theorem), so that no digits are lost far from 0."""
     return float(_tetrahedron_volumes(V, F).sum())
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
     """Return the signed volume (count,) of each closed shell, negative for voids; `shell` (m,) is the shell of each
-    face.
-    """
+    face."""
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 
@@ -57,8 +55,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
     """Yield blocks of faces: slice, first corners relative to the middle of the box (3, k), twice the area vectors
-    (3, k).
-    """
+    (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -86,8 +83,7 @@ def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
     """Return the places nearest to points (k, 3) on triangles (m, 3), edges (m, 2) or vertices (m, 1) of V (n, 3); m >
     0.
 
-    Method: a tree of boxes [Jacobson et al. 2018, libigl].
-    """
+    Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
     if not len(points):
         return NearestPlaces(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     arrays = (np.ascontiguousarray(x) for x in (points, V, simplices))
@@ -111,9 +107,7 @@ class Surface:
     F : (m, 3) vertex indices of each face, counter-clockwise seen from the side its normal points to.
 
     Raises SurfaceError for coordinates that are not finite, impossible sizes, indices out of range and faces without
-    area.
-    `dsfab.surface.topology.manifold_faults` reports whether the mesh is manifold and oriented.
-    """
+    area. `dsfab.surface.topology.manifold_faults` reports whether the mesh is manifold and oriented."""
 
     V: Floats
     F: Ints

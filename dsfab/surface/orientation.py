@@ -26,8 +26,7 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
 
 def upright_vertices(V: Floats, up: Up) -> Floats:
     """Return the vertices V (n, 3), rotated so that the axis `up` becomes z. With y up, (x, y, z) becomes (x, -z,
-    y), as for glTF.
-    """
+    y), as for glTF."""
     axes, signs = _TURNS[up]
     return V if up == "z" else np.asarray(V[:, list(axes)] * np.array(signs, dtype=float) + 0.0)
 

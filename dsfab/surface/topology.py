@@ -81,9 +81,8 @@ def edge_table(F: Ints) -> EdgeTable:
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
-    """Return the stable order that sorts integers (k,) below `count`, by a counting sort.
-    The transposition of a sparse matrix is a counting sort [Gustavson 1978]. Two such sorts order pairs in half the
-    time of a usual sort."""
+    """Return the stable order that sorts integers (k,) below `count`, by a counting sort. The transposition of a sparse
+    matrix is a counting sort [Gustavson 1978]. Two such sorts order pairs in half the time of a usual sort."""
     rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
     return rows.tocsc().indices.astype(np.int64)
 
@@ -175,8 +174,7 @@ def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bool
     Parts that touch in a point come apart. So do faces on an edge with more than two faces.
 
     also  : pairs (k, 2) of half-edges that stay joined on such edges.   apart : edges (e,) along which faces come
-            apart.
-    """
+            apart."""
     return _fans(F, edges, also, apart)[1].reshape(-1, 3)
 
 
@@ -256,8 +254,7 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
     """Return sentences on why faces F (m, 3) on n vertices are not an oriented manifold; empty for an oriented
-    manifold.
-    """
+    manifold."""
     crowded = np.flatnonzero(edges.count > 2)
     opposed = misoriented_edges(F, edges)
     twice = duplicate_faces(F)
@@ -322,8 +319,7 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
     """Return vertices (p,) and neighbours (p,) whose mean is the new place of the vertex; boundary vertices move
-    along the boundary.
-    """
+    along the boundary."""
     i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

@@ -261,7 +261,7 @@ def test_a_family_that_covers_everything_or_nothing_has_no_middles():
 
 
 def test_what_goes_into_which_format(design):
-    with pytest.raises(DsfabError, match="what members can bear is not known"):
+    with pytest.raises(DsfabError, match="dsfab cannot check the members"):
         deliverable(design, ".member_utilisation.csv")
     for suffix, form in FORMATS.items():
         content = getattr(form, "content", "solid")

@@ -1,15 +1,14 @@
-"""Factorisation of sparse symmetric positive definite matrices, shared by statics and diffusion modes.
+"""Factorisation of sparse symmetric positive definite matrices, for statics and for diffusion modes.
 
-`factorise` takes the first solver that can be used:
+`factorise` takes the first of these solvers that it can use:
 
-1. PARDISO (extra `fast`) is the fastest and uses all cores.
+1. PARDISO (extra `fast`) is the fastest solver and uses all cores.
 2. Multifrontal Cholesky uses scipy's BLAS. On one core it takes about PARDISO's time, a quarter of SuperLU's. It needs
-   less memory than SuperLU, which stores L and U, and works on every machine with scipy.
-3. Multigrid (extra `amg`) follows if the analysis shows that the factor exceeds the free memory. It needs three
-   unknowns per point and the rigid motions. It is slower, and each solve checks its true residual.
+   less memory than SuperLU, which stores L and U. It works on every machine with scipy.
+3. Multigrid (extra `amg`) follows if the factor would exceed the free memory. It needs three unknowns per point and the
+   rigid motions. It is slower, and each solve checks its true residual.
 
-A caller may request SuperLU by name. It is the fastest solver for one right-hand side and one unknown per point.
-"""
+A caller may request SuperLU by name: the fastest solver for one right-hand side and one unknown per point."""
 
 import importlib.util
 from collections.abc import Callable
@@ -59,18 +58,17 @@ def factorise(
 ) -> Factor:
     """Return the function b -> K^-1 b for a positive definite K (N, N) with a full diagonal.
 
-    K is symmetric, or Hermitian, which PARDISO and the multifrontal factor accept.
+    K is symmetric, or Hermitian for PARDISO and the multifrontal factor.
 
-    K      : the matrix, or a function that builds it. PARDISO then stores only its upper triangle during the
-             factorisation, when memory use is highest.
-    points : (n, 3) positions; they only steer the elimination order.
+    K      : the matrix, or a function that builds it. With a function, PARDISO stores only the upper triangle during
+             the factorisation, when it needs most memory.
+    points : (n, 3) positions; they only determine the order of elimination.
     node   : (N,) the point of each unknown; by default unknown i is on point i.
-    solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; by default the first of the module's list that fits.
+    solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; by default the first usable solver of the list above.
     rigid  : (N, 6) rigid motions in the unknowns of K, which multigrid needs.
 
     Raises NotPositiveDefinite for a pivot that is not positive, and FactorMemoryError if the factor does not fit into
-    memory and multigrid cannot be used.
-    """
+    memory and multigrid cannot be used."""
     node = np.arange(len(points)) if node is None else node
     build = _BUILDERS[solver or solver_name()]
     try:
@@ -84,17 +82,16 @@ def factorise(
 class SamePatternFactors:
     """Factors of several matrices with one pattern, so that dsfab analyses the pattern once.
     points, node : see `factorise`.
-    many_solves  : whether there are many solves with each factor. PARDISO then does not treat points with two unknowns
-                   as blocks: solves take three quarters of the time, factorisations five sixths."""
+    many_solves  : true for many solves with each factor. PARDISO then does not treat points with two unknowns as
+                   blocks: solves take three quarters of the time, factorisations five sixths."""
 
     def __init__(self, points: Floats, node: Ints | None = None, many_solves: bool = False) -> None:
         self._points, self._node, self._many_solves = points, node, many_solves
         self._factor: Factor | None = None
 
     def factor(self, K: csr_array) -> Factor:
-        """Return b -> K^-1 b for a positive definite K (N, N), valid until the next call.
-        All matrices must be real, or all Hermitian. Raises the errors of `factorise`, and ValueError for another
-        pattern."""
+        """Return b -> K^-1 b for a positive definite K (N, N), valid until the next call. All matrices must be real, or
+        all Hermitian. Raises the errors of `factorise`, and ValueError for another pattern."""
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)
         elif self._factor is None:

@@ -1,9 +1,8 @@
 """Multifrontal Cholesky factorisation: nested dissection, memory and BLAS threads.
 
-The unknowns of a part of the mesh form a dense front. Its elimination leaves an update matrix, and the solver adds
-this matrix to the front of a later separator. `dissection_keys` chooses the parts, `Fronts` analyses the pattern,
-`Multifrontal` computes.
-"""
+The unknowns of a part of the mesh form a dense matrix, the front. Its elimination leaves an update matrix, and the
+solver adds this update to the front of a later separator. `dissection_keys` chooses the parts, `Fronts` analyses the
+pattern, `Multifrontal` computes."""
 
 import ctypes
 import os
@@ -73,19 +72,17 @@ def require_memory(needed: int) -> None:
 
 
 LITTLE = 20e6
-"""Bytes that `release_freed_memory` does not release. The search for them takes up to 20 ms in a long-running process.
-All other work on a thousand unknowns takes as long.
-"""
+"""`release_freed_memory` does nothing up to this number of freed bytes. In a long-running process it takes up to 20 ms,
+as long as all other work on a thousand unknowns."""
 
 
 def release_freed_memory(freed: float) -> None:
     """Return freed memory to the system, because glibc keeps it while small blocks lie above it.
 
-    glibc would keep 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of their factor. The
-    function takes 10 ms for 100 MB and does nothing on other systems.
+    Without this function, glibc keeps 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of
+    their factor. The function takes 10 ms for 100 MB and does nothing on systems without glibc.
 
-    freed : approximate number of freed bytes; the function does nothing up to `LITTLE`.
-    """
+    freed : approximate number of freed bytes; the function does nothing up to `LITTLE`."""
     if freed > LITTLE and (trim := _malloc_trim()):
         trim(0)
 
@@ -112,17 +109,17 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = 192) -> Ints:
-    """Return the sort keys (n,) of a nested dissection; equal keys belong to one part or to one separator.
+    """Return the sort keys (n,) of a nested dissection of n points; equal keys belong to one part or to one separator.
 
     graph    : pairs of different points that the matrix couples, each pair in both directions.
     unknowns : number of unknowns of all points together.
     leaf     : parts with at most this many unknowns stay whole; BLAS is most efficient on fronts of one to two hundred
                unknowns.
 
-    The method halves each part at the median of its longest axis. The separator is the set of points of one half that
-    touch the other half; the smaller such set counts. Its elimination follows that of both halves. Each level adds one
-    base-4 digit (0 lower, 1 upper, 2 separator), so the order of the keys is the order of elimination.
-    """
+    The method halves each part at the median of its longest axis. The points of one half that touch the other half are
+    the separator; of the two such sets, the method takes the smaller. The separator follows both halves in the
+    elimination. Each level adds one base-4 digit (0 lower, 1 upper, 2 separator), so the order of the keys is the order
+    of elimination."""
     i, j = graph
     n = len(points)
     key, part, alive = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
@@ -144,9 +141,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 (k,) for points above the median of their part along its longest axis, else 0. part : (k,) numbers
-    from 0.
-    """
+    """Return 1 for each point (k,) above the median of its part along the part's longest axis, else 0; part : (k,)."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -169,11 +164,7 @@ def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def morton_positions(points: Floats) -> Ints:
-    """Return positions (n,) of points on a space-filling curve with 1024 steps per axis; near points have near
-    positions.
-
-    Source: Morton 1966.
-    """
+    """Return positions (n,) of points (n, 3) along a space-filling curve with 1024 steps per axis [Morton 1966]."""
     low = points.min(axis=0)
     cell = ((points - low) * (1023 / max(float((points - low).max()), np.finfo(float).tiny))).astype(np.int64)
     number = np.zeros(len(points), dtype=np.int64)
@@ -183,9 +174,7 @@ def morton_positions(points: Floats) -> Ints:
     return number
 
 
-Index = npt.NDArray[np.integer[Any]]  # Integers of 4 bytes if possible, because each entry has one.
-
-
+Index = npt.NDArray[np.integer[Any]]  # Integers, of 4 bytes if possible, because every entry of a matrix has one.
 Numbers = npt.NDArray[Any]  # Real or complex array.
 
 
@@ -197,9 +186,9 @@ class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgErr
 class Fronts:
     """Analysis of the pattern of a matrix for its factor, independent of its values.
     order    : (N,) unknowns in the order of elimination; all further fields number unknowns in that order.
-    start    : (fronts + 1,) the pivots of front s are the unknowns start[s] to start[s + 1].
-    rows     : per front, the later unknowns that it touches, ascending.
-    children : per front, the earlier fronts that add to it.
+    start    : (fronts + 1,) front s eliminates the unknowns start[s] to start[s + 1].
+    rows     : for each front, the later unknowns that it changes, ascending.
+    children : for each front, the earlier fronts that add to it.
     entry    : positions of the lower triangle's values in K.data, column by column.
     row, column : indices of each entry.     pointer : (N + 1,) start of each column."""
 
@@ -214,13 +203,12 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse K (N, N) point by point, because the unknowns of a point share rows; unknown i is on point
-        node[i].
-        """
+        """Analyse K (N, N) by points, because the unknowns of a point share rows; unknown i belongs to point
+        node[i]."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # a child touches few runs of a separator along a curve; blocks add these runs quickly
+        # along this curve a child's unknowns form few runs, and adding whole runs is fast
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -246,9 +234,7 @@ class Fronts:
 
     @property
     def peak(self) -> int:
-        """Largest number of values in memory during the factorisation: those of the factor, waiting updates, and a
-        front.
-        """
+        """Largest number of values in memory during the factorisation: the factor, waiting updates and one front."""
         stored = waiting = worst = 0
         for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
             m = len(rows)
@@ -259,7 +245,7 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """Return the later points that each front touches, fill included, and the children of each front.
+    """Return the later points that each front changes (with fill), and the children of each front.
     row, column : points of every entry below the diagonal.   front_start : (fronts + 1,) first point of each front."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
@@ -283,7 +269,8 @@ def _unknowns_of_points(begin: Ints, points: Ints) -> Ints:
 
 
 class Multifrontal:
-    """Factor of a positive definite matrix: b, (N,) or (N, k), -> K^-1 b. Raises NotPositiveDefinite otherwise."""
+    """Factor of a positive definite matrix: a call with b, (N,) or (N, k), returns K^-1 b.
+    Raises NotPositiveDefinite for a pivot that is not positive."""
 
     def __init__(self, K: csr_array, fronts: Fronts) -> None:
         self._fronts = fronts
@@ -330,7 +317,7 @@ class Multifrontal:
 
 
 def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: Ints) -> None:
-    """Add a child's update (c, c), upper triangle, to rows and columns `step_positions` (c,) of the parent's front.
+    """Add a child's update (c, c), upper triangle, to the rows and columns `positions` (c,) of the parent's front.
     Runs of neighbouring columns are added together, which is several times faster than column by column."""
     k = len(pivot_rows)
     inner = int(np.searchsorted(positions, k))

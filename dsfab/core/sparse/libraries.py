@@ -33,10 +33,9 @@ class SuperLU:
     """Factor of a symmetric positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
 
     order    : (N,) elimination order, from another matrix of the same pattern.
-    definite : K is positive definite; the check of the pivots takes a tenth of the factorisation's time.
+    definite : the caller knows that K is positive definite. This saves the check of the pivots, a tenth of the time.
 
-    Raises NotPositiveDefinite for a pivot that is not positive.
-    """
+    Raises NotPositiveDefinite for a pivot that is not positive."""
 
     def __init__(
         self, K: csr_array, points: Floats, node: Ints, order: Ints | None = None, definite: bool = False
@@ -49,7 +48,7 @@ class SuperLU:
         """Factorise the values of K (n, n) in the same order of elimination."""
         permuted = csc_array(K[self.order][:, self.order])
         try:
-            # with one unknown a point, panels of 4 are a tenth faster than SuperLU's own choice
+            # with one unknown per point, panels of 4 columns are a tenth faster than SuperLU's default
             self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=4, options=SUPERLU_OPTIONS)
         except RuntimeError as error:  # "Factor is exactly singular"
             raise NotPositiveDefinite(str(error)) from error
@@ -80,42 +79,35 @@ SYMMETRIC, HERMITIAN = 2, 4  # Kinds of positive definite matrices, in PARDISO's
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 """Entries of PARDISO's `iparm`, counted from 0.
 
-In order, these select: the user's choices; nested dissection by METIS; pivots for symmetric matrices; a count of the
+In order, these select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a count of the
 factor's entries; the two-level factorisation. With one unknown per point, a two-level factor solves in 40 % of the
 time; with three unknowns nothing changes. All further entries are 0. Entry 7 would refine at each solve and triple
-its time. Callers that need more digits refine in longer numbers.
-"""
+its time. A caller that needs more digits refines in longer numbers."""
 
 BLOCKS = {36: -100}
 """Additional entry for points with several unknowns: PARDISO analyses rows with equal columns as one row.
 
 With three unknowns per point the analysis takes a third of the memory and time. The factorisation takes a few
-percent longer, a smaller cost.
-"""
+percent longer, a smaller cost."""
 
 ALONE = 12_000
-"""Number of unknowns up to which PARDISO uses one thread. With two threads, solves of 10 000 unknowns took twice the
-time
-and three times the processor time, and factorisations were no faster. One thread also gives equal results on any
-number of cores.
-"""
-
+"""Number of unknowns up to which PARDISO uses one thread. With two threads, solves of 10,000 unknowns took twice the
+time and three times the processor time, and factorisations were no faster. One thread also gives equal results on any
+number of cores."""
 
 OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory; all further codes mean a pivot that is not positive.
-
-
 Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds a matrix.
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
-    """Return the matrix (n, n) itself."""
+    """Return the matrix (n, n); a function builds it first."""
     return K() if callable(K) else K
 
 
 @dataclass(frozen=True, eq=False)
 class _Pattern:
     """Positions of the entries of a symmetric matrix (n, n), and of the entries in its upper triangle.
-    indptr, indices : of the matrix.    pointer, column : of the upper triangle.
+    indptr, indices : CSR index arrays of the matrix.    pointer, column : CSR index arrays of the upper triangle.
     place : positions of the upper triangle's entries among all entries."""
 
     indptr: NDArray[np.int32]
@@ -144,14 +136,13 @@ class Pardiso:
     """Factor of a positive definite matrix, real or Hermitian; a call with b, (N,) or (N, k), returns K^-1 b.
 
     K      : see `dsfab.core.sparse.factorise`.
-    blocks : whether unknowns come in groups whose rows have the same columns.
+    blocks : true if unknowns come in groups whose rows have the same columns.
 
-    Raises NotPositiveDefinite for a pivot that is not positive, FactorMemoryError if the factor does not fit.
-    """
+    Raises NotPositiveDefinite for a pivot that is not positive, FactorMemoryError if the factor does not fit."""
 
     def __init__(self, K: Matrix, blocks: bool = False) -> None:
         os.environ.setdefault("MKL_CBWR", "AUTO")  # bitwise repeatable sums: the same preset gives the same file
-        # waiting threads sleep at once, because on a shared machine they would take the time of busy processes
+        # waiting threads sleep at once, because on a shared machine they would take time from busy processes
         os.environ.setdefault("KMP_BLOCKTIME", "0")
         _set_mkl_path()
         from pypardiso import PyPardisoSolver
@@ -163,14 +154,13 @@ class Pardiso:
         weakref.finalize(self, _release, self._solver)  # Python does not free MKL's memory
         self._threads = 1 if K.shape[0] <= ALONE else int(self._solver.libmkl.MKL_Get_Max_Threads())
         self._upper = _Pattern.from_matrix(K).upper(K)
-        self._known: _Pattern | None = None  # only `refactor` needs it, so a single factor saves its memory
+        self._known: _Pattern | None = None  # only `refactor` needs the pattern, so a single factor saves its memory
         del K
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
         analysis, permanent, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
-        release_freed_memory(
-            700.0 * len(nothing)
-        )  # release bytes of the assembly and the analysis before the factor takes most memory
+        freed = 700.0 * len(nothing)  # bytes of the assembly and of the analysis, before the factor takes most memory
+        release_freed_memory(freed)
         require_memory(max(analysis, permanent + work))
         self._call(FACTORISE, nothing)
 
@@ -206,15 +196,12 @@ class Pardiso:
 
 
 def _set_mkl_path() -> None:
-    """Set the path of MKL before the import of pypardiso, which would otherwise search the Python installation (1
-    s).
-    """
-    if "PYPARDISO_MKL_RT" in os.environ:
+    if "PYPARDISO_MKL_RT" in os.environ:  # without this path, pypardiso searches the Python installation for 1 s
         return
     try:
         files = importlib.metadata.files("mkl") or []
     except importlib.metadata.PackageNotFoundError:
-        return  # MKL did not come from pip, so pypardiso must search for it
+        return  # MKL did not come from pip, so pypardiso must search
     paths = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
     if paths and os.path.exists(paths[0]):
         os.environ["PYPARDISO_MKL_RT"] = paths[0]
@@ -240,16 +227,15 @@ def has_pyamg() -> bool:
 
 
 class Multigrid:
-    """Solver for the stiffness of thin sheets with up to three unknowns a point; a call with b returns K^-1 b.
+    """Solver for the stiffness of thin sheets with up to three unknowns per point; a call with b returns K^-1 b.
 
     The method is smoothed aggregation [Vanek, Mandel and Brezina 1996]. It uses blocks of three unknowns per point,
-    the rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. Without these it
-    needs hundreds of steps or diverges on irregular sheets. Each solve therefore computes the true residual.
+    the rigid motions, strength 0, energy-smoothed prolongation and symmetric block Gauss-Seidel. Without these choices,
+    the iteration needs hundreds of steps or diverges on irregular sheets. So each solve checks the true residual.
 
-    rigid : (N, 6) the rigid motions in the unknowns of K, which K nearly annihilates away from supports.
+    rigid : (N, 6) the rigid motions in the unknowns of K; away from supports, K times these is nearly zero.
 
-    Raises ConvergenceError for a solve whose true relative residual exceeds 1e-9.
-    """
+    Raises ConvergenceError for a solve whose true relative residual exceeds 1e-9."""
 
     def __init__(self, K: csr_array, node: Ints, rigid: Floats) -> None:
         self._K, self._node, self._rigid = K, node, rigid
@@ -262,7 +248,7 @@ class Multigrid:
         self._K = K
         self._place, size = _positions_in_blocks(self._node)
         full = K.tocoo()
-        spare = np.setdiff1d(np.arange(size), self._place)  # a unit diagonal for supported unknowns fills the blocks
+        spare = np.setdiff1d(np.arange(size), self._place)  # supported unknowns get 1 on the diagonal to fill blocks
         blocks = coo_array(
             (
                 np.concatenate([full.data, np.ones(len(spare))]),
@@ -297,8 +283,8 @@ class Multigrid:
         if residual > accepted * load_norm:
             raise ConvergenceError(
                 f"the multigrid solver stopped at a relative residual of {residual / load_norm:.1e} (wanted: "
-                f"{accepted:g}); "
-                "use a coarser or more regular mesh, a thicker sheet, or a machine with more memory for a direct solver"
+                f"{accepted:g}); use a coarser or more regular mesh, a thicker sheet, or a machine with more memory "
+                "for a direct solver"
             )
         return np.asarray(x)
 

@@ -9,12 +9,10 @@ from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
 """Turn of the border in the surface, radians, above which the border may be ragged. Finely divided borders turn
-less at each vertex, except at corners of the design.
-"""
+less at each vertex, except at corners of the design."""
 LEAST_TURNS = 12
 """Least number of alternating turns in a row; fewer turns may be design. A door in a wall has four corners, and an
-opening in a 5 m roof may have fifteen edges. (Evening such an opening made the STEP file by members fail.)
-"""
+opening in a 5 m roof may have fifteen edges. (Evening such an opening made the STEP file by members fail.)"""
 LARGEST_GAP = 3  # Largest number of edges from one turn to the next; the design itself has longer teeth.
 FLAT = float(np.radians(150))
 """Radians. The repair removes a face with a wider corner at the border, because evening has flattened it."""
@@ -31,10 +29,9 @@ class EvenEdges:
 
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
-    """Return the mesh V (n, 3), F (m, 3) with even borders; unchanged if an edge has more than two faces.
-    A border is ragged if the sheet turns alternately by more than `RAGGED_TURN`, `LEAST_TURNS` times in a row, with at
-    most `LARGEST_GAP` edges between two turns. The vertices stay if an even line needs a larger move than a mean edge.
-    """
+    """Return the mesh V (n, 3), F (m, 3) with even borders; unchanged if an edge has more than two faces. A border is
+    ragged if the sheet turns alternately by more than `RAGGED_TURN`, `LEAST_TURNS` times in a row, with at most
+    `LARGEST_GAP` edges between two turns. The vertices stay if an even line needs a larger move than a mean edge."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -59,8 +56,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
     """Return the turn (n,) of the border in the surface at its vertices, radians, towards the sheet; 0 off the
-    border.
-    """
+    border."""
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
     at_edge[edges.ends[edges.boundary].ravel()] = True
@@ -124,8 +120,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 
     joined : (k, k) pairs of points that already have an edge in the mesh, which must not be created again.
 
-    The triangles have the direction of the outline.
-    """
+    The triangles have the direction of the outline."""
     k = len(P)
     if k == 3:
         return np.array([[0, 1, 2]])
@@ -146,8 +141,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 
 def _triangle_costs(a: Floats, X: Floats, b: Floats) -> Floats:
     """Return the area (k,) of the triangles a, X, b. Of equal areas, the triangle with shorter edges counts as
-    smaller.
-    """
+    smaller."""
     area = lengths(np.cross(X - a, b - a)) / 2
     return np.asarray(area + 1e-3 * (((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)))
 

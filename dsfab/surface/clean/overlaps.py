@@ -152,8 +152,7 @@ def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) ->
 
     An extruded slab is far thinner on its steep faces than it is high, for example 20 mm of 100 at the foot of a half
     barrel. The method is the registration of scans [Chen and Medioni 1992]: it removes the distance across the faces
-    in rounds.
-    """
+    in rounds."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -179,8 +178,7 @@ def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) ->
 
 def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
     """Return the part (m,) of each face. Two faces with a common edge belong together unless they fold by 60
-    degrees there.
-    """
+    degrees there."""
     pair = edges.pairs
     ends = V[edges.ends[edges.count == 2]]
     along = ends[:, 1] - ends[:, 0]
@@ -207,8 +205,7 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
     """Return the median distance of parts (k, 3), (l, 3) that cover each other, else None; even: require a nearly
-    constant distance.
-    """
+    constant distance."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
@@ -230,8 +227,7 @@ def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tupl
 
     metres : metres in the mesh's unit, for the texts.
 
-    The first of two copies stays. Of a slab one face stays without the sides, moved halfway towards the second face.
-    """
+    The first of two copies stays. Of a slab one face stays without the sides, moved halfway towards the second face."""
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)
     V = V.copy() if doubled else V

@@ -66,8 +66,8 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     without area, repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. It
     closes pinholes with outlines below `PINHOLE`. It stitches seams of patches with different divisions, and joins
     parts that touch in a point (`dsfab.surface.clean.seams`). Copies go, and a slab becomes its middle sheet
-    (`dsfab.surface.clean.overlaps`). Ragged borders become even (`dsfab.surface.clean.borders`). All else is unchanged.
-    """
+    (`dsfab.surface.clean.overlaps`). Ragged borders become even (`dsfab.surface.clean.borders`). All else is
+    unchanged."""
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = _without(stitched_mesh(_without(mesh, _TOO_MANY)), _TOO_SMALL)
     mesh = _join_at_points(mesh) if len(mesh.F) else mesh
@@ -75,9 +75,8 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces.
-    A face is unusable if it has no area, is repeated, or has a corner that is not finite or far from all other
-    vertices."""
+    """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces. A face is
+    unusable if it has no area, is repeated, or has a corner that is not finite or far from all other vertices."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -200,18 +199,15 @@ SPECK = 0.05  # Share of the area of the largest piece; the repair drops smaller
 
 FINE, SEVERAL = 0.01, 3
 """A mesh counts as a scan if its mean edge is below this share of its largest side, and it has this number of small
-holes, or of edges with more than two faces.
-"""
+holes, or of edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
 """Limits for scans: mean edges below the first share of the largest side, and more folded faces than the second share.
 
-Sample meshes of designs had 0.02 % of folded faces at most. A mesh with noise of 2 mm on edges of 70 mm had 0.3 %.
-"""
+Sample meshes of designs had 0.02 % of folded faces at most. A mesh with noise of 2 mm on edges of 70 mm had 0.3 %."""
 TILTED, LOW = 0.7, 0.5
 """Limits for faces tilted by noise: a cosine (45 degrees) and a share of the mean edge. The height of such a face
 is below this share, and its normal deviates from neighbouring normals by more than this angle. Noise tilts low faces
-most; real bends also tilt high faces.
-"""
+most; real bends also tilt high faces."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
@@ -239,8 +235,7 @@ def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     This function repairs more than `mended_mesh`. At an edge with three or more faces, the two faces with the
     smoothest continuation stay joined, and all further faces get separate vertices. Parts that touch in a point are
     separated. Faces get the same orientation. Pieces below `SPECK` of the largest go. Holes with outlines below `HOLE`
-    are filled. Faces that noise has folded over lose their shortest edge.
-    """
+    are filled. Faces that noise has folded over lose their shortest edge."""
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):
         mesh = step(mesh) if len(mesh.F) else mesh
@@ -319,8 +314,7 @@ def _fill_holes(mesh: MendedMesh) -> MendedMesh:
 
 def _folded_faces(V: Floats, F: Ints) -> Bools:
     """Return the faces (m,) whose normals oppose the normals around them. Faces at a crease between two sides do
-    not.
-    """
+    not."""
     return _cosines(V, F) < 0
 
 
@@ -359,8 +353,7 @@ def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
     vertex.
 
     The target is the middle of the edge, or its end on the boundary. Edges that would join two boundaries or change
-    the topology stay.
-    """
+    the topology stay."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

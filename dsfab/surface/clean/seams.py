@@ -36,8 +36,7 @@ def merged_vertices(
     apart  : function that returns which (p,) of the pairs (p, 2) must stay separate.
 
     For mesh files, dsfab merges only equal coordinates (`dsfab.surface.files.mesh_files`), because files repeat a
-    place with equal digits.
-    """
+    place with equal digits."""
     alone = V, np.arange(len(V))
     if not len(V) or not np.isfinite(V).all():  # `Surface` reports infinite coordinates
         return alone
@@ -59,8 +58,7 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
     `reach`.
 
     Groups may be chains, so that a finely divided outline would shrink to a point. Along such a chain, the target of a
-    vertex is the first remaining vertex within reach.
-    """
+    vertex is the first remaining vertex within reach."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -75,8 +73,7 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
     """Merge vertices V (n, 3) with equal coordinates, sorted by place, of faces F (m, 3). Adding 0.0 turns -0.0
-    into 0.0.
-    """
+    into 0.0."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 
@@ -88,8 +85,7 @@ def coincident(V: Floats) -> int:
 
 SAG = 1 / 15
 """Distance of an arc of 30 degrees from its chord, as a share of the chord. A seam between two patches with common
-ends may be as wide as this between the ends. Patches along seams narrower than `within` need no common vertex.
-"""
+ends may be as wide as this between the ends. Patches along seams narrower than `within` need no common vertex."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
@@ -97,8 +93,7 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
     vertices.
 
     within : distance from an edge at which a vertex lies on the edge, in the unit of V. The faces are unchanged if
-             stitching would create edges of more than two faces.
-    """
+             stitching would create edges of more than two faces."""
     faces, joined = F, 0
     for _ in range(4):  # a face has up to three edges at a seam, and each round stitches one of them
         half, vertex = _open_seams(V, faces, edge_table(faces), within)
@@ -111,8 +106,7 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
     """Return half-edges (k,) on the boundary, at most one per face, and the vertices (k,) of further faces on these
-    half-edges.
-    """
+    half-edges."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = _near_vertices(V, ends, within)
@@ -163,8 +157,7 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
     """Find the points of a tree in balls around places (b, 3). Return the balls (b,) with more than `crowd` points;
     for all smaller balls, return the ball (k,) of each point and the point (k,). A count would visit all points of a
-    large ball.
-    """
+    large ball."""
     # the tree excludes its upper bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
@@ -189,8 +182,7 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
     touch.
 
     A strand is a part of the boundary, edges (b, 2). Its ends are vertices at which the number of boundary edges is
-    not two.
-    """
+    not two."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -211,8 +203,7 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
     """Return the faces (m', 3) with vertices (k,) inserted on half-edges (k,), one per face, as fans around the
     opposite corner.
 
-    The first triangle of a fan replaces the face; all further triangles follow at the end.
-    """
+    The first triangle of a fan replaces the face; all further triangles follow at the end."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -229,8 +220,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     corner.
 
     A new face of F (m, 3) fills the gap. Returns the faces and the number of new faces; no edge gets more than two
-    faces.
-    """
+    faces."""
     edges = edge_table(F)
     points = pinches(F, edges, len(V))
     if not len(points):

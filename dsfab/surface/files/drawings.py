@@ -172,9 +172,8 @@ def _path_points(part: Any, closed: bool) -> Floats:
 
 
 def _spline_points(spline: Any) -> Floats:
-    """Return the points (k, 3) of a spline between its first and last effective knot.
-    Paths of ezdxf extend beyond these knots unless the end knots are repeated, and closed splines do not repeat them.
-    """
+    """Return the points (k, 3) of a spline between its first and last effective knot. Paths of ezdxf extend beyond
+    these knots unless the end knots are repeated, and closed splines do not repeat them."""
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
@@ -222,8 +221,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
     unit : unit of the file's numbers; by default the unit that the file declares.
 
     Raises SurfaceError for a missing file, layer, unit or closed curve, for open curves, and for a drawing beyond the
-    limits of `DrawingBudget`.
-    """
+    limits of `DrawingBudget`."""
     path = Path(path)
     if path.suffix.lower() not in _READERS:
         raise SurfaceError(f"{path} is no drawing that dsfab reads; give a .dxf or a .3dm file")

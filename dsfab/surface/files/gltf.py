@@ -26,8 +26,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 @dataclass(frozen=True)
 class Buffers:
     """Buffers that a file's JSON `tree` names. `binary` is the buffer in the file; `beside` reads a neighbouring
-    file.
-    """
+    file."""
 
     tree: dict[str, Any]
     binary: bytes | None

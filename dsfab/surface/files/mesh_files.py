@@ -110,8 +110,7 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMe
 
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
 
-    Raises SurfaceError for a path that is not a readable mesh file, and for a file beyond the limits.
-    """
+    Raises SurfaceError for a path that is not a readable mesh file, and for a file beyond the limits."""
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)

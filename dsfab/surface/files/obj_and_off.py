@@ -39,8 +39,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     """Return vertices and faces. The reader ignores textures, normals and groups, and counts lines, points and free
     forms.
 
-    Raises MalformedFileError with the number of an unreadable line, SurfaceError beyond the budget.
-    """
+    Raises MalformedFileError with the number of an unreadable line, SurfaceError beyond the budget."""
     file = text_file(data)
     comments = declarations_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
@@ -80,8 +79,7 @@ def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
     """Return whether the last face of a file may be incomplete: it has fewer corners than `largest`, or half a last
     corner.
 
-    count : number of vertices.    text : text of the file.
-    """
+    count : number of vertices.    text : text of the file."""
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
         return True
@@ -94,8 +92,8 @@ def _join_lines(text: str) -> str:
     """Join each line that ends with a backslash with the next line. Comments, which may end with a path, do not
     continue.
 
-    Raises MalformedFileError without a space between the lines, because programs disagree whether a number continues.
-    """
+    Raises MalformedFileError without a space between the lines, because programs disagree whether a number
+    continues."""
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1

@@ -29,8 +29,7 @@ def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     length.
 
     dsfab cuts polygons into triangles and orients faces as in `dsfab.read_surface`. Vertices keep their numbers, so
-    coincident vertices stay apart. Raises SurfaceError for invalid meshes, and as `read_surface` does.
-    """
+    coincident vertices stay apart. Raises SurfaceError for invalid meshes, and as `read_surface` does."""
     mesh = _polygons(V, F)
     return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
 
@@ -61,8 +60,7 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     unit : unit of the coordinates. None takes the unit of the mesh (trimesh may have a unit), else metres.
 
     Vertices at the same place become one, as in STL and GLB files. A `Surface` is returned unchanged. Raises
-    SurfaceError for any other type, and as `surface_from` does.
-    """
+    SurfaceError for any other type, and as `surface_from` does."""
     if isinstance(mesh, Surface):
         return mesh
     own_unit = getattr(mesh, "units", None)

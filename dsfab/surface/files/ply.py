@@ -92,8 +92,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
     """Return the properties of an element whose records begin at index `position` of the numbers (c,), and the end of
     these records.
 
-    Raises MalformedFileError for a file that ends too early, or has a word in place of a number.
-    """
+    Raises MalformedFileError for a file that ends too early, or has a word in place of a number."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
@@ -107,8 +106,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
     """Return start and count (count, p) of each property in each record, and the end of the records; None for
-    unequal lists.
-    """
+    unequal lists."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:

@@ -12,12 +12,10 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
 """Cosines between the two triangles of a quad. Above the first cosine a quad is flat; below the second it may cross
-a fold.
-"""
+a fold."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
 """The longer diagonal is right if its triangles continue flat neighbours within `ON`, the chord of 10 degrees.
-Their bend must also be less than the share `BETTER` of the bend with the shorter diagonal.
-"""
+Their bend must also be less than the share `BETTER` of the bend with the shorter diagonal."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
@@ -28,8 +26,7 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     sizes : (f,) number of corners of each face.
 
     The cut follows the only diagonal inside the quad, else a fold, else the shorter diagonal, else the diagonal from
-    corner 0.
-    """
+    corner 0."""
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
     P = V[_inside(Q, len(V))] if len(Q) and len(V) else np.zeros((len(Q), 4, 3))
@@ -89,12 +86,10 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
 MOST_CORNERS_FOR_EARS = 12  # Largest number of corners for cutting ears, which takes k^3 steps.
 MANY = 2000  # Number of corners above which triangles are Delaunay's: a comb of 100,000 takes 0.2 s, with earcut 4 s.
 """Number of corners above which dsfab uses Delaunay triangles: a comb of 100,000 corners takes 0.2 s, with earcut 4
-s.
-"""
+s."""
 NOISE = 32 * float(np.finfo(np.float64).eps)
 """A corner is straight if it is nearer than this to the line of its neighbours, as a share of the largest
-coordinate.
-"""
+coordinate."""
 ORDER = cdt.VertexInsertionOrder.AUTO  # The order of insertion, in which near points follow each other.
 TOGETHER = 1 << 12  # Number of polygons that are cut together, so that their data fit into the processor's cache.
 
@@ -103,8 +98,7 @@ def small_polygon_triangles(P: Floats) -> Ints:
     """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3) with 5 <= k <=
     `MOST_CORNERS_FOR_EARS` corners.
 
-    If no corner is an ear (the polygon crosses itself), the function takes the shortest cut.
-    """
+    If no corner is an ear (the polygon crosses itself), the function takes the shortest cut."""
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
 
@@ -244,8 +238,7 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 @dataclass(frozen=True, eq=False)
 class Polygons:
     """A mesh of polygons: V (n, 3) in the file's unit, and `corners` (c,), face after face; face k has sizes[k]
-    corners.
-    """
+    corners."""
 
     V: Floats
     corners: Ints
@@ -282,8 +275,7 @@ def triangles(mesh: Polygons) -> CutPolygons:
     `large_polygon_triangles`.
 
     Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or a vertex that is not
-    finite, becomes a fan, and the caller has to refuse it.
-    """
+    finite, becomes a fan, and the caller has to refuse it."""
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
     cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quad_triangles(mesh.V, mesh.corners, mesh.sizes, of4)]

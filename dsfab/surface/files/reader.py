@@ -61,8 +61,7 @@ def read_surface(
     the repairs.
 
     Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, and edges
-    with more than two faces.
-    """
+    with more than two faces."""
     return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
 
 
@@ -119,8 +118,7 @@ def oriented_surface(V: Floats, F: Ints) -> Surface:
 
 def normalized_surface(surface: Surface) -> Surface:
     """Return the surface oriented, with every vertex (n, 3) on a face (m, 3). Raises SurfaceError as `read_surface`
-    does.
-    """
+    does."""
     used, F = np.unique(surface.F, return_inverse=True)
     if len(used) < surface.n:
         return oriented_surface(surface.V[used], F.reshape(-1, 3))
@@ -286,7 +284,6 @@ def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, 
 
 def unit_guess(raw: RawMesh) -> str:
     """Return the declared unit. Without a declaration, return metres for a box up to 250 long (few shells are
-    longer), else millimetres.
-    """
+    longer), else millimetres."""
     V = raw.V[in_reach(raw.V)]
     return raw.unit or ("m" if np.ptp(V, axis=0).max() <= 250.0 else "mm")

@@ -29,8 +29,7 @@ class Budget:
     """Limits of reading one file.
 
     triangles : largest number of triangles.
-    started   : start of reading, seconds of the process's clock.
-    """
+    started   : start of reading, seconds of the process's clock."""
 
     triangles: int = DEFAULT_TRIANGLES
     started: float = field(default_factory=time.monotonic)
@@ -102,8 +101,7 @@ class FileRecord:
 
     read     : the format and its content; then doubts about it.
     repaired : differences from the file.
-    dropped  : content of the file that the surface lacks.
-    """
+    dropped  : content of the file that the surface lacks."""
 
     read: tuple[str, ...] = ()
     repaired: tuple[str, ...] = ()
@@ -141,8 +139,7 @@ class TriangleFile:
     """Triangles of a file: vertices V (n, 3) in the file's unit and faces F (m, 3); and remarks like those of a
     `PolygonFile`.
 
-    unit : the unit that the file declares, or None. metres : metres in this unit.
-    """
+    unit : the unit that the file declares, or None. metres : metres in this unit."""
 
     V: Floats
     F: Ints
@@ -189,8 +186,7 @@ class TextFile:
 
     def cut_off(self, part: str) -> tuple[str, ...]:
         """Return a doubt about a last line without an end, which should be part of `part`; nothing if the line has
-        an end.
-        """
+        an end."""
         return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 
@@ -203,8 +199,8 @@ def may_lack_digits(word: str, count: int) -> bool:
 
 def text_file(data: bytes) -> TextFile:
     """Return the text in `data`: UTF-8, or an encoding that a byte order mark or zeros between the letters indicate.
-    Each invalid byte becomes a letter that never occurs in a number. Raises MalformedFileError for incomplete UTF-16.
-    """
+    Each invalid byte becomes a letter that never occurs in a number. Raises MalformedFileError for incomplete
+    UTF-16."""
     encoding, doubt, skipped = "utf-8", "", 0
     for mark, name, word in _MARKS:
         if data.startswith(mark):
@@ -262,8 +258,7 @@ LARGEST_NUMBER = 1e12  # Larger numbers cannot be lengths or angles, and librari
 @dataclass(frozen=True, eq=False)
 class Drawing:
     """Content of a drawing, in its unit: curves with layer and points (k, 3), layers, the unit or None, and points
-    with layer and place (1, 3).
-    """
+    with layer and place (1, 3)."""
 
     runs: tuple[tuple[str, Floats], ...]
     layers: tuple[str, ...]
@@ -286,8 +281,7 @@ class DrawingBudget:
 
     def require(self, kind: str, count: int) -> None:
         """Raise SurfaceError for more of a kind ("bytes", "entities", "points") than the limit, or after too long a
-        time.
-        """
+        time."""
         if count > getattr(self, kind):
             raise SurfaceError(f"the drawing has {count:,} {kind}, and {getattr(self, kind):,} is the limit; {_APART}")
         self.require_time()
@@ -303,8 +297,7 @@ _APART = "put the outlines into a drawing of their own"  # Remedy for every limi
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
     """Return points (k, 3) of `curve` at the ends of spans (s,), and between them as `CURVE_TOLERANCE` requires (up
-    to 1024 per span).
-    """
+    to 1024 per span)."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

@@ -47,8 +47,7 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
     """Return the meshes of a 3DM file and the saved meshes of its surfaces, with blocks expanded and vertices not
     joined.
 
-    Raises SurfaceError for a file whose surfaces have no saved meshes, and as `read_rhino` does.
-    """
+    Raises SurfaceError for a file whose surfaces have no saved meshes, and as `read_rhino` does."""
     model = _model(path)
     V, F, count, bare, other_objects = list[Floats](), list[Ints](), 0, 0, 0
     for _, thing, place in _DrawnObjects.of_model(model, budget):
@@ -101,9 +100,8 @@ def _model(path: Path) -> Any:
 
 
 class _DrawnObjects:
-    """Iterator over the drawn objects that counts them.
-    A file lists the content of a block among all objects. The iterator draws it at each insertion of the block, moved
-    by the insertion's matrix."""
+    """Iterator over the drawn objects that counts them. A file lists the content of a block among all objects. The
+    iterator draws it at each insertion of the block, moved by the insertion's matrix."""
 
     def __init__(self, model: Any, budget: DrawingBudget) -> None:
         self.model, self.budget, self.count = model, budget, 0
@@ -132,8 +130,7 @@ class _DrawnObjects:
 
     def _block_objects(self, number: Any) -> list[Any]:
         """Return the content of a block; raises MalformedFileError if the file lacks it, for example for a linked
-        block.
-        """
+        block."""
         block = self.model.InstanceDefinitions.FindId(number)
         inside = [self.model.Objects.FindId(object_id) for object_id in block.GetObjectIds()] if block else []
         if not inside or None in inside:
@@ -168,8 +165,7 @@ def read_occt(path: Path) -> TriangleFile:
     """Return the triangles of all faces, not joined. STEP files are converted to millimetres; BREP files declare no
     unit.
 
-    Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces.
-    """
+    Raises MalformedFileError for a file that OCCT cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh

@@ -1,8 +1,7 @@
 """Separate process for the readers of 3DM, STEP and BREP files, with limits on time and memory.
 
 rhino3dm crashes on some damaged files of 7 kB, and needs 6.7 GB or half a minute for similar files. OCCT may take any
-time for a surface, and may end the process.
-"""
+time for a surface, and may end the process."""
 
 import importlib.util
 import io

@@ -101,9 +101,8 @@ Key = tuple[str, bytes]  # A part of the file, and the number of an object in it
 
 
 def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
-    """Return all objects on the build plate, at their places.
-    Raises MalformedFileError for a damaged file and SurfaceError beyond the budget, both before lib3mf reads the file.
-    """
+    """Return all objects on the build plate, at their places. Raises MalformedFileError for a damaged file and
+    SurfaceError beyond the budget, both before lib3mf reads the file."""
     plate = _Plate(data, budget)
     budget.require_triangles(plate.triangles())
     import lib3mf

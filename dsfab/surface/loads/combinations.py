@@ -129,8 +129,7 @@ class DesignFactors:
     favourable : gamma_G of favourable permanent loads, such as weight against wind.
     variable   : gamma_Q.
     reduction  : xi, of permanent loads in 6.10b.
-    psi        : psi_0, psi_1 and psi_2 of kinds of actions that differ from Table A1.1.
-    """
+    psi        : psi_0, psi_1 and psi_2 of kinds of actions that differ from Table A1.1."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     permanent: Share = 1.35
@@ -179,10 +178,9 @@ def action_mistakes(
 def en1990_combinations(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule, factors: DesignFactors
 ) -> list[Combination]:
-    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first.
-    Each selection of variable cases takes part, with at most one case of mutually exclusive kinds. Each of its cases
-    is the leading action once. Favourable weight is combined with wind only, because all further loads press down too.
-    """
+    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first. Each
+    selection of variable cases takes part, with at most one case of mutually exclusive kinds. Each of its cases is the
+    leading action once. Favourable weight is combined with wind only, because all further loads press down too."""
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
     combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):

@@ -67,8 +67,7 @@ class Wind:
     with the cosine to the sides. This is a first estimate for choosing a pattern. It leaves out suction along roofs and
     side walls, and pressure inside open halls; add these as a `pressure` on picked faces.
 
-    covered : as for snow; an open lattice also has other coefficients [EN 1991-1-4, 7.11].
-    """
+    covered : as for snow; an open lattice also has other coefficients [EN 1991-1-4, 7.11]."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -139,8 +138,7 @@ class LoadParts:
     point   : (n, 3) newtons: forces and lines.
     weight  : (m, 3) Pa, weight of the sheet itself, in proportion to its material.
     bare    : (m, 3) Pa, loads that act on material alone: snow and wind on an open lattice.
-    covered : (m, 3) Pa, loads that also act on openings with a cover: glass, a membrane, boards.
-    """
+    covered : (m, 3) Pa, loads that also act on openings with a cover: glass, a membrane, boards."""
 
     point: Floats
     weight: Floats
@@ -186,8 +184,7 @@ class LoadParts:
 @dataclass(frozen=True)
 class Force:
     """A total force in newtons, spread over the picked vertices by their areas; on a single vertex it is a point
-    force.
-    """
+    force."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker
@@ -212,8 +209,7 @@ class Pressure:
 
     A constant pressure gives each corner a third of its face's force: the consistent load of linear triangles.
 
-    covered : whether a cover of the openings carries it to the ribs (see `Snow`).
-    """
+    covered : whether a cover of the openings carries it to the ribs (see `Snow`)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -262,9 +258,8 @@ class SelfWeight:
 
 @dataclass(frozen=True)
 class Cladding:
-    """The weight of a cover (glass, membrane, boards): a permanent load, pascals of the surface's own area.
-    It acts along `direction` (any length) on faces with all corners picked. The cover carries it to the ribs over
-    openings."""
+    """The weight of a cover (glass, membrane, boards): a permanent load, pascals of the surface's own area. It acts
+    along `direction` (any length) on faces with all corners picked. The cover carries it to the ribs over openings."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -384,8 +379,7 @@ class LoadCase:
         weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
 
         Raises SurfaceError without a support or a load, for pickers without vertices, for loads that are zero, and if
-        every load acts in fixed directions.
-        """
+        every load acts in fixed directions."""
         if not supports:
             raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")
         if not loads:

@@ -142,8 +142,7 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[OutlinedSurface, int]:
     """Move each vertex close to the line along one of its edges onto the line; return also the number of such
-    vertices.
-    """
+    vertices."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
@@ -222,8 +221,7 @@ def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurf
     fixed : (n,) vertices on earlier outlines, which stay in place.
 
     Corners of the line are vertices; edges follow its curves within `LINE_TOLERANCE`. Raises SurfaceError for a line
-    so fine that it needs too many faces.
-    """
+    so fine that it needs too many faces."""
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
     outlined = replace(outlined, on=outlined.on | (np.abs(extent.depth(outlined.surface.V)) <= 1e-9 * surface.size))
@@ -271,8 +269,7 @@ def _refine(
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
     """Return the edges (e,) near the line that are longer than the extent is wide: the extent could pass between
-    their ends.
-    """
+    their ends."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -283,8 +280,7 @@ def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
 
 def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
     """Return the edges (e,) that the line crosses more than once, and sides of faces in which the line is not
-    straight.
-    """
+    straight."""
     s, even = outlined.surface, LINE_TOLERANCE * extent.width
     depth, size = outlined.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -324,8 +320,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
     """Return the faces (k,) that the line crosses, and the distance (k,) from the line to the middle of its chord
-    in each face.
-    """
+    in each face."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -337,8 +332,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
     """Divide faces with all corners on lines along an inner edge, because a field that is 0 at all corners defines
-    no sides.
-    """
+    no sides."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

@@ -1,6 +1,5 @@
 """Pickers by an outline: polygon in plan, closed curves of a drawing, brush stroke; and `Picker`, the union of all
-pickers.
-"""
+pickers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -42,8 +41,7 @@ def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
     """Return the distance (p,) of points P (p, 2) from polygons (k, 2), in their unit; positive inside, negative
     outside.
 
-    A point is inside if it is within an odd number of polygons: a polygon inside a second polygon is an island.
-    """
+    A point is inside if it is within an odd number of polygons: a polygon inside a second polygon is an island."""
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
     space = np.zeros((2 * len(start), 3))
@@ -88,8 +86,7 @@ def bend_corners(P: Floats) -> Bools:
 
 def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
     """Return the first two sides of a polygon (k, 2) that cross or touch, except neighbours, and the place (2,); or
-    None.
-    """
+    None."""
     k, Q = len(P), np.roll(P, -1, axis=0)
     for i in range(k - 2):
         j = np.arange(i + 2, k - (i == 0))
@@ -126,8 +123,7 @@ class PlanPolygon:
 
     polygon : its corners, x and y, metres.    low, high : limits on z, metres; by default none.
 
-    Raises OutlineError for a polygon without area or that crosses itself, and for heights in the wrong order.
-    """
+    Raises OutlineError for a polygon without area or that crosses itself, and for heights in the wrong order."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     polygon: tuple[tuple[Real, Real], ...]
@@ -176,8 +172,7 @@ class ClosedCurves:
     depth  : metres to both sides of the curves' plane. By default, horizontal curves reach everywhere. All further
              curves reach as far as the nearest part of the surface: a door in the front leaves the back unchanged.
 
-    Raises OutlineError unless either a file or curves are set.
-    """
+    Raises OutlineError unless either a file or curves are set."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     file: Path | None = None
@@ -201,8 +196,7 @@ class ClosedCurves:
 
     def extent(self, surface: Surface) -> Extent:
         """Return the prisms through the curves, perpendicular to their planes; raises SurfaceError for invalid
-        outlines.
-        """
+        outlines."""
         planes: list[_Plane] = []
         for number, loop in enumerate(self.loops()):
             loop = without_repeats(loop)
@@ -301,8 +295,7 @@ class _Plane:
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
         """Return the prism through the curves. To both sides its depth is `depth`, or the depth of the surface's
-        nearest part.
-        """
+        nearest part."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
@@ -319,9 +312,8 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return the depth of the prism to both sides, from lines of sight through the curves.
-        Each line first meets the nearest part of the surface. The prism ends halfway between this part and the next
-        part."""
+        """Return the depth of the prism to both sides, from lines of sight through the curves. Each line first meets
+        the nearest part of the surface. The prism ends halfway between this part and the next part."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():

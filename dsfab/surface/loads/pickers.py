@@ -71,8 +71,7 @@ def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]
     """Return the faces (k,) that the segment from a to b (3,), metres, meets, and their positions (k,), 0 to 1, in
     order.
 
-    Faces parallel to the segment do not count [Moeller and Trumbore 1997].
-    """
+    Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
     P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
     ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
     normal, to = cross(ray, v), a - P
@@ -125,8 +124,7 @@ class Box:
     """The vertices in the box with two opposite corners, metres, its walls included.
 
     relative : whether the corners are shares of the surface's own box, 0 to 1 along each axis.
-    boundary : whether to pick vertices of free edges alone.
-    """
+    boundary : whether to pick vertices of free edges alone."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     min: Vector
@@ -178,8 +176,7 @@ class Side:
     """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 exactly at this
     coordinate.
 
-    relative : whether the depth is a share of the surface's extent along the axis.
-    """
+    relative : whether the depth is a share of the surface's extent along the axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     axis: Literal["x", "y", "z"]
@@ -289,8 +286,7 @@ class Vertices:
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
     """The remaining vertices of a picker beside voids. `ends` names the edges between them, with the smaller index
-    first.
-    """
+    first."""
 
     ends: tuple[tuple[int, int], ...] = ()
 
@@ -318,8 +314,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
     """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError without
-    vertices.
-    """
+    vertices."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 

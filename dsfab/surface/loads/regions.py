@@ -1,8 +1,7 @@
 """`PatternRegion`: a region of the surface, `[[pattern.region]]` in a preset: solid, void, or with a solid band.
 
 dsfab cuts the mesh along the outlines of regions before any analysis, so statics, pattern, sheet and solid all have
-edges along them. For each of these stages a void is a hole in the surface.
-"""
+edges along them. For each of these stages a void is a hole in the surface."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -35,8 +34,7 @@ class PatternRegion:
     width : of the band, metres along the surface; by default the width in pattern.rim, or an eighth of the region's.
     name  : text for messages.
 
-    Raises RegionError for a width without a band, and for a band without an outline.
-    """
+    Raises RegionError for a width without a band, and for a band without an outline."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker

@@ -49,8 +49,7 @@ def support_names(supports: Sequence[_Support]) -> list[str]:
 
 def load_names(loads: Sequence[_Load]) -> list[str]:
     """Return the names of loads. A load without a name gets its kind: 'snow', or 'snow 1' and 'snow 2' for several
-    loads.
-    """
+    loads."""
     kinds = [load.kind.replace("_", " ") for load in loads]
     several = Counter(kind for kind, load in zip(kinds, loads, strict=True) if not load.name)
     numbers = {kind: count(1) for kind in several}
@@ -78,8 +77,7 @@ class Support:
              the mesh (a face with two boundary edges) lie inside and stay free.
     name   : text for lists of supports; it does not affect results.
 
-    Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction.
-    """
+    Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker

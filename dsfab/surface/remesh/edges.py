@@ -120,8 +120,7 @@ def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) 
 
     touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels, because costs that rise along
               a strip would select its end only. A hash orders each level [Knuth 1973, multiplicative hashing].
-    edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbours either.
-    """
+    edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbours either."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
@@ -161,8 +160,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
     """Halve marked edges (e,). Edges along curves are halved at positions (l,) of the axis, or at the middle where
-    nan.
-    """
+    nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -352,8 +350,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 def _sound(V: Floats, quad: Ints) -> Bools:
     """Return edges (q,) whose new faces deviate from the old faces by at most 37 degrees. Bad faces must not get
-    worse.
-    """
+    worse."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))

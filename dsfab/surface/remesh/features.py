@@ -20,8 +20,7 @@ FINE = 1 / 80  # Share of the box's diagonal; a file with longer edges is design
 
 class SmoothVertices(NamedTuple):
     """Vertices (k,) with exactly two edges, these edges (k, 2), their turn (k,), radians, and the shorter length
-    (k,), metres.
-    """
+    (k,), metres."""
 
     vertex: Ints
     edges: Ints
@@ -113,8 +112,7 @@ class FeatureCurves:
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
         """Return the distance (k,) of the curves from chords start to end (k,), metres, and the position (k,) of
-        this distance.
-        """
+        this distance."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
@@ -155,8 +153,7 @@ def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
 
 def _chains(ends: Ints, corners: Bools) -> list[Ints]:
     """Return the vertices (k,) of each curve from corner to corner along edges (e, 2); a closed curve begins at its
-    first vertex.
-    """
+    first vertex."""
     around: dict[int, list[int]] = {}
     for a, b in ends.tolist():
         around.setdefault(a, []).append(b)

@@ -95,8 +95,7 @@ class Mirrors:
         """Return the mirrors of a surface; None if it has none, or if it is not oriented.
 
         edge   : metres, of the new mesh; a share of it is the tolerance.
-        smooth : whether the surface is the smooth one through its vertices.
-        """
+        smooth : whether the surface is the smooth one through its vertices."""
         if len(misoriented_edges(nearest_on.surface.F, nearest_on.surface.edges)):
             return None
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
@@ -127,8 +126,7 @@ class _MirrorTest:
     @cached_property
     def places_on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
         """Function of points (k, 3) that returns the nearest places (k, 3) of the surface, and the normals (k, 3)
-        there.
-        """
+        there."""
         surface, find = self.surface, self.find
         patches = SmoothPatches(surface) if self.smooth else None
 
@@ -152,8 +150,7 @@ class _MirrorTest:
 
     def holds(self, normal: Floats) -> bool:
         """Return whether the surface, its boundaries and its creases coincide with their mirror images, sides
-        included.
-        """
+        included."""
         s, R, limit = self.surface, mirror(normal), IMAGE_TOLERANCE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False
@@ -270,8 +267,7 @@ class Chamber:
         """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the original in V of each
         vertex (n,).
 
-        None if the topology or the boundary differs.
-        """
+        None if the topology or the boundary differs."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]

@@ -53,8 +53,7 @@ def remeshed_surface(
     twentieth of `edge`) gets an exactly symmetric mesh, whose extent is within a fiftieth of `edge`.
 
     Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
-    repeated faces, and edges of more than two faces.
-    """
+    repeated faces, and edges of more than two faces."""
     _check(surface, edge, finest)
     mirrored = not sizes  # sizes may differ from side to side
     if finest:
@@ -78,8 +77,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
     """Remesh one side of all mirrors and copy it; None without mirrors, or for a result that is small or differs in
-    topology.
-    """
+    topology."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -153,8 +151,7 @@ def _even_net(
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
     """Halve long edges until no long edge remains. Flips and collapses follow each round, because needles create
-    many points.
-    """
+    many points."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)

@@ -30,8 +30,7 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
     metres.
 
     The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
-    2003], over the faces around its neighbours. Creases do not count.
-    """
+    2003], over the faces around its neighbours. Creases do not count."""
     two = surface.edges.count == 2
     shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
@@ -49,8 +48,7 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
 
     Differences along an edge are differences of the means around its ends [as Zienkiewicz and Zhu 1987 recover
     stress], without the rotation of the surface between them. The square of the gradient at a vertex is twice the mean
-    square of the slopes of all edges around the vertex.
-    """
+    square of the slopes of all edges around the vertex."""
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
     slope = ((_transported_tensors(vertex_tensors[b], normal[b], normal[a]) - vertex_tensors[a]) ** 2).sum(axis=(1, 2))
@@ -80,8 +78,7 @@ def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
     """Sum the values (e, k) of edges (e, 2) at each vertex and its neighbours; return the sums (n, k) over the
-    areas there.
-    """
+    areas there."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -90,8 +87,7 @@ def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
 
 def _transported_tensors(tensors: Floats, normal: Floats, onto: Floats) -> Floats:
     """Rotate symmetric tensors (k, 3, 3) from planes with unit normals (k, 3) into planes with normals `onto` (k,
-    3).
-    """
+    3)."""
     normal, onto = np.repeat(normal, 3, axis=0), np.repeat(onto, 3, axis=0)
     rows = transported_vectors(onto, normal, tensors.reshape(-1, 3)).reshape(-1, 3, 3)
     return transported_vectors(onto, normal, rows.transpose(0, 2, 1).reshape(-1, 3)).reshape(-1, 3, 3)
@@ -113,8 +109,7 @@ CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
     """Return the net with graded lengths: `base` (n,) or a number, metres, but at most the chords (p,) of its
-    curves.
-    """
+    curves."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -146,8 +141,7 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
     `_slopes`.
 
     The width is an edge from curve to curve, the height of a face between them, or an edge between corners. The face
-    in the angle of a corner does not count, because it is narrow at any size.
-    """
+    in the angle of a corner does not count, because it is narrow at any size."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -177,8 +171,7 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
     That is their width (k,), metres, over their distance from the corner along the curves.
 
         corner <   ---- at a slope of 0.3 it is 0.3 edges wide at an edge's length from its corner: edges of this length
-                        fill it from there on; shorter edges nearer to the corner would never end
-    """
+                        fill it from there on; shorter edges nearer to the corner would never end"""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -193,8 +186,7 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
     """Return the vertices (n, 2) at the ends of each vertex's curve, -1 off curves, and the distances (n, 2) to them
     along it, metres.
 
-    A corner has itself twice.
-    """
+    A corner has itself twice."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):

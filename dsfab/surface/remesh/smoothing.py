@@ -18,9 +18,8 @@ CORNERS = ((0, 1), (1, 2), (2, 0))  # Half-edges of a face, by its corners.
 
 
 class SmoothPatches:
-    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001].
-    A vertex on a crease has a normal for each side. At boundaries and creases patches follow the straight edges, so
-    that curves stay in place."""
+    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001]. A vertex on a crease has a normal
+    for each side. At boundaries and creases patches follow the straight edges, so that curves stay in place."""
 
     def __init__(self, surface: Surface) -> None:
         self._V, self._F = surface.V, surface.F
@@ -51,9 +50,8 @@ def barycentric(P: Floats, place: Floats) -> Floats:
 
 
 def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
-    """Return two control points on each edge (m, 6, 3) of triangles P (m, 3, 3).
-    They are at thirds of the edge, moved into the planes of the normals (m, 3, 3) at its ends. On `straight` edges (m,
-    3) they stay on the edge."""
+    """Return two control points on each edge (m, 6, 3) of triangles P (m, 3, 3). They are at thirds of the edge, moved
+    into the planes of the normals (m, 3, 3) at its ends. On `straight` edges (m, 3) they stay on the edge."""
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):
@@ -65,8 +63,7 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
     """Return unit normals (m, 3 corners, 3): means of face normals by angle around a vertex up to the next features
-    (e,).
-    """
+    (e,)."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -98,8 +95,7 @@ def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
     """Move free vertices within their tangent planes to the weighted means of their faces, all further vertices along
     their curves.
 
-    Weights are areas in units of wanted lengths squared. Vertices on curves move to even steps.
-    """
+    Weights are areas in units of wanted lengths squared. Vertices on curves move to even steps."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
@@ -129,8 +125,7 @@ def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
     """Return positions (k,) of nodes with even steps in wanted lengths near the curve. Only every second node moves
-    at a time.
-    """
+    at a time."""
     places = net.at.copy()
     for parity in (0, 1):
         k = np.arange(1 + parity, max(len(places) - 1, 1 + parity), 2)

@@ -2,8 +2,7 @@
 
 `SHAPES` names them for presets. All are deterministic, in metres with z up and normals up or outward. Triangles are
 nearly equilateral and about `edge` metres wide. They form staggered rows, rings or a subdivided icosahedron, because
-the pattern would follow the parallel diagonals of a grid.
-"""
+the pattern would follow the parallel diagonals of a grid."""
 
 from collections.abc import Callable
 

@@ -45,8 +45,7 @@ def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     If edges are longer than the widths of its details, the mouth, the nostrils and the hollow of the ears are left out,
     and the ears are thicker.
 
-    height : from the boundary to about the tips of the ears, metres.
-    """
+    height : from the boundary to about the tips of the ears, metres."""
     neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
         [0.165, 0.155, 0.135, 0.12, 0.11], 0.1)  # fmt: skip
     skull = ellipsoid((0.02, 0, 0.79), (0.17, 0.115, 0.105))
@@ -90,8 +89,7 @@ def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
     """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up.
 
     length : from beak to tail, metres. A stand-in for Bob of Keenan Crane's 3D Model Repository, of its size by
-             default.
-    """
+             default."""
 
     def ring(P: Floats) -> Floats:
         x, y, z = P.T
@@ -288,8 +286,7 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
 
     Opposite points of the unit circle have the same image: joined there, the surface would be closed and one-sided. It
     stays open along that seam, which makes it a disc with two sides. It crosses itself, as the projective plane must:
-    three sheets meet in a triple point, and no solid of constant thickness exists around it.
-    """
+    three sheets meet in a triple point, and no solid of constant thickness exists around it."""
     check_density(4 * height**2, edge)
     chart = _Disc(height)
     rows = 24

@@ -49,8 +49,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
     X, F : any oriented manifold mesh of it, in the chart's coordinates; its genus and its boundaries stay.
 
     Raises SurfaceError if the result is no manifold, is folded, or never ends, because the edge is longer than details
-    of the surface.
-    """
+    of the surface."""
     for round_ in range(ROUNDS):
         before = len(F)
         X, F = _split(chart, X, F, LONGEST * edge)
@@ -321,8 +320,7 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
     low, high : corners of a box around the solid, metres.
     floor     : height at which the solid is cut and its surface open, with the boundary in the plane.
 
-    Raises SurfaceError for an edge so long that details are lost, or so short that the mesh would be endless.
-    """
+    Raises SurfaceError for an edge so long that details are lost, or so short that the mesh would be endless."""
     bottom, top = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     if floor is not None:
         bottom[2] = floor

@@ -79,8 +79,7 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
     |\\ / \\ / \\ |     odd rows: one more, half an edge at both ends
     o-o---o-o
     |/ \\ / \\ / |     rows is even, so that the mesh mirrors onto itself in both directions
-    x---x---x
-    """
+    x---x---x"""
     even_row = np.arange(columns + 1) / columns
     odd_row = np.concatenate([[0.0], (np.arange(columns) + 0.5) / columns, [1.0]])
     lines = [odd_row if j % 2 else even_row for j in range(rows + 1)]

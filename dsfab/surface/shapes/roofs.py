@@ -58,8 +58,7 @@ def elliptic_paraboloid(
     rise  : height of the middle.
     crown : height of the middles of the two long sides; those of the short sides are at rise - crown.
 
-    z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2. Edges are measured at the middle.
-    """
+    z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2. Edges are measured at the middle."""
     if crown >= rise:
         raise SurfaceError(
             f"elliptic_paraboloid: crown = {crown:g} m, the height of the long sides, must be less than "
@@ -84,8 +83,7 @@ def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: flo
     inside : function that returns which points (q, 2) are inside by at least a distance.
 
     Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing always made the smallest angle worse (5
-    and 40 Laplacian rounds with new triangles after each, nine pavilions).
-    """
+    and 40 Laplacian rounds with new triangles after each, nine pavilions)."""
     from scipy.spatial import Delaunay  # imported here, because the import takes a tenth of a second
 
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
@@ -117,8 +115,7 @@ def pavilion(
     foot    : width of each foot along the circle.
 
     A plane for each arch cuts the sphere through crown and feet. The mesh is created in the stereographic plane, which
-    preserves angles and where every arch is a circle, and is symmetric about every foot. Normals up.
-    """
+    preserves angles and where every arch is a circle, and is symmetric about every foot. Normals up."""
     _check(span, rise, opening, feet, foot)
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     check_density(2 * np.pi * radius * rise, edge)
@@ -150,8 +147,7 @@ class _Wedge:
 
                       x top      the arch is part of a circle, centre outside the shell when it bends inward
                   /    \\
-        crown x----------x ground
-    """
+        crown x----------x ground"""
 
     def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
         self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
@@ -167,8 +163,7 @@ class _Wedge:
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
         """Return points round the wedge, and the points on the rays at angle 0 and `half`; point 0, the crown, is
-        on both rays.
-        """
+        on both rays."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

@@ -24,8 +24,7 @@ def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)
     """A spherical cap: `span` across at z = 0, `rise` at the crown, with an opening of radius `oculus`, 0 for none.
 
     Area 2 pi R h for R = (span^2 / 4 + rise^2) / (2 rise), with h the height from springing to oculus. A rise of half
-    the span is a hemisphere; a larger rise bulges.
-    """
+    the span is a hemisphere; a larger rise bulges."""
     if oculus > 0.45 * span:
         raise SurfaceError(f"dome: oculus = {oculus:g} m is wider than the dome; keep it under 0.45 x span")
     radius = (span**2 / 4 + rise**2) / (2 * rise)
@@ -44,8 +43,7 @@ def catenoid(waist: Length = 1.5, rim: Length = 6.0, edge: Length = 0.2) -> Surf
     """A trumpet canopy on a waist: the catenoid r = a cosh(z / a), the minimal surface of revolution.
 
     It rises upright from a ring of radius a = waist at z = 0 and flares to radius `rim` at the height
-    a arccosh(rim / a); normals up. Area pi a (z + a/2 sinh(2 z / a)) at that height z.
-    """
+    a arccosh(rim / a); normals up. Area pi a (z + a/2 sinh(2 z / a)) at that height z."""
     if rim < 1.05 * waist:
         raise SurfaceError(f"catenoid: rim = {rim:g} m must be wider than 1.05 x waist = {waist:g} m")
     height = waist * np.arccosh(rim / waist)
@@ -69,8 +67,7 @@ def tower(
 
     width      : across the flats at the foot; taper times that at the top.
     twist      : degrees the plan has turned at the top.
-    squareness : exponent p of the plan |x|^p + |y|^p = 1: 2 is a circle, 4 a rounded square.
-    """
+    squareness : exponent p of the plan |x|^p + |y|^p = 1: 2 is a circle, 4 a rounded square."""
     x, y, around = _superellipse(squareness)
     check_density(0.5 * (1 + taper) * around * width / 2 * height, edge)
     if abs(np.radians(twist)) * width / 2 > 1.5 * height:
@@ -102,8 +99,7 @@ def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = Fal
     point.
 
     Radius 0 is a pole. Each ring has a multiple of six vertices about `edge` apart. A profile away from the axis has
-    normals up. `outward` flips the normals, so that they point away from the axis of a rising tube.
-    """
+    normals up. `outward` flips the normals, so that they point away from the axis of a rising tube."""
     counts: Ints = np.array([pieces_of(2 * np.pi * x, edge, multiple=6, least=6) if x else 1 for x in r])
     turns = ring_turns(counts)
     angle = 2 * np.pi * np.concatenate(turns)
@@ -115,9 +111,8 @@ def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = Fal
 
 @shape
 def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
-    """A sphere around the origin: an icosahedron with every edge divided in f parts, projected onto the sphere.
-    Class I subdivision [Clinton 1971] of any frequency f: 10 f^2 + 2 vertices, 20 f^2 faces. A vertex is at each pole.
-    """
+    """A sphere around the origin: an icosahedron with every edge divided in f parts, projected onto the sphere. Class I
+    subdivision [Clinton 1971] of any frequency f: 10 f^2 + 2 vertices, 20 f^2 faces. A vertex is at each pole."""
     area = 4 * np.pi * radius**2
     check_density(area, edge)
     corners, faces = _icosahedron()
@@ -141,8 +136,7 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
     """Divide every face into f^2 flat triangles; vertices with equal integer weights on the corners become one
-    vertex.
-    """
+    vertex."""
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
     index = np.full((f + 1, f + 1), -1)
