@@ -13,12 +13,12 @@ CREASE = 30.0  # Degrees. An edge is a crease if the normals of its faces differ
 
 
 def feature_edges(surface: Surface) -> Bools:
-    """Return the edges (e,) on the boundary, at a crease, or between faces of opposite sides."""
+    """Return the edges (e,) on the boundary, at a crease, or between faces whose normals point to opposite sides."""
     return border_edges(surface) | sharp_edges(surface)
 
 
 def border_edges(surface: Surface) -> Bools:
-    """Return the edges (e,) on the boundary, or between faces of opposite sides."""
+    """Return the edges (e,) on the boundary, or between faces whose normals point to opposite sides."""
     marks = surface.edges.boundary.copy()
     marks[misoriented_edges(surface.F, surface.edges)] = True
     return marks
@@ -47,7 +47,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
     Raises SurfaceError for an invalid target or over `LARGEST` triangles, and for `smooth` on a surface that is not
     manifold and consistently oriented."""
     if not (np.isfinite(target) and target > 0):
-        raise SurfaceError(f"the edge length {target} to refine to must be a positive length in metres")
+        raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
         raise SurfaceError(f"only a manifold surface can be subdivided smoothly: {faults[0]}; set smooth to false")
     V, F = surface.V, surface.F
@@ -65,8 +65,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
 
 
 def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -> tuple[Floats, Ints, Ints]:
-    """Apply one step of Loop's subdivision that leaves edges (k, 2) in place; return also the halves (2 k, 2) of
-    these edges."""
+    """Apply one step of Loop's subdivision with fixed edges (k, 2); return also the halves (2 k, 2) of these edges."""
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
@@ -84,7 +83,8 @@ def _check_count(count: int, target: float) -> None:
 
 
 def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
-    r"""Divide faces at the midpoints of marked edges (e,): of each face its longest edge and none, one or both others.
+    r"""Divide faces at the midpoints of marked edges (e,). A face with marked edges must have its longest edge among
+    them.
 
     Returns the vertices, the faces, and the old face of each new face.
 
@@ -134,7 +134,7 @@ def quads(F: Ints, pairs: Ints) -> Ints:
 
 
 def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
-    """Replace edges a-b of faces F (m, 3) by edges c-d in quads (q, 4), which share no faces; see `quads`."""
+    """Replace edges a-b of faces F (m, 3) by edges c-d in quads (q, 4) that share no faces; see `quads`."""
     a, b, c, d = quad.T
     F = F.copy()
     F[pairs[:, 0] // 3] = np.stack([a, d, c], axis=1)
@@ -150,10 +150,8 @@ def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
 
 
 def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
-    """Return the edges (c,) whose ends share no neighbours except the opposite corners; collapsing such an edge
-    preserves the topology.
-
-    Source: link condition [Dey et al. 1999]."""
+    """Return the edges (c,) whose ends share no neighbours except the opposite corners. The collapse of such an edge
+    preserves the topology. Source: link condition [Dey et al. 1999]."""
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
     return np.asarray(np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel() == edges.count[chosen])
@@ -222,9 +220,8 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
     np.maximum.at(best_gain, (h // 3).ravel(), np.repeat(gain, 2))
     chosen = np.flatnonzero((gain > LEAST_ANGLE_GAIN) & (gain[:, None] == best_gain[h // 3]).all(axis=1))
     first_face, second_face = h[chosen].T // 3
-    first_places = np.unique(np.concatenate([first_face, second_face]), return_index=True)[
-        1
-    ]  # of equal gains at a face, the first gain counts
+    # of equal gains at a face, the first gain counts
+    first_places = np.unique(np.concatenate([first_face, second_face]), return_index=True)[1]
     once = np.zeros(2 * len(chosen), dtype=bool)
     once[first_places] = True
     chosen = chosen[once[: len(chosen)] & once[len(chosen) :]]

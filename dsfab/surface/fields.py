@@ -27,8 +27,7 @@ def hat_gradients(surface: Surface) -> Floats:
 
 
 def tangents(surface: Surface) -> Floats:
-    """Return an orthonormal frame (m, 2, 3) of each face's plane: the direction of the first edge, and normal x
-    direction."""
+    """Return an orthonormal frame (m, 2, 3) of each face's plane: the first edge's direction t, and normal x t."""
     edge = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
     t1 = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
@@ -58,6 +57,7 @@ def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -
 
 
 Kind = Literal["edge", "centre"]
+"""Kind of a line: an end of the material, or the middle of a member."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class StructureLine:
 
     @property
     def id(self) -> str:
-        """Name that stays the same in each computation of the design: `centre-major-3.1`."""
+        """Name of the line, equal in every computation of the design: `centre-major-3.1`."""
         return f"{self.layer}-{self.number}.{self.part}"
 
 
@@ -116,7 +116,7 @@ def polyline_length(points: Floats) -> float:
 def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | None = None) -> list[Track]:
     """Return the lines on which a field x (n,), linear over each face, has one of the ascending levels (l,).
     within : (m,) faces that may have lines. The lines end at the border of these faces; by default all faces have
-             lines. The chords are exact. Chords without length, where a level passes through a vertex, are removed."""
+             lines. The chords are exact. A level through a vertex gives chords of length zero, which are removed."""
     nodes = _nodes(surface, x, levels)
     if nodes.level.size == 0:
         return []
@@ -135,8 +135,7 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Crossings of levels and edges. Edge e has the crossings offset[e], offset[e] + 1, ... with the levels
-    begin[e], begin[e] + 1, ..."""
+    """Crossings of levels and edges: edge e has the nodes offset[e], offset[e] + 1, ... at the levels begin[e], ..."""
 
     offset: Ints
     begin: Ints
@@ -179,11 +178,11 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links between pairs of `count` nodes (two links at most per node) to chains; return the nodes and links
-    (c,) of each.
+    """Join links between pairs of `count` nodes, at most two links per node, to chains; return each chain's nodes and
+    links (c,).
 
-    Open chains come first, each from the end with the lower number; closed chains repeat their first node at the
-    end."""
+    Open chains come first, each from the end with the lower number; closed chains repeat their first node at the end.
+    """
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -213,7 +212,7 @@ def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints
 
 def simplified_line(points: Floats, tolerance: float) -> Floats:
     """Return the polyline (k, d) with fewer points; no omitted point is farther than `tolerance` from the result.
-    The ends stay; of a closed polyline also the point farthest from its beginning [Douglas, Peucker 1973]."""
+    Both ends stay. In a closed polyline, the point farthest from the ends also stays [Douglas, Peucker 1973]."""
     keep = np.zeros(len(points), dtype=bool)
     keep[[0, -1]] = True
     spans = [(0, len(points) - 1)]
@@ -238,7 +237,7 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
     along = b - a
     squared = float(along @ along)
     away = points - a
-    if squared:  # np.clip and np.linalg.norm would take longer than the rest of this function
+    if squared:  # np.clip and np.linalg.norm take longer than the rest of this function
         away -= np.minimum(np.maximum(away @ along / squared, 0.0), 1.0)[:, None] * along
     return np.asarray(np.sqrt((away * away).sum(axis=1)))
 
@@ -246,12 +245,12 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class CornerField:
     """A field on a surface with n vertices and m faces.
-    x      : (n, 1) values at the vertices; (n, 2) for a band, see `dsfab.slicing.cutting.cut`: a place is material if
-             x[:, 0] has more levels below it there than x[:, 1].
+    x      : (n, 1) values at the vertices, or (n, 2) for a band (see `dsfab.slicing.cutting.cut`). In a band, a place
+             is material if more levels lie below x[:, 0] than below x[:, 1].
     sign   : (m, 3) 1 or -1, and shift : (m, 3): the value of a face at its corner is sign * x + shift.
-    blank  : (m,) faces without field, which are not cut.
-    wanted : (m,) share of each face on which the field applies, or None if it applies everywhere. The mean over the
-             area of an opening from earlier fields decides for the whole opening."""
+    blank  : (m,) faces without field; the cut leaves them whole.
+    wanted : (m,) share of each face on which the field applies, or None if it applies everywhere. For an opening from
+             earlier fields, the mean over its area decides for the whole opening."""
 
     x: Floats
     sign: Floats
@@ -332,9 +331,8 @@ class DividedSurface:
         edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
-        is_on_side = (corners == 0) & (
-            corners[:, [1, 2, 0]] == 0
-        )  # side k of a part lies on the side of its face opposite corner j
+        # side k of a part lies on the side of its face opposite corner j
+        is_on_side = (corners == 0) & (corners[:, [1, 2, 0]] == 0)
         marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(is_on_side & marked[:, None, :])
         edges[part_edges.of[parts[part], side]] = True
@@ -345,7 +343,7 @@ class DividedSurface:
 
 
 def _interpolation(ends: Ints, positions: Floats, n: int) -> csr_array:
-    """Return the matrix (k, n) from values at n vertices to places on edges (k, 2); positions : (k,), 0 to 1."""
+    """Return the matrix (k, n) from values at n vertices to places (k,) on edges (k, 2); a position is 0 to 1."""
     rows = np.repeat(np.arange(len(ends)), 2)
     return csr_array((np.stack([1 - positions, positions], axis=1).ravel(), (rows, ends.ravel())), shape=(len(ends), n))
 

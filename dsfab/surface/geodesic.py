@@ -1,7 +1,8 @@
 """Exact geodesic distances along a triangle mesh from vertices, edges and faces.
 
-The front consists of windows: parts of edges that a source sees through a strip of faces, unfolded into a plane
-[Mitchell, Mount and Papadimitriou 1987]. Vertices with an angle over 360 degrees, and boundaries, are new sources."""
+The search moves a front of windows over the mesh. A window is the part of an edge that a source sees through a strip
+of faces, unfolded into a plane [Mitchell, Mount and Papadimitriou 1987]. Vertices with an angle over 360 degrees, and
+boundary vertices, are new sources."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -55,7 +56,8 @@ class Windows:
 
     @property
     def parallel(self) -> Bools:
-        """True (k,) if the source is the line y = 0; otherwise it is the point (0, 0)."""
+        """True (k,) if the source is the line y = 0, so that all rays are parallel; otherwise the source is the
+        point (0, 0)."""
         return np.asarray(self.names[:, 4] > 0)
 
     @property
@@ -93,11 +95,11 @@ class Windows:
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
-        """Return the places (k, 2) of A + t (B - A)."""
+        """Return the positions (k, 2) A + t (B - A)."""
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
-        """Return the distances (k,) of places P (k, 2)."""
+        """Return the distances (k,) from the sources to positions P (k, 2)."""
         return np.asarray(self.offset + np.where(self.parallel, P[:, 1], np.hypot(P[:, 0], P[:, 1])))
 
     def nearest(self) -> Floats:
@@ -109,12 +111,12 @@ class Windows:
         return self.distance(P + foot[:, None] * along)
 
     def rays(self, P: Floats) -> Floats:
-        """Return the directions (k, 2) of rays at places (k, 2)."""
+        """Return the directions (k, 2) of rays at positions P (k, 2)."""
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
-        """Return the offset (..., k) of C (..., k, 2) to the left of the ray through A + t (B - A), times a length.
-        Offsets within rounding are 0."""
+        """Return the offset (..., k) of C (..., k, 2) to the left of the ray through A + t (B - A), times the ray's
+        length. Offsets within rounding errors are 0."""
         P = self.place(t)
         ray = self.rays(P)
         offsets = cross2(ray, C - P)
@@ -128,7 +130,7 @@ def zero_share(start: Floats, end: Floats) -> Floats:
 
 
 def size2(a: Floats) -> Floats:
-    """Return |x| + |y| (...) of vectors a (..., 2), a rough length."""
+    """Return |x| + |y| (...) of vectors a (..., 2), an approximate length."""
     return np.asarray(np.abs(a[..., 0]) + np.abs(a[..., 1]))
 
 
@@ -143,7 +145,8 @@ def dot2(a: Floats, b: Floats) -> Floats:
 
 
 class Origins(NamedTuple):
-    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,), with edges of faces and ends of edges."""
+    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,). Edges of marked faces and ends of marked
+    edges are also marked."""
 
     vertices: Bools
     edges: Bools
@@ -151,8 +154,7 @@ class Origins(NamedTuple):
 
 
 class Distances(NamedTuple):
-    """Distances at the vertices (n,) and the edge middles (e,), metres, and the faces (m,) that are partly within
-    reach.
+    """Distances (metres) at the vertices (n,) and the edge middles (e,), and the faces (m,) partly within reach.
 
     Distances are exact on these faces. Elsewhere they are upper bounds, or infinite."""
 
@@ -164,8 +166,8 @@ class Distances(NamedTuple):
 def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf) -> Distances:
     """Return the lengths of the shortest paths along a surface to the nearest origin; infinite if there is no path.
 
-    reach : metres; the search skips faces that are farther away. Distances are exact on all faces that are partly
-            nearer."""
+    reach : metres; distances are exact on faces that are partly nearer than this, and the search skips all further
+            faces."""
     front = _Front(surface, origins, reach)
     waiting = front.advance([front.edge_windows(), front.vertex_windows(_Bends.from_origins(origins))], reach)
     reached = front.reached.copy()
@@ -175,8 +177,9 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) that send out rays, `offset` (k,) metres from the source. A direction needs no rays within `bound`
-    radians. Its angles (k, 2) from two edges (k, 2) at the vertex describe it."""
+    """Vertices (k,) at which shortest paths bend; `offset` (k,) metres is their distance from the source.
+    Rays leave a vertex in all directions except within `bound` radians of the incoming path. The angles (k, 2) from two
+    edges (k, 2) at the vertex describe the direction of this path."""
 
     vertex: Ints
     offset: Floats
@@ -199,7 +202,7 @@ class _Front:
     """Distances computed so far; see `Distances`.
 
     size    : (e,) lengths of the edges.    reached : (m,) faces that are partly within reach.
-    bending : (n,) whether paths may bend.  bent : (n,) the distance at which each vertex last sent out rays.
+    bending : (n,) vertices at which paths may bend.  bent : (n,) the distance at which each vertex last sent out rays.
     waiting : vertices that still have to send out rays."""
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
@@ -236,7 +239,8 @@ class _Front:
         return Windows.from_columns((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
 
     def advance(self, windows: list[Windows], limit: float) -> list[Windows]:
-        """Propagate windows until all remaining windows are farther away than the limit, metres; return these."""
+        """Propagate windows until all remaining windows are farther away than the limit (metres); return the
+        remaining windows."""
         beyond: list[Windows] = []
         while windows:
             current = Windows.concatenate(windows)

@@ -29,14 +29,15 @@ def bounding_box(V: Floats, F: Ints) -> Floats:
 
 def signed_volume(V: Floats, F: Ints) -> float:
     """Return the volume inside closed faces F (m, 3) on vertices V (n, 3), in their unit cubed; negative for inward
-    faces.
+    normals.
 
-    Method: signed tetrahedra from the middle of the box (divergence theorem), so that no digits are lost far from 0."""
+    The sum of tetrahedra (divergence theorem) begins at the middle of the box, so that no digits are lost far from 0.
+    """
     return float(_tetrahedron_volumes(V, F).sum())
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """Return the signed volume (count,) of each closed shell, negative for voids; `shell` (m,) is the shell of each
+    """Return the signed volume (count,) of each closed shell, negative for voids; shell : (m,) the shell of each
     face."""
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
@@ -54,8 +55,8 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of faces: slice, first corners relative to the middle of the box (3, k), twice the area vectors
-    (3, k)."""
+    """Yield blocks of k faces: slice, first corners (3, k) relative to the box's middle, twice the area vectors (3,
+    k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -67,7 +68,8 @@ def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
 
 
 class NearestPlaces(NamedTuple):
-    """Nearest places to points (k,): squared distance; index of the nearest simplex; the place (k, 3)."""
+    """Nearest points of a mesh for points (k,): squared distance, index of the nearest simplex, and the nearest
+    point (k, 3)."""
 
     squared: Floats
     simplex: Ints
@@ -80,7 +82,7 @@ class NearestPlaces(NamedTuple):
 
 
 def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the places nearest to points (k, 3) on triangles (m, 3), edges (m, 2) or vertices (m, 1) of V (n, 3); m >
+    """Return the points nearest to points (k, 3) on triangles (m, 3), edges (m, 2) or vertices (m, 1) of V (n, 3), m >
     0.
 
     Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
@@ -107,7 +109,7 @@ class Surface:
     F : (m, 3) vertex indices of each face, counter-clockwise seen from the side its normal points to.
 
     Raises SurfaceError for coordinates that are not finite, impossible sizes, indices out of range and faces without
-    area. `dsfab.surface.topology.manifold_faults` reports whether the mesh is manifold and oriented."""
+    area. `dsfab.surface.topology.manifold_faults` reports faults of a mesh that is not an oriented manifold."""
 
     V: Floats
     F: Ints
@@ -131,8 +133,8 @@ class Surface:
         size = float(np.ptp(self.V, axis=0).max()) if self.n and reach <= largest else reach
         if size > largest or 0 < size < smallest:  # `_check_faces` reports a size of 0 as faces without area
             raise SurfaceError(
-                f"the surface is {size:.3g} m large, or as far from the origin, and dsfab accepts {smallest:g} to "
-                f"{largest:g} m; check the unit and the coordinates"
+                f"the surface is {size:.3g} m large or far from the origin; dsfab accepts {smallest:g} to {largest:g} "
+                "m; check the unit and the coordinates"
             )
 
     def _check_faces(self) -> None:
@@ -157,7 +159,8 @@ class Surface:
 
     @classmethod
     def of(cls, mesh: Any, unit: str | None = None) -> "Surface":
-        """Return a surface from a mesh of trimesh, pyvista, compas and others; see `surface.files.other_libraries`."""
+        """Return a surface from a mesh of trimesh, pyvista, compas or a similar library; see
+        `surface.files.other_libraries`."""
         from dsfab.surface.files.other_libraries import surface_of
 
         return surface_of(mesh, unit)
@@ -192,7 +195,7 @@ class Surface:
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box, metres; tolerances are relative to it."""
+        """Diagonal of the bounding box, metres; tolerances are shares of this length."""
         return float(np.linalg.norm([np.ptp(column) for column in self.V.T]))
 
     @cached_property

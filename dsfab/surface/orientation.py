@@ -21,20 +21,19 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "x": ((1, 2, 0), (1, 1, 1)),
     "-x": ((2, 1, 0), (1, 1, -1)),
 }
-"""Axes that become x, y, z for each up axis, and their signs: rotations, not mirrors."""
+"""For each up axis: the file's axes that become x, y, z, and their signs. All are rotations, not mirrors."""
 
 
 def upright_vertices(V: Floats, up: Up) -> Floats:
-    """Return the vertices V (n, 3), rotated so that the axis `up` becomes z. With y up, (x, y, z) becomes (x, -z,
-    y), as for glTF."""
+    """Return the vertices V (n, 3), rotated so that the axis `up` becomes z. With y up, as in glTF, (x, y, z) becomes
+    (x, -z, y)."""
     axes, signs = _TURNS[up]
     return V if up == "z" else np.asarray(V[:, list(axes)] * np.array(signs, dtype=float) + 0.0)
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each face corner: 1 if its side is the side of the first face around the vertex.
-    The values are all 1 on an oriented surface. If several fans of faces meet in a vertex, each fan has its own first
-    face."""
+    """Return 1 or -1 (m, 3) for each face corner: 1 if its side is the side of the first face around the vertex. All
+    values are 1 on an oriented surface. If several fans of faces meet in a vertex, each fan has its own first face."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T
@@ -52,7 +51,7 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
 
 
 def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
-    """Return the faces (m,) of pieces with one side only, like a Moebius strip."""
+    """Return the faces (m,) of pieces with one side only, for example of a Moebius strip."""
     m = len(F)
     if not len(misoriented_edges(F, edges)):
         return np.zeros(m, dtype=bool)
@@ -64,7 +63,7 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
 
 def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
     """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece.
-    This is for one-sided pieces, where no choice makes all neighbours agree; a short seam remains."""
+    The function serves one-sided pieces, in which no choice makes all neighbours agree; a short seam remains."""
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()
@@ -83,8 +82,8 @@ def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
     wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
     if wrong:
         raise SurfaceError(
-            f"{what} needs an outside, and {wrong} of its faces belong to a piece with one side only, like a Moebius "
-            "strip; use forces with a direction, or pick faces elsewhere"
+            f"{what} needs an outside, but {wrong} of its faces belong to a piece with one side only, for example a "
+            "Moebius strip; use forces with a direction, or pick faces elsewhere"
         )
 
 

@@ -14,10 +14,10 @@ LONGEST_WALK = 100  # Largest number of steps around a vertex, because each step
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
     """Edges of a mesh, each listed once.
-    ends   : (e, 2) vertex indices, the smaller first; this is the edge's global direction.
+    ends   : (e, 2) vertex indices, the smaller first: the edge's direction for all faces.
     of     : (m, 3) the edge of each half-edge.
     order  : (3 m,) half-edges sorted by edge; those of edge k are order[start[k] : start[k + 1]].
-    start  : (e + 1,) positions in `order`"""
+    start  : (e + 1,) positions in `order`."""
 
     ends: Ints
     of: Ints
@@ -61,7 +61,8 @@ def half_edges(F: Ints) -> tuple[Ints, Ints]:
 
 
 def next_half_edge(h: Ints, steps: int | Ints = 1) -> Ints:
-    """Return the half-edges (...) that follow h (...) around their faces by `steps`, a number or an array (...)."""
+    """Return the half-edges (...) that follow h (...) around their faces after `steps` steps, a number or an array
+    (...)."""
     return h - h % 3 + (h + steps) % 3
 
 
@@ -81,15 +82,15 @@ def edge_table(F: Ints) -> EdgeTable:
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
-    """Return the stable order that sorts integers (k,) below `count`, by a counting sort. The transposition of a sparse
-    matrix is a counting sort [Gustavson 1978]. Two such sorts order pairs in half the time of a usual sort."""
+    """Return the stable order that sorts integers (k,) below `count`. The transposition of a sparse matrix is a
+    counting sort [Gustavson 1978]. Two such sorts order pairs in half the time of a usual sort."""
     rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
     return rows.tocsc().indices.astype(np.int64)
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
     """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first.
-    A contact in a vertex does not connect pieces: it carries no moment and cannot be built."""
+    Two parts that touch in a vertex only are two pieces: such a contact carries no moment and cannot be built."""
     face = edges.order // 3
     is_shared = np.diff(edges.of.ravel()[edges.order]) == 0
     count, label = link_components(len(F), face[:-1][is_shared], face[1:][is_shared])
@@ -100,9 +101,9 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
 
 def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
     """Return the number of components of `count` nodes with links i - j (k,), and the component of each node.
-    Components are in the order of their first nodes. Each round joins the trees of every link, the larger root below
-    the smaller root. It then shortens all paths, until no link joins two trees [Shiloach and Vishkin 1982]. On a few
-    hundred nodes this is five times as fast as scipy's graph matrix."""
+    Components are in the order of their first nodes. Each round joins the trees at both ends of every link: the root
+    with the larger number moves below the smaller root. Then the round shortens all paths [Shiloach and Vishkin 1982].
+    On a few hundred nodes this is five times as fast as scipy's graph matrix."""
     things = np.arange(count)
     root = things
     while len(i):
@@ -119,9 +120,9 @@ def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
     """Return closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), in descending number of vertices.
-    The surface lies left of each step. At a pinch the chain stays with its fan of faces, so that two sheets that touch
-    in a vertex keep two loops. On a mesh without orientation, some loops have the opposite direction; if it is not
-    manifold, chains may be open. Check `manifold_faults` first."""
+    The surface lies left of each chain. At a pinch the chain stays with its fan of faces, so that two sheets that touch
+    in a vertex keep two loops. On a mesh without orientation, loops may have the opposite direction. On a mesh that is
+    not manifold, chains may be open; check `manifold_faults` first."""
     a, _ = half_edges(F)
     _, fan = _fans(F, edges)
     boundary = np.flatnonzero(edges.boundary[edges.of.ravel()])
@@ -144,7 +145,7 @@ def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
 
 
 def _turned_links(start: Ints, end: Ints) -> Bools:
-    """Return the links (b,) of closed chains to reverse, so that each link begins at the end of the link before."""
+    """Return the links (b,) of closed chains to reverse, so that each link begins at the end of the previous link."""
     link = np.arange(2 * len(start)) // 2
     ends = np.stack([start, end], axis=1).ravel()
     order = np.argsort(ends, kind="stable")
@@ -159,7 +160,8 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
-    """Return the vertices (k,) where the sheet F (m, 3) touches itself in a point: more than one fan of faces."""
+    """Return the vertices (k,) at which the sheet F (m, 3) touches itself in a point: vertices with several fans of
+    faces."""
     if _walks_meet_all_corners(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
@@ -171,16 +173,16 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
 def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> Ints:
     """Return the faces (m, 3) on new vertices, one vertex for each fan of faces.
 
-    Parts that touch in a point come apart. So do faces on an edge with more than two faces.
+    Parts that touch in a point are separated, and so are faces on an edge with more than two faces.
 
-    also  : pairs (k, 2) of half-edges that stay joined on such edges.   apart : edges (e,) along which faces come
-            apart."""
+    also  : pairs (k, 2) of half-edges that stay joined on such edges.   apart : edges (e,) along which faces separate.
+    """
     return _fans(F, edges, also, apart)[1].reshape(-1, 3)
 
 
 def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
     """Return the number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,).
-    Corner h is the start of half-edge h. Corners at both ends of every shared edge belong together."""
+    Corner h is the start of half-edge h. A shared edge joins the corners of its two faces at both of its ends."""
     pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
     h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)
@@ -194,7 +196,7 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
     """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide.
-    Walks need faces of one orientation. A walk starts at the boundary, if the vertex has one, and steps over the edges
+    Walks need oriented faces. A walk starts at the boundary, if the vertex has one, and steps over the edges
     from corner to corner. It stops after `LONGEST_WALK` steps, because a fan may have thousands of faces."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
@@ -216,7 +218,7 @@ def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
 
 
 def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
-    """Return the edges (k,) that have the same direction in both neighbours among faces F (m, 3)."""
+    """Return the edges (k,) that both of their faces in F (m, 3) pass in the same direction."""
     a = F.ravel()
     h0, h1 = edges.pairs.T
     clashes = np.flatnonzero(a[h0] == a[h1])
@@ -235,8 +237,8 @@ def duplicate_faces(F: Ints) -> Ints:
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
     """Return the faces (m,) to flip so that neighbours agree, the smaller part of each piece; None if it is impossible.
-    Method: two copies of the mesh, one of them flipped, are joined along all edges where they agree (orientation
-    double cover). A piece is orientable exactly if its two copies stay apart."""
+    Method: two copies of the mesh, one of them flipped, are joined along all edges at which they agree (orientation
+    double cover). A piece is orientable exactly if its two copies stay separate."""
     m = len(F)
     a, _ = half_edges(F)
     h0, h1 = edges.pairs.T
@@ -253,8 +255,7 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
-    """Return sentences on why faces F (m, 3) on n vertices are not an oriented manifold; empty for an oriented
-    manifold."""
+    """Return sentences on why faces F (m, 3) on n vertices are no oriented manifold; empty for an oriented manifold."""
     crowded = np.flatnonzero(edges.count > 2)
     opposed = misoriented_edges(F, edges)
     twice = duplicate_faces(F)
@@ -306,8 +307,7 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
     """Return the edges (e, ...) with both ends marked (n, ...), without most inner edges between boundary vertices.
-    Such an inner edge counts only as a side of a face whose corners are all marked. This face must have fewer than two
-    free edges (it is not an ear)."""
+    Such an inner edge counts only if a face beside it has three marked corners and fewer than two boundary edges."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)
@@ -318,8 +318,8 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 
 def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """Return vertices (p,) and neighbours (p,) whose mean is the new place of the vertex; boundary vertices move
-    along the boundary."""
+    """Return vertices (p,) and neighbours (p,): the mean of its neighbours is a vertex's new place.
+    A vertex on the boundary has neighbours along the boundary only."""
     i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

@@ -295,7 +295,7 @@ def test_surfaces_that_touch_in_a_point_are_told_and_sound():
 
 def test_a_file_with_more_triangles_than_allowed_is_refused_until_more_are(tmp_path, capsys):
     path = stl(tmp_path / "a.stl", *PLATE)
-    with pytest.raises(SurfaceError, match=r"12 triangles, and 11 is the limit; .*--max-triangles"):
+    with pytest.raises(SurfaceError, match=r"12 triangles, but 11 is the limit; .*--max-triangles"):
         read_shipped(path, max_triangles=11)
     assert main(["check", str(path), "--max-triangles", "11"]) == 1
     assert "11 is the limit" in capsys.readouterr().err

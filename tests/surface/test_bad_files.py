@@ -162,17 +162,17 @@ def test_gltf_takes_its_numbers_from_beside(tmp_path):
 
 def test_what_is_too_large_is_refused_before_it_is_read_and_the_limit_can_be_lifted(tmp_path):
     path = written(BadFile("plain.obj", obj(), len(F)), tmp_path)
-    with pytest.raises(SurfaceError, match=r"has \d+ triangles, and 5 is the limit; .*--max-triangles"):
+    with pytest.raises(SurfaceError, match=r"has \d+ triangles, but 5 is the limit; .*--max-triangles"):
         read_surface(path, max_triangles=5)
     assert read_surface(path, max_triangles=len(F)).m == len(F)
     many = ply_text().replace(b"end_header", b"element foo 1000000000000\nproperty float a\nend_header")
     foo = written(BadFile("foo.ply", many, None), tmp_path)
-    assert "has 1,000,000,000,000 records of the element 'foo', and 12,000,000 is the limit" in outcome(foo)
+    assert "has 1,000,000,000,000 records of the element 'foo', but 12,000,000 is the limit" in outcome(foo)
     sparse = tmp_path / "large.stl"
     with sparse.open("wb") as file:
         file.truncate(3 * 10**9)  # no byte of it is on the disk
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(SurfaceError, match=r"3,000,000,000 bytes, and 2,000,000,000 is the limit"):
+    with pytest.raises(SurfaceError, match=r"3,000,000,000 bytes, but 2,000,000,000 is the limit"):
         read_surface(sparse)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000  # kilobytes
     with pytest.raises(SurfaceError, match="took more than 240 s"):
@@ -186,7 +186,7 @@ def test_halves_with_exact_twins_are_joined_and_others_are_left_apart(tmp_path):
     halves = np.concatenate([cube, cube]), np.concatenate([quads[:3], quads[3:] + 8])
     found = outcome(written(BadFile("cube.obj", obj(*halves), 12), tmp_path))
     assert (found.surface.n, found.surface.is_closed, found.surface.volume) == (8, True, pytest.approx(1))
-    assert "joined with others" in found.record.repaired[0]
+    assert "joined with vertices" in found.record.repaired[0]
     two = np.concatenate([V, V + [3, 0, 0]]), np.concatenate([F, F + len(V)])
     apart = outcome(written(BadFile("plates.obj", obj(*two), 2 * len(F)), tmp_path))
     assert (apart.surface.n, apart.record.repaired) == (2 * len(V), ())  # a joint may be meant: other edges are free

@@ -115,10 +115,10 @@ def test_faces_are_turned_the_same_way_and_a_surface_is_itself() -> None:
 @pytest.mark.parametrize(
     ("mesh", "says"),
     [
-        ({"vertices": V, "faces": [[0, 1, 9]]}, "each one of 0..4"),
-        ({"vertices": V, "faces": [[0, 1]]}, "three corners or more"),
+        ({"vertices": V, "faces": [[0, 1, 9]]}, "out of 0..4"),
+        ({"vertices": V, "faces": [[0, 1]]}, "three or more vertices"),
         ({"vertices": V, "faces": []}, "has no faces"),
-        ({"vertices": [["a", "b", "c"]], "faces": [[0, 0, 0]]}, "this is not"),
+        ({"vertices": [["a", "b", "c"]], "faces": [[0, 0, 0]]}, "the mesh needs"),
         ({"vertices": V * np.nan, "faces": TRIANGLES}, "not finite"),
         ({"vertices": V, "faces": [[0, 1, 2], [0, 1, 3], [0, 1, 4]]}, "edge"),
         ({}, "is no mesh that dsfab knows"),

@@ -254,11 +254,11 @@ def test_what_blocks_of_a_3dm_file_hold_is_drawn_where_they_are_inserted_and_now
 
 
 def test_blocks_of_a_3dm_file_within_blocks_are_bounded(tmp_path):
-    with pytest.raises(SurfaceError, match="blocks lie in one another, more than 16 deep"):
+    with pytest.raises(SurfaceError, match="blocks are nested more than 16 deep"):
         ClosedCurves(with_blocks(tmp_path / "deep.3dm", 18)).loops()
     many = with_blocks(tmp_path / "many.3dm", 7)  # 1 + 2 + .. + 64 insertions, and 64 squares
     assert len(read_rhino(many, DrawingBudget(entities=191)).runs) == 64
-    with pytest.raises(SurfaceError, match="191 entities, and 190 is the limit; put the outlines"):
+    with pytest.raises(SurfaceError, match="191 entities, but 190 is the limit; put the outlines"):
         read_rhino(many, DrawingBudget(entities=190))
 
 
@@ -267,7 +267,7 @@ def test_a_block_that_is_not_in_the_3dm_file_is_told(tmp_path):
     model, nobody = rhino3dm.File3dm(), uuid.uuid4()
     model.Objects.Add(rhino3dm.InstanceReference(nobody, rhino3dm.Transform.Identity()), rhino3dm.ObjectAttributes())
     assert model.Write(str(tmp_path / "linked.3dm"), 7)
-    with pytest.raises(SurfaceError, match="a block is inserted and not in the file; explode it, or embed it"):
+    with pytest.raises(SurfaceError, match="the file inserts a block but lacks its content; explode or embed it"):
         ClosedCurves(tmp_path / "linked.3dm").loops()
 
 
@@ -287,7 +287,7 @@ def bad_drawings(folder: Path) -> dict[str, tuple[ClosedCurves, str]]:
     drawing(folder, unit=0).saveas(folder / "unitless.dxf")
     (folder / "broken.dxf").write_text("this is no DXF")
     return {
-        "open": (ClosedCurves(folder / "bad.dxf", "open"), r"layer 'open', .*\(300, 400, 0\) are 500 apart.*close it"),
+        "open": (ClosedCurves(folder / "bad.dxf", "open"), r"layer 'open', .*\(300, 400, 0\) are 500 apart.*close the curve"),
         "text": (ClosedCurves(folder / "bad.dxf", "Defpoints"), "layer 'Defpoints', has no curve"),
         "eight": (ClosedCurves(folder / "bad.dxf", "eight"), "curve 0, seen along its normal, crosses"),
         "no layer": (ClosedCurves(folder / "bad.dxf", "opne"), "no layer 'opne'; did you mean open.* its layers are"),

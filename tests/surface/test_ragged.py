@@ -65,7 +65,7 @@ def test_a_disc_of_which_faces_were_deleted_gets_a_round_edge(metres):
     assert np.ptp(radius) < 0.6 * EDGE
     assert (area_vectors(mesh.V, mesh.F)[:, 2] > 0).all()
     (told,) = mesh.repairs
-    assert told.startswith("ragged edges made even, ")
+    assert told.startswith("ragged edges straightened: ")
     assert told.endswith(" mm")
 
 
@@ -117,6 +117,6 @@ def test_a_vault_that_is_ten_metres_long_stands_on_ten_metres_each_side(tmp_path
     path = tmp_path / "vault.obj"
     path.write_text("\n".join(lines))
     told = "\n".join(propose(path).lines)
-    assert "ragged edges made even" in told
+    assert "ragged edges straightened" in told
     found = re.findall(r"springing line \d \(([\d.]+) m\)", told)
     assert [float(long) for long in found] == pytest.approx([10, 10], abs=0.5)

@@ -284,8 +284,8 @@ def test_closed_pieces_that_are_inside_out_are_turned_each_for_itself(tmp_path):
 
 
 BAD = {
-    "no faces": ("mesh.obj", TRIANGLE, "holds 3 vertices and no faces"),
-    "garbage obj": ("mesh.obj", "hello\nworld\n", "holds 0 vertices and no faces"),
+    "no faces": ("mesh.obj", TRIANGLE, "has 3 vertices and no faces"),
+    "garbage obj": ("mesh.obj", "hello\nworld\n", "has 0 vertices and no faces"),
     "obj number": ("mesh.obj", "v 0 0 zero\n", r"line 1 cannot be read: 'v 0 0 zero'"),
     "obj short vertex": ("mesh.obj", "v 0 0\n", "line 1 cannot be read"),
     "obj far index": ("mesh.obj", TRIANGLE + "f 1 2 7\n", "1 face names vertices outside the file's 3 vertices"),
@@ -294,7 +294,7 @@ BAD = {
         TRIANGLE.replace("v ", "v;", 1) + "f 1 2 3\n",
         r"outside .* not know \(first: line 1: 'v;",
     ),
-    "lines alone": ("mesh.obj", TRIANGLE + "l 1 2 3\n", "no faces; passed over: 1 line; give"),
+    "lines alone": ("mesh.obj", TRIANGLE + "l 1 2 3\n", "no faces; ignored: 1 line; give"),
     "obj index zero": ("mesh.obj", TRIANGLE + "f 0 1 2\n", "1 face names vertices outside"),
     "nan": ("mesh.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 of 3 vertices are not finite"),
     "infinite": ("mesh.obj", "v 1e999 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 of 3 vertices are not finite"),
@@ -313,7 +313,7 @@ BAD = {
     "not ply": ("mesh.ply", "solid\n", "cannot be read as PLY .*no PLY header"),
     "odd ply": ("mesh.ply", PLY_HEAD.format("ebcdic", 1), "the format 'ebcdic' is not"),
     "short ply": ("mesh.ply", PLY_HEAD.format("ascii", 1) + "0 0 0 7\n1 0\n", "ends within the element 'vertex'"),
-    "ply word": ("mesh.ply", PLY_HEAD.format("ascii", 1) + "0 0 zero 7\n", "'vertex' holds a word that is no number"),
+    "ply word": ("mesh.ply", PLY_HEAD.format("ascii", 1) + "0 0 zero 7\n", "'vertex' has a word that is no number"),
     "cut ply": ("mesh.ply", PLY_HEAD.format("binary_little_endian", 1) + "abc", "cannot be read as PLY"),
     "garbage stl": ("mesh.stl", "this is no mesh at all, really not" * 9, "mesh.stl"),
     "garbage glb": ("mesh.glb", "abcdefgh", "there is no glTF header"),

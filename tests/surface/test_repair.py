@@ -35,7 +35,12 @@ def scanned(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 def test_a_scan_becomes_the_ball_that_it_is_of():
     mesh = repaired_scan(*scanned())
     told = "; ".join(mesh.repairs)
-    for words in ("without area", "repeat others", "1 edge of more than two faces split", "2 small pieces dropped"):
+    for words in (
+        "without area",
+        "repeat earlier faces",
+        "1 edge with more than two faces split",
+        "2 small pieces dropped",
+    ):
         assert words in told
     assert "faces of" in told and "turned over" in told and "1 hole filled with" in told  # noqa: PT018
     assert manifold_faults(mesh.F, edge_table(mesh.F), len(mesh.V)) == ()
@@ -95,7 +100,7 @@ def test_balls_that_touch_in_a_point_come_apart():
     opposite = int(np.linalg.norm(V[BALL.n :] - BALL.V[0], axis=1).argmin())
     other[other == BALL.n + opposite] = 0
     mesh = repaired_scan(V, np.vstack([BALL.F, other]))
-    assert mesh.repairs == ("1 point in which parts touch split",)
+    assert mesh.repairs == ("1 point between touching parts split",)
     assert Surface(mesh.V, mesh.F).pieces[0] == 2
 
 

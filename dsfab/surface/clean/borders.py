@@ -1,4 +1,4 @@
-"""Repair of borders of a mesh: even lines in place of ragged edges, and triangles across small holes."""
+"""Repair of a mesh's borders: straightening of ragged edges, and triangles across small holes."""
 
 from dataclasses import dataclass
 
@@ -8,19 +8,22 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
-"""Turn of the border in the surface, radians, above which the border may be ragged. Finely divided borders turn
-less at each vertex, except at corners of the design."""
+"""Turn of the border, measured in the surface, above which the border may be ragged; radians. A finely divided border
+turns less at each vertex, except at intended corners."""
 LEAST_TURNS = 12
-"""Least number of alternating turns in a row; fewer turns may be design. A door in a wall has four corners, and an
-opening in a 5 m roof may have fifteen edges. (Evening such an opening made the STEP file by members fail.)"""
-LARGEST_GAP = 3  # Largest number of edges from one turn to the next; the design itself has longer teeth.
+"""Least number of alternating turns in a row for a ragged border; a row of fewer turns may be intended. A door in a
+wall has four corners, and an opening in a 5 m roof may have fifteen edges; straightening such an opening made a STEP
+file fail."""
+LARGEST_GAP = 3  # Largest number of edges from one turn to the next; intended teeth are longer.
 FLAT = float(np.radians(150))
-"""Radians. The repair removes a face with a wider corner at the border, because evening has flattened it."""
+"""Radians. The repair removes a face with a wider corner at the border, because straightening has flattened the
+face."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvenEdges:
-    """A mesh V (n, 3), F (m, 3), the number of moved vertices, and the largest move, in the mesh's unit."""
+    """A mesh V (n, 3), F (m, 3) with straightened borders, the number of moved vertices, and the largest move, in
+    its unit."""
 
     V: Floats
     F: Ints
@@ -29,9 +32,9 @@ class EvenEdges:
 
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
-    """Return the mesh V (n, 3), F (m, 3) with even borders; unchanged if an edge has more than two faces. A border is
-    ragged if the sheet turns alternately by more than `RAGGED_TURN`, `LEAST_TURNS` times in a row, with at most
-    `LARGEST_GAP` edges between two turns. The vertices stay if an even line needs a larger move than a mean edge."""
+    """Return the mesh V (n, 3), F (m, 3) with straightened borders; unchanged if an edge has more than two faces.
+    A border is ragged if the sheet turns alternately by more than `RAGGED_TURN`, `LEAST_TURNS` times in a row, with at
+    most `LARGEST_GAP` edges between two turns. The vertices stay if a straight line needs moves over a mean edge."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -44,7 +47,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
             better = _smoothed_line(V[line], closed)
             moves = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
-            # a design needs larger moves: teeth deeper than an edge, points of a coarse star
+            # intended shapes need larger moves: teeth deeper than an edge, points of a coarse star
             if moves.max() > min(step, 0.04 * largest):
                 continue
             changed = _with_line(V, F, line, better)
@@ -55,7 +58,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
-    """Return the turn (n,) of the border in the surface at its vertices, radians, towards the sheet; 0 off the
+    """Return the turn (n,) of the border at its vertices, radians, positive towards the sheet; 0 away from the
     border."""
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
@@ -118,7 +121,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
     """Return the corners (k - 2, 3) of triangles that fill the outline P (k, 3) with the least area; None if
     impossible.
 
-    joined : (k, k) pairs of points that already have an edge in the mesh, which must not be created again.
+    joined : (k, k) pairs of points that already have an edge in the mesh, which a triangle must not create again.
 
     The triangles have the direction of the outline."""
     k = len(P)
@@ -140,8 +143,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 
 
 def _triangle_costs(a: Floats, X: Floats, b: Floats) -> Floats:
-    """Return the area (k,) of the triangles a, X, b. Of equal areas, the triangle with shorter edges counts as
-    smaller."""
+    """Return the area (k,) of the triangles a, X, b, with a small addition for the lengths of their edges."""
     area = lengths(np.cross(X - a, b - a)) / 2
     return np.asarray(area + 1e-3 * (((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)))
 

@@ -1,4 +1,4 @@
-"""Sheets of a mesh that coincide or pass through each other, and slabs reduced to their middle surface."""
+"""Repair of a mesh whose sheets coincide or cross, and reduction of a slab to its middle surface."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -12,8 +12,8 @@ from dsfab.surface.topology import EdgeTable, edge_table, link_components, piece
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Return the pairs (p,) of coincident vertices (p, 2) at which sheets of faces F (m, 3) cross.
-    These are inner vertices of both sheets, and the ends of such a crossing at the borders of both sheets."""
+    """Return the pairs (p,) of coincident vertices (p, 2) at which sheets of faces F (m, 3) cross. Both vertices of
+    such a pair are inside their sheets. The ends of a crossing at the borders of both sheets also count."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -29,7 +29,8 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that coincide with further faces once `became` (n,) replaces each vertex."""
+    """Return the vertices (n,) of faces that coincide with further faces after `became` (n,) has replaced each
+    vertex."""
     _, group, count = np.unique(np.sort(became[F], axis=1), axis=0, return_inverse=True, return_counts=True)
     twice = np.zeros(len(became), dtype=bool)
     twice[F[(count > 1)[group.ravel()]]] = True
@@ -54,33 +55,33 @@ def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
     return ends
 
 
-COPY_GAP = 1 / 500  # Share of the side of a square of the sheet's area; a nearer second sheet is a copy.
-PARALLEL_GAP = 0.08  # Such a share for two parallel sheets that dsfab reports, and for the two faces of a slab.
+COPY_GAP = 1 / 500  # A nearer second sheet is a copy; a share of the side of a square with the sheet's area.
+PARALLEL_GAP = 0.08  # dsfab reports nearer parallel sheets and slabs; a share of the same side as `COPY_GAP`.
 LEAST_AREA_RATIO = 0.8  # Least ratio of the areas of the two faces of a slab, or of two parallel sheets.
-IGNORED_SHARE = 0.1  # Share of the area with the least and the largest distances, at the sides of a slab.
-
+IGNORED_SHARE = 0.1  # The least and the largest distances between two sheets, by area, do not count: sides of a slab.
 
 _REMARKS = {
-    "copy": "a second sheet lies {} from the first over all of it, as a copy of one surface does; delete one, or let "
-    "surface.mend = true drop it",
-    "slab": "the surface is a closed slab, {} thick, and each of its two faces is built as a sheet; give its middle "
-    "surface, or let surface.mend = true find it",
-    "apart": "two sheets lie {} apart, one over all of the other, and both are built; delete one if they are the two "
+    "copy": "the surface has a second sheet {} from the first, probably a copy; delete one of them, or set "
+    "surface.mend = true",
+    "slab": "the surface is a closed slab, {} thick, so dsfab would build each of its two faces as a sheet; give its "
+    "middle surface, or set surface.mend = true",
+    "apart": "the surface has two parallel sheets, {} apart, and dsfab builds both; delete one if they are the two "
     "faces of one thick sheet",
 }
 _REPAIRS = {
     "copy": "a second copy of the sheet, {} from the first, dropped",
-    "slab": "a slab, {} thick, made the sheet halfway between its two faces",
+    "slab": "a slab, {} thick, reduced to its middle surface",
 }
 
 
 @dataclass(frozen=True, eq=False)
 class ParallelParts:
     """Two parallel parts of a mesh.
-    keep, other : (k,), (l,) their faces. Of a slab the smaller part comes first, because sides that fold little may
-    belong to the larger part; otherwise the first part in the file comes first.
+    keep, other : (k,), (l,) their faces. Of a slab the smaller part comes first, because sides at a small angle may
+    belong
+    to the larger part; otherwise the first part in the file comes first.
     gap         : the median distance between the parts, in the mesh's unit.
-    kind        : copy, a sheet twice at the same place; slab, the two faces of a solid; apart, two sheets.
+    kind        : copy, a sheet twice at one place; slab, the two faces of a solid; apart, two sheets.
     piece       : (p,) all faces of a piece that is a slab.
     way         : (3,) translation from the first to the second part of an extruded slab; else empty, (0,)."""
 
@@ -141,18 +142,17 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if len(translation):
                 to = V[F[first_part]].mean(axis=1) + translation
-                # sides that fold little miss the second part by a third of the gap or more
+                # faces on the sides of the slab miss the second part by a third of the gap or more
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if no translation
-    does.
+    """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does.
 
-    An extruded slab is far thinner on its steep faces than it is high, for example 20 mm of 100 at the foot of a half
-    barrel. The method is the registration of scans [Chen and Medioni 1992]: it removes the distance across the faces
-    in rounds."""
+    A steep face of an extruded slab is thinner than its translation, for example 20 mm of 100 mm at the foot of a half
+    barrel. The method is the registration of scans [Chen and Medioni 1992]: it removes the distance across the faces in
+    rounds."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -177,8 +177,7 @@ def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) ->
 
 
 def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
-    """Return the part (m,) of each face. Two faces with a common edge belong together unless they fold by 60
-    degrees there."""
+    """Return the part (m,) of each face. A common edge joins two faces unless they fold there by 60 degrees."""
     pair = edges.pairs
     ends = V[edges.ends[edges.count == 2]]
     along = ends[:, 1] - ends[:, 0]
@@ -204,13 +203,13 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of parts (k, 3), (l, 3) that cover each other, else None; even: require a nearly
-    constant distance."""
+    """Return the median distance of parts (k, 3), (l, 3) that cover each other, else None.
+    even : require a nearly constant distance."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # a cushion has larger ratios, because it ends in an edge
+    uneven = 2.5  # a cushion has larger ratios, because its two sheets meet at the border
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)
@@ -227,7 +226,8 @@ def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tupl
 
     metres : metres in the mesh's unit, for the texts.
 
-    The first of two copies stays. Of a slab one face stays without the sides, moved halfway towards the second face."""
+    The first of two copies stays. From a slab, one face stays without the sides; it moves halfway to the second face.
+    """
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)
     V = V.copy() if doubled else V

@@ -25,14 +25,12 @@ from dsfab.surface.topology import (
     pinches,
 )
 
-WELD = 5e-5  # Share of the largest side within which vertices become one vertex.
+WELD = 5e-5  # Vertices nearer than this share of the mesh's largest side become one vertex.
 CRUMB = 0.01  # The repair drops a loose piece below this share of the area.
-PINHOLE = 1e-3  # Share of the largest side; a fan of faces closes a hole with a shorter outline.
-
+PINHOLE = 1e-3  # The repair closes a hole whose outline is shorter than this share of the mesh's largest side.
 _NO_AREA = "without area"
-_DOUBT = ", many of all: is a part of it in another unit?"
-
-_ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the others"
+_DOUBT = " (a large part of the mesh: check that all parts are in one unit)"
+_ASTRAY = f"with corners more than {ASTRAY_RATIO:,.0f} times as far away as the rest of the mesh"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +43,8 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with only these faces (k,); the text of the repair calls all removed faces `which`."""
+        """Return the mesh with only the faces `keep` (k,); the text of the repair describes the removed faces by
+        `which`."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -54,7 +53,7 @@ class MendedMesh:
         return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
 
 
-Fault = tuple[Callable[[Floats, Ints], Ints], str]  # Filter of sound faces, and the words for removed faces.
+Fault = tuple[Callable[[Floats, Ints], Ints], str]  # Function that returns the sound faces; words for removed faces.
 
 
 def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
@@ -64,10 +63,9 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
     Vertices within `WELD` of the largest side become one vertex, except where sheets cross. The repair removes faces
     without area, repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. It
-    closes pinholes with outlines below `PINHOLE`. It stitches seams of patches with different divisions, and joins
-    parts that touch in a point (`dsfab.surface.clean.seams`). Copies go, and a slab becomes its middle sheet
-    (`dsfab.surface.clean.overlaps`). Ragged borders become even (`dsfab.surface.clean.borders`). All else is
-    unchanged."""
+    closes pinholes with outlines below `PINHOLE`. It stitches seams between patches with different divisions, and joins
+    parts that touch in a point (`dsfab.surface.clean.seams`). It drops copies of sheets, and reduces a slab to its
+    middle surface (`dsfab.surface.clean.overlaps`). It straightens ragged borders (`dsfab.surface.clean.borders`)."""
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = _without(stitched_mesh(_without(mesh, _TOO_MANY)), _TOO_SMALL)
     mesh = _join_at_points(mesh) if len(mesh.F) else mesh
@@ -78,16 +76,16 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
     """Return the mesh V (n, 3), F (m, 3), in any unit, with welded vertices and without unusable faces. A face is
     unusable if it has no area, is repeated, or has a corner that is not finite or far from all other vertices."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
-    mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
+    mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
     mesh = _without(_weld(_compact(mesh)), _UNSOUND)
     once = _distinct_faces(mesh.V, mesh.F)
     twice = 2 * len(once) <= len(mesh.F)
-    return _compact(mesh.with_faces(once, "that repeat others, for the sheet is there twice," if twice else _REPEATED))
+    return _compact(mesh.with_faces(once, "of a second copy of the sheet" if twice else _REPEATED))
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one sheet in place of two copies or a slab; `metres` in its unit, for the texts."""
+    """Return the mesh with one sheet in place of two copies or a slab. metres : metres in its unit, for the texts."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -109,7 +107,7 @@ def _weld(mesh: MendedMesh) -> MendedMesh:
     fewer = len(mesh.V) - len(V)
     if not fewer:
         return mesh
-    words = f"{count_phrase(fewer, 'vertex')} welded to others within {WELD:g} of the largest side"
+    words = f"{count_phrase(fewer, 'vertex')} merged with near vertices, within {WELD:g} of the largest side"
     return MendedMesh(V, became[mesh.F], (*mesh.repairs, words))
 
 
@@ -120,7 +118,7 @@ def stitched_mesh(mesh: MendedMesh) -> MendedMesh:
     F, joined = stitched_faces(mesh.V, mesh.F, WELD * float(np.ptp(mesh.V, axis=0).max()))
     if not joined:
         return mesh
-    words = f"{count_phrase(joined, 'vertex')} on open seams joined to the edges beside"
+    words = f"{count_phrase(joined, 'vertex')} on open seams joined to the edges across the seam"
     return replace(mesh, F=F, repairs=(*mesh.repairs, words))
 
 
@@ -138,8 +136,8 @@ def _with_area(V: Floats, F: Ints) -> Ints:
 
 def _distinct_faces(_: Floats, F: Ints) -> Ints:
     """Return the faces (k,) without repetitions.
-    Both copies of a face go if two further faces continue at one of its edges. Such a pair of faces lies flat between
-    its neighbours, as in the corners of a cushion sewn from two sheets."""
+    Both copies of a face go if two further faces continue at one of its edges. Such a pair of copies lies flat between
+    its neighbours, for example in the corners of a cushion sewn from two sheets."""
     twins = duplicate_faces(F)
     once = complement(twins, len(F))
     if not len(twins):
@@ -166,9 +164,9 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
 
 
 _UNSOUND: tuple[Fault, ...] = ((_with_area, _NO_AREA),)
-_REPEATED = "that repeat others"
-_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges with two others, as of a rib,"),)
-_TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in crumbs"),)
+_REPEATED = "that repeat earlier faces"
+_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that already have two faces (a rib?)"),)
+_TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in tiny loose pieces"),)
 
 
 def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
@@ -190,28 +188,29 @@ def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
 
 def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     even = even_edges(mesh.V, mesh.F)
-    words = f"ragged edges made even, {count_phrase(even.moved, 'vertex')} by up to {length(metres * even.most)}"
+    most = length(metres * even.most)
+    words = f"ragged edges straightened: {count_phrase(even.moved, 'vertex')} moved by up to {most}"
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
-HOLE = 0.15  # Share of the largest side; the repair fills a hole with a shorter outline and under a twentieth wide.
-SPECK = 0.05  # Share of the area of the largest piece; the repair drops smaller pieces.
-
+HOLE = 0.15  # The repair fills a hole whose outline is shorter than this share of the mesh's largest side.
+SPECK = 0.05  # The repair of a scan drops pieces below this share of the largest piece's area.
 FINE, SEVERAL = 0.01, 3
-"""A mesh counts as a scan if its mean edge is below this share of its largest side, and it has this number of small
-holes, or of edges with more than two faces."""
+"""A mesh counts as a scan if its mean edge is below the first value, as a share of its largest side, and if it has the
+second number of small holes, or of edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""Limits for scans: mean edges below the first share of the largest side, and more folded faces than the second share.
-
-Sample meshes of designs had 0.02 % of folded faces at most. A mesh with noise of 2 mm on edges of 70 mm had 0.3 %."""
+"""A mesh also counts as a scan if its mean edge is below the first share of its largest side and its share of folded
+faces is above the second value. Sample meshes of designs had 0.02 % of folded faces at most. A mesh with noise of 2 mm
+on edges of 70 mm had 0.3 %."""
 TILTED, LOW = 0.7, 0.5
-"""Limits for faces tilted by noise: a cosine (45 degrees) and a share of the mean edge. The height of such a face
-is below this share, and its normal deviates from neighbouring normals by more than this angle. Noise tilts low faces
-most; real bends also tilt high faces."""
+"""Noise has tilted a face if its height is below the second value, as a share of the mean edge, and if the cosine
+between its normal and the normals around it is below the first value (45 degrees). Noise tilts low faces most; real
+bends also tilt high faces."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: fine, with small holes, crowded edges or folded faces."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: fine, with small holes, edges of many faces or folded
+    faces."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = F[finite[F].all(axis=1)]
     if not len(F):
@@ -234,7 +233,7 @@ def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
     This function repairs more than `mended_mesh`. At an edge with three or more faces, the two faces with the
     smoothest continuation stay joined, and all further faces get separate vertices. Parts that touch in a point are
-    separated. Faces get the same orientation. Pieces below `SPECK` of the largest go. Holes with outlines below `HOLE`
+    separated. Faces get a common orientation. Pieces below `SPECK` of the largest go. Holes with outlines below `HOLE`
     are filled. Faces that noise has folded over lose their shortest edge."""
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):
@@ -252,8 +251,8 @@ def _split_junctions(mesh: MendedMesh) -> MendedMesh:
     fans = corner_fans(mesh.F, edges, joined_pairs)
     _, first_corners = np.unique(fans, return_index=True)
     V = mesh.V[mesh.F.ravel()[first_corners]]
-    what = f"{count_phrase(len(crowded), 'edge')} of more than two faces split" if len(crowded) else ""
-    what = what or f"{count_phrase(points, 'point')} in which parts touch split"
+    what = f"{count_phrase(len(crowded), 'edge')} with more than two faces split" if len(crowded) else ""
+    what = what or f"{count_phrase(points, 'point')} between touching parts split"
     return MendedMesh(V, fans, (*mesh.repairs, what))
 
 
@@ -269,7 +268,7 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # smooth neighbours point away from their edge
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # smooth neighbours point in opposite directions
         smoothest_pairs.append((h[i], h[j]))
     return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 
@@ -313,8 +312,8 @@ def _fill_holes(mesh: MendedMesh) -> MendedMesh:
 
 
 def _folded_faces(V: Floats, F: Ints) -> Bools:
-    """Return the faces (m,) whose normals oppose the normals around them. Faces at a crease between two sides do
-    not."""
+    """Return the faces (m,) whose normals oppose the normals around them, unlike those at a crease between two
+    sides."""
     return _cosines(V, F) < 0
 
 
@@ -349,8 +348,7 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse the shortest edges of crumpled faces (m,); return the vertices (n, 3), and the target (n,) of each
-    vertex.
+    """Collapse the shortest edges of crumpled faces (m,); return the vertices (n, 3), and the target (n,) of each.
 
     The target is the middle of the edge, or its end on the boundary. Edges that would join two boundaries or change
     the topology stay."""

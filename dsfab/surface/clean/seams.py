@@ -1,4 +1,4 @@
-"""Seams of a mesh: dsfab merges vertices at one place, and stitches patches with different divisions together."""
+"""Repair of a mesh's seams: merging of vertices at one place, and stitching of patches with different divisions."""
 
 from collections.abc import Callable
 
@@ -10,11 +10,11 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, distinct, lengths, positions_on_segments
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
-ASTRAY_RATIO = 1000.0  # A vertex is wrong if it is this many times as far from the middle as 99 % of all vertices.
+ASTRAY_RATIO = 1000.0  # A vertex this many times as far from the middle as 99 % of all vertices is wrong.
 
 
 def in_reach(V: Floats) -> Bools:
-    """Return the vertices of V (n, 3) with finite coordinates within `ASTRAY_RATIO`."""
+    """Return the vertices of V (n, 3) that have finite coordinates and are not wrong by `ASTRAY_RATIO`."""
     is_near: Bools = np.asarray(np.isfinite(V).all(axis=1))
     if not is_near.any():
         return is_near
@@ -28,12 +28,11 @@ def in_reach(V: Floats) -> Bools:
 def merged_vertices(
     V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
 ) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at one place into the first of them; return the remaining vertices, and the target (n,)
-    of each.
+    """Merge vertices V (n, 3) at one place into the first of them; return the remaining vertices, and each target (n,).
 
-    within : share of the mesh's largest side that counts as one place; no vertex moves further. The default covers
+    within : share of the mesh's largest side that counts as one place; no vertex moves further. The default suits
              `trimesh.slice_plane`, which computes the end of a cut for each face, with different last digits.
-    apart  : function that returns which (p,) of the pairs (p, 2) must stay separate.
+    apart  : function that returns the pairs (p,), among pairs of vertices (p, 2), that must stay separate.
 
     For mesh files, dsfab merges only equal coordinates (`dsfab.surface.files.mesh_files`), because files repeat a
     place with equal digits."""
@@ -54,11 +53,10 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the target (n,) of each vertex: the first `targets` of its group, unless this is further away than
-    `reach`.
+    """Return the target (n,) of each vertex: the first vertex of its group, unless this is farther away than `reach`.
 
-    Groups may be chains, so that a finely divided outline would shrink to a point. Along such a chain, the target of a
-    vertex is the first remaining vertex within reach."""
+    A group may be a chain: without this limit, a finely divided outline would shrink to a point. Along such a chain,
+    the target of a vertex is the first remaining vertex within reach."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -72,8 +70,7 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) with equal coordinates, sorted by place, of faces F (m, 3). Adding 0.0 turns -0.0
-    into 0.0."""
+    """Merge vertices V (n, 3) with equal coordinates, sorted by place, of faces F (m, 3). Here -0.0 equals 0.0."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 
@@ -84,15 +81,15 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Distance of an arc of 30 degrees from its chord, as a share of the chord. A seam between two patches with common
-ends may be as wide as this between the ends. Patches along seams narrower than `within` need no common vertex."""
+"""Largest width of a seam between two patches with common ends, as a share of the edge beside it: the distance of an
+arc of 30 degrees from its chord. Patches along seams narrower than `within` need no common vertex."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
-    """Stitch open seams of faces F (m, 3): return the faces, with fans along the seams, and the number of joined
+    """Stitch open seams of faces F (m, 3): return the faces with fans along the seams, and the number of joined
     vertices.
 
-    within : distance from an edge at which a vertex lies on the edge, in the unit of V. The faces are unchanged if
+    within : distance from an edge at which a vertex lies on the edge, in the unit of V. The faces stay unchanged if
              stitching would create edges of more than two faces."""
     faces, joined = F, 0
     for _ in range(4):  # a face has up to three edges at a seam, and each round stitches one of them
@@ -105,8 +102,8 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
-    """Return half-edges (k,) on the boundary, at most one per face, and the vertices (k,) of further faces on these
-    half-edges."""
+    """Return half-edges (k,) on the boundary, at most one per face, and a vertex (k,) of a further face on each of
+    them."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = _near_vertices(V, ends, within)
@@ -128,9 +125,9 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 
 def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
-    """Return boundary edges (k,), by their index in `ends` (b, 2), and near boundary vertices (k,) beside their inside.
-    A vertex is near within `SAG` of an edge where boundaries meet. The limit is `within` if all boundaries are closed
-    loops, which have no seams."""
+    """Return boundary edges (k,), by their index in `ends` (b, 2), and a boundary vertex (k,) near the inside of each
+    edge. A vertex is near within `SAG` of an edge if boundaries meet. The limit is `within` if all boundaries are
+    closed loops, because these have no seams."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -138,7 +135,7 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     while len(edge):
-        # divide a long edge among many vertices, as in a comb, in four (in two parts a comb takes 1.2 times as long)
+        # divide a long edge among many vertices, as in a comb, in four; halving takes 1.2 times as long
         middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
         radius = size / 2 * long[edge] + reach[edge]
         crowded, k, border_index = _few_within(tree, middle, radius)
@@ -155,10 +152,9 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
-    """Find the points of a tree in balls around places (b, 3). Return the balls (b,) with more than `crowd` points;
-    for all smaller balls, return the ball (k,) of each point and the point (k,). A count would visit all points of a
-    large ball."""
-    # the tree excludes its upper bound
+    """Find the points of a tree in balls around places (b, 3). Return the balls (b,) with more than `crowd` points. For
+    all smaller balls, return pairs of a ball (k,) and a point (k,). A count would visit all points of a large ball."""
+    # the tree excludes points at exactly its upper bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
     crowded: Bools = inside[:, crowd]
@@ -178,8 +174,7 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Return whether (k,) a boundary edge and a vertex lie on two strands between the same vertices, in which parts
-    touch.
+    """Return whether (k,) a boundary edge and a vertex are on two touching strands with common ends.
 
     A strand is a part of the boundary, edges (b, 2). Its ends are vertices at which the number of boundary edges is
     not two."""
@@ -200,10 +195,10 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """Return the faces (m', 3) with vertices (k,) inserted on half-edges (k,), one per face, as fans around the
-    opposite corner.
+    """Return the faces (m', 3) with vertices (k,) inserted on half-edges (k,), as fans around the opposite corners.
 
-    The first triangle of a fan replaces the face; all further triangles follow at the end."""
+    At most one half-edge of a face gets vertices. The first triangle of a fan replaces the face; the rest is at the
+    end."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((positions_on_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -216,11 +211,10 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
-    """Close the narrowest gap at each vertex where two parts touch in a point only, such as two openings with a common
-    corner.
+    """Close the narrowest gap at each vertex in which two parts touch, for example two openings with a common corner.
 
-    A new face of F (m, 3) fills the gap. Returns the faces and the number of new faces; no edge gets more than two
-    faces."""
+    A new face of F (m, 3) fills the gap. Returns the faces and the number of new faces. The faces stay unchanged if an
+    edge would get more than two faces."""
     edges = edge_table(F)
     points = pinches(F, edges, len(V))
     if not len(points):
@@ -240,8 +234,8 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
     """Return the face at a vertex between two boundary edges of different fans with the smallest angle between them.
-    away : (k,) the opposite ends of the boundary edges.    fan : (k,) the fan of each edge. None for angles over 150
-           degrees."""
+    away : (k,) second ends of the boundary edges.    fan : (k,) the fan of each edge. None for angles over 150 degrees.
+    """
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
     cosine = np.where((fan[:, None] == fan) | (away[:, None] == away), -np.inf, along @ along.T)

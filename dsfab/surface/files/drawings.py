@@ -32,7 +32,7 @@ from dsfab.surface.files.separate_process import read_rhino_in_process
 UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}  # Units by DXF's $INSUNITS.
 
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
-"""Entities with shapes that only AutoCAD reads."""
+"""DXF entities that only AutoCAD can read, because their shapes are in AutoCAD's own format."""
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
@@ -53,8 +53,8 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
-    """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded.
-    Vertices at exactly the same place become one. Raises SurfaceError for a file without meshes and beyond the budget,
+    """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded. Vertices at
+    exactly the same place become one vertex. Raises SurfaceError for a file without meshes or beyond the budget,
     MalformedFileError as `read_dxf` does."""
     document = _document(path)
     V, corners, sizes, count, solids = list[Floats](), list[Ints](), list[Ints](), 0, 0
@@ -69,7 +69,7 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
             budget.require_vertices(count)
     if not V:
         what = f"{count_phrase(solids, 'solid')} or surface and no mesh" if solids else "no mesh"
-        raise SurfaceError(f"it holds {what}: no 3DFACE, MESH or polyface; export the surface as a mesh, or as STEP")
+        raise SurfaceError(f"the file has {what}: no 3DFACE, MESH or polyface; export it as a mesh, or as STEP")
     cut_mesh = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
     points, faces = equal_merged(np.concatenate(V), cut_mesh.F)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -79,18 +79,18 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
 
 
 def _document(path: Path) -> Any:
-    """Return the drawing in a file, by a plain read before ezdxf's slow recovery; raises MalformedFileError."""
+    """Return the drawing in a file; ezdxf's slow recovery reads only damaged files. Raises MalformedFileError."""
     import ezdxf
     from ezdxf import recover
 
     if b"EOF" not in path.read_bytes()[-512:]:
-        raise MalformedFileError("its end, EOF, is missing: it is no DXF file, or it is cut off")
+        raise MalformedFileError("its last word EOF is missing: the file is not DXF, or it is cut off")
     with suppress(ezdxf.DXFError, OSError, ValueError, LookupError, TypeError, AttributeError):
         return ezdxf.readfile(path)
     try:
         return recover.readfile(path)[0]
     except ezdxf.DXFError as error:
-        raise MalformedFileError((str(error).splitlines() or ["ezdxf says no more"])[0][:120]) from None
+        raise MalformedFileError((str(error).splitlines() or ["ezdxf gives no reason"])[0][:120]) from None
 
 
 def _unit(document: Any) -> str | None:
@@ -126,7 +126,7 @@ class _Entities:
 
     def leaves(self, entities: Any, depth: int) -> Iterator[Any]:
         if depth > self.budget.depth:
-            raise MalformedFileError(f"its blocks lie in one another, more than {self.budget.depth} deep")
+            raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
         for entity in entities:
             self.count += 1
             self.budget.require("entities", self.count)
@@ -172,15 +172,15 @@ def _path_points(part: Any, closed: bool) -> Floats:
 
 
 def _spline_points(spline: Any) -> Floats:
-    """Return the points (k, 3) of a spline between its first and last effective knot. Paths of ezdxf extend beyond
-    these knots unless the end knots are repeated, and closed splines do not repeat them."""
+    """Return the points (k, 3) of a spline between its first and last effective knot.
+    Paths of ezdxf extend beyond these knots unless the end knots are repeated, as they are not in closed splines."""
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
     return curve_points(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
 
 
-SAME_PLACE = 1e-6  # Share of the drawing's size within which two ends of curves meet.
+SAME_PLACE = 1e-6  # Two ends of curves meet if they are nearer than this share of the drawing's size.
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,12 +192,12 @@ class Marks:
     curves: tuple[Floats, ...]
 
     def about(self, origin: Sequence[float]) -> "Marks":
-        """Return the marks with the given point, metres, as the new origin."""
+        """Return the marks in coordinates with the given point (metres) as origin."""
         return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
 
     @property
     def closed_runs(self) -> list[Floats]:
-        """Curves that end at their first point."""
+        """Curves whose end is at their first point."""
         return [run for run in self.curves if _ends_meet(run)]
 
     @property
@@ -215,8 +215,8 @@ _READERS = {".dxf": read_dxf, ".3dm": read_rhino_in_process}
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
-    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers. Touching lines and arcs
-    form one curve.
+    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers; touching lines and arcs form
+    one curve.
 
     unit : unit of the file's numbers; by default the unit that the file declares.
 
@@ -224,7 +224,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
     limits of `DrawingBudget`."""
     path = Path(path)
     if path.suffix.lower() not in _READERS:
-        raise SurfaceError(f"{path} is no drawing that dsfab reads; give a .dxf or a .3dm file")
+        raise SurfaceError(f"{path} is not a drawing that dsfab reads; give a .dxf or a .3dm file")
     try:
         about = path.stat()
     except OSError as error:
@@ -233,7 +233,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """Return the content of the layers with these names (any case), by name; empty layers are left out.
+    """Return the content of the layers with these names (any case), by name, without empty layers.
     metres : metres in one unit of the file's numbers. Raises SurfaceError for an unreadable file, as `closed_curves`
              does."""
     path = Path(path)
@@ -250,7 +250,7 @@ def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str
 
 @lru_cache(maxsize=16)
 def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: int, size: int) -> tuple[Floats, ...]:
-    """Return the curves of a file in its present state. A cache holds them, because pickers read them repeatedly."""
+    """Return the curves of a file. The cache serves pickers, which read the same file repeatedly."""
     budget = DrawingBudget()
     drawing = _drawing(path, size, budget)
     if layer is not None and layer not in drawing.layers:
@@ -264,10 +264,10 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
     curves = [run for name, run in drawing.runs if layer in (None, name) and len(run) > 1]
     if not curves:
         raise SurfaceError(
-            f"{where} has no curve; draw a closed one, as polyline, circle, ellipse, spline, lines or arcs"
+            f"{where} has no curve; draw a closed polyline, circle, ellipse or spline, or closed lines and arcs"
         )
     if not all((np.abs(run) < LARGEST_NUMBER).all() for run in curves):
-        raise SurfaceError(f"{where} has a curve with a point that is none, or beyond all drawings; draw it again")
+        raise SurfaceError(f"{where} has a curve with invalid or endless coordinates; draw the curve again")
     metres = metres_per(unit or drawing.unit or "m")
     return tuple(metres * loop for loop in _loops(curves, where, budget))
 
@@ -303,6 +303,6 @@ def _open_curve_message(run: Floats, where: str) -> str:
     ends = " and ".join(f"({', '.join(f'{x:.6g}' for x in end)})" for end in (run[0], run[-1]))
     gap = float(np.linalg.norm(run[0] - run[-1]))
     return (
-        f"{where} has a curve that is open: its ends at {ends} are {gap:.3g} apart, in the file's unit; close it, or "
-        "name the layer of the closed ones"
+        f"{where} has a curve that is open: its ends at {ends} are {gap:.3g} apart, in the file's unit; close the "
+        "curve, or name the layer of the closed curves"
     )

@@ -25,8 +25,8 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """Buffers that a file's JSON `tree` names. `binary` is the buffer in the file; `beside` reads a neighbouring
-    file."""
+    """Buffers that a file's JSON `tree` names. binary : the buffer in the file. beside : reads a file in the same
+    folder."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -42,7 +42,7 @@ class Buffers:
         data = self._buffer(_count(view["buffer"]))
         if start + length > len(data):
             raise MalformedFileError(
-                f"it names bytes up to {start + length:,} of a buffer with {len(data):,}: it is cut off"
+                f"it needs {start + length:,} bytes of a buffer with {len(data):,} bytes: the file is cut off"
             )
         return data[start : start + length], _count(view.get("byteStride", 0))
 
@@ -55,27 +55,27 @@ class Buffers:
     def _content(self, uri: Any) -> bytes:
         if uri is None:
             if self.binary is None:
-                raise MalformedFileError("the part with its numbers is missing")
+                raise MalformedFileError("the binary part with its coordinates is missing")
             return self.binary
         if not isinstance(uri, str):
-            raise MalformedFileError("a buffer of it has no name")
+            raise MalformedFileError("one of its buffers has no name")
         if uri.startswith("data:"):
             try:
                 return base64.b64decode(uri.partition(",")[2], validate=True)
             except (binascii.Error, ValueError):
-                raise MalformedFileError("the numbers in its text are damaged") from None
+                raise MalformedFileError("the coordinates in its text are damaged") from None
         if self.beside is None or "://" in uri:
-            raise MalformedFileError(f"its numbers are elsewhere ({uri[:60]}): export it as one file")
+            raise MalformedFileError(f"its coordinates are not in the file ({uri[:60]}): export the mesh as one file")
         return self.beside(unquote(uri))
 
 
 def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) -> NDArray[Any]:
-    """Return the content (count, width) of an accessor; normalised integers become shares.
+    """Return the numbers (count, width) of an accessor, glTF's table of numbers; normalised integers become shares.
     Raises MalformedFileError for a different width or missing bytes, before it allocates memory."""
     entry = tree["accessors"][_count(number)]
     count, kind = _count(entry["count"]), _TYPES.get(entry["componentType"])
     if kind is None or _WIDTHS.get(entry["type"]) != width:
-        raise MalformedFileError("it has numbers of a type that glTF does not know there")
+        raise MalformedFileError("it has numbers of a type that glTF does not allow")
     buffers.budget.require_vertices(count)
     if "bufferView" in entry:
         values = _elements(buffers, entry, kind, count, width)
@@ -94,7 +94,7 @@ def _elements(buffers: Buffers, entry: dict[str, Any], kind: str, count: int, wi
     stride = stride or element_size
     if stride < element_size or (count and start + stride * (count - 1) + element_size > len(data)):
         raise MalformedFileError(
-            f"{count:,} elements are announced that its bytes do not hold: it is damaged or cut off"
+            f"{count:,} elements are announced but their bytes are missing: the file is damaged or cut off"
         )
     if not count:
         return np.zeros((0, width), dtype=kind)
@@ -105,7 +105,7 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
     count, indices = _count(sparse["count"]), sparse["indices"]
     kind = _TYPES.get(indices["componentType"])
     if kind is None or count > len(values):
-        raise MalformedFileError("it replaces more elements than there are")
+        raise MalformedFileError("it replaces more elements than it has")
     positions = _elements(buffers, indices, kind, count, 1).ravel().astype(np.int64)
     if count and not 0 <= positions.min() <= positions.max() < len(values):
         raise MalformedFileError("it replaces elements that do not exist")
@@ -116,26 +116,26 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
 def _count(value: Any) -> int:
     """Return a nonnegative integer of the JSON; raises MalformedFileError for any other value."""
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise MalformedFileError("a number of its JSON is negative or none")
+        raise MalformedFileError("its JSON has a negative or invalid number")
     return value
 
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp")
-"""Prefixes of extensions that do not change the shapes read here."""
+"""Prefixes of extensions that do not change the shapes of meshes."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
 def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> TriangleFile:
     """Return the triangles of the scene in a binary file, metres with z up; see `read_gltf`. Raises MalformedFileError
-    for a broken or incomplete file, SurfaceError beyond the budget."""
+    for a damaged or incomplete file, SurfaceError beyond the budget."""
     if data[:4] != b"glTF":
         raise MalformedFileError("there is no glTF header")
     if len(data) < 20:
         raise MalformedFileError("it is cut off within its header")
     version, announced = struct.unpack_from("<II", data, 4)
     if version != 2:
-        raise MalformedFileError(f"its version of glTF is {version}, and dsfab reads 2")
+        raise MalformedFileError(f"its version of glTF is {version}, but dsfab reads version 2")
     if announced > len(data):
         raise MalformedFileError(f"it announces {announced:,} bytes and has {len(data):,}: it is cut off")
     chunks: dict[int, bytes] = {}
@@ -154,8 +154,8 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
 
 
 def read_gltf(data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes]) -> TriangleFile:
-    """Return the triangles of a JSON file, with coincident vertices merged and y turned to z.
-    read_neighbour : function that returns a file in the same folder. Raises MalformedFileError for a broken file,
+    """Return the triangles of a JSON file in metres, with coincident vertices merged, and the y axis turned to z.
+    read_neighbour : function that returns a file in the same folder. Raises MalformedFileError for a damaged file,
                      SurfaceError beyond the budget."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, read_neighbour)
@@ -169,11 +169,11 @@ def _json_tree(data: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError):
         raise MalformedFileError("its JSON is broken or cut off") from None
     if not isinstance(tree, dict) or not isinstance(tree.get("asset"), dict):
-        raise MalformedFileError("its JSON is no glTF")
+        raise MalformedFileError("its JSON is not glTF")
     unknown = [str(name) for name in tree.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if unknown:
         raise MalformedFileError(
-            f"it needs {', '.join(unknown)}, which dsfab does not read: export it without compression"
+            f"it needs the extension {', '.join(unknown)}, which dsfab does not read: export it without compression"
         )
     return tree
 
@@ -214,7 +214,7 @@ class _Scene:
             for primitive in self.tree["meshes"][mesh]["primitives"]:
                 mode = primitive.get("mode", _TRIANGLES)
                 if mode not in (_TRIANGLES, _STRIP, _FAN):
-                    self.passed["set of lines or points"] += 1
+                    self.passed["line or point primitive"] += 1
                     continue
                 V, F = self._primitive(primitive, mode)
                 total += len(F)
@@ -231,12 +231,12 @@ class _Scene:
         while waiting:
             number, above, depth = waiting.pop()
             if number in seen or depth > 200:  # programs write up to 100 levels
-                raise MalformedFileError("its nodes are no tree: one stands below itself, or in two places")
+                raise MalformedFileError("its nodes form no tree: a node is below itself, or at two places")
             seen.add(number)
             node = nodes[number]
             matrix = above @ _matrix(node)
             if "skin" in node:
-                self.passed["skin, at rest here"] += 1
+                self.passed["skin"] += 1
             if "mesh" in node:
                 yield node["mesh"], matrix
             waiting.extend((child, matrix, depth + 1) for child in reversed(node.get("children", [])))
@@ -245,19 +245,19 @@ class _Scene:
         if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
             raise MalformedFileError("it is compressed (KHR_draco_mesh_compression): export it without compression")
         if "targets" in primitive:
-            self.passed["shape that it morphs to"] += len(primitive["targets"])
+            self.passed["morph target"] += len(primitive["targets"])
         V = accessor(self.tree, self.buffers, primitive["attributes"]["POSITION"], 3).astype(np.float64)
         order = np.arange(len(V))
         if "indices" in primitive:
             order = accessor(self.tree, self.buffers, primitive["indices"], 1).ravel().astype(np.int64)
         if len(order) and not 0 <= order.min() <= order.max() < len(V):
-            raise MalformedFileError(f"its triangles name vertices outside the {len(V):,} that they have")
+            raise MalformedFileError(f"its triangles name vertices outside the {len(V):,} of the file")
         return V, self._faces(order, mode)
 
     def _faces(self, order: Ints, mode: int) -> Ints:
         if mode == _TRIANGLES:
             if len(order) % 3:
-                self.passed["corner beyond the last triangle"] += len(order) % 3
+                self.passed["surplus corner"] += len(order) % 3
             return order[: len(order) // 3 * 3].reshape(-1, 3)
         if len(order) < 3:
             return np.empty((0, 3), dtype=np.int64)
@@ -293,5 +293,5 @@ def _numbers(values: Any, count: int) -> Floats:
     except (ValueError, TypeError):
         array = np.empty(0)
     if array.shape != (count,):
-        raise MalformedFileError("a node of its scene has a place that is none")
+        raise MalformedFileError("a node of its scene has an invalid position")
     return array

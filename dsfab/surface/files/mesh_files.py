@@ -23,10 +23,10 @@ from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices if only the format of the file separates them.
-    This holds if no two faces share a vertex, as in STL files, or if every free edge has an exact twin, so that no
-    free edge remains. No edge may get more than two faces. All further coincident vertices stay apart, because they
-    may be a joint. Returns the file and a text about the repair."""
+    """Join the faces of a mesh at coincident vertices if only the format of the file separates them. This is so in two
+    cases: no two faces share a vertex, as in STL files; or every free edge has an exact twin, so that no free edge
+    remains. No edge may get more than two faces. All further coincident vertices stay apart, because they may be a
+    joint. Returns the file and a text about the repair."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
@@ -44,7 +44,7 @@ def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...
     gone = len(distinct(corners)) - len(distinct(welded))
     if crowded or not gone or not (soup or not _free_edges(mesh, welded).any()):
         return file, ()
-    words = f"{count_phrase(gone, 'vertex')} joined with others at exactly the same place"
+    words = f"{count_phrase(gone, 'vertex')} joined with vertices at exactly the same place"
     return replace(file, mesh=replace(mesh, corners=fewer[welded])), (words,)
 
 
@@ -98,7 +98,7 @@ class RawMesh:
 
 
 CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".fbx", ".blend", ".ifc", ".rvt", ".gh"))
-"""Files of CAD programs with surfaces, but no mesh that dsfab reads."""
+"""Suffixes of CAD programs' files that dsfab does not read as meshes."""
 
 
 def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMesh:
@@ -152,7 +152,7 @@ def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
         face_list = ", ".join(str(k) for k in faces[cut.fanned[:3]].tolist())
         repaired = (
             *repaired,
-            f"{count_phrase(crossing, 'face')} that cross themselves cut as fans (first, from 0: {face_list})",
+            f"{count_phrase(crossing, 'face')} that cross themselves cut as fans (first, counted from 0: {face_list})",
         )
     record = _record(suffix, file, len(file.mesh.V), len(file.mesh.sizes))
     record = record.also(repaired, dropped)
@@ -168,25 +168,24 @@ def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces:
 def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
     neighbour = path.parent / name
     if Path(name).is_absolute() or ".." in Path(name).parts:
-        raise MalformedFileError(f"its numbers are in {name[:60]!r}, outside its folder: export it as one file")
+        raise MalformedFileError(f"its coordinates are in {name[:60]!r}, outside its folder: export one file")
     if not neighbour.is_file():
-        raise SurfaceError(f"its numbers are in {name[:60]!r}, which is not beside it; put it there, or export a .glb")
+        raise SurfaceError(f"its coordinates are in {name[:60]!r}, which is missing; add that file, or export a .glb")
     budget.require_bytes(neighbour.stat().st_size)
     return neighbour.read_bytes()
 
 
 def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
-    over = "".join(f"; passed over: {what}" for what in raw.record.dropped)  # ignored content is often the reason
+    over = "".join(f"; ignored: {what}" for what in raw.record.dropped)  # ignored content is often the reason
     if not len(raw.F):
-        text = f"{path} holds {len(raw.V)} vertices and no faces"
+        text = f"{path} has {len(raw.V)} vertices and no faces"
         raise SurfaceError(f"{text}{over}; give a mesh with at least one triangle")
     n = len(raw.V)
     bad = np.flatnonzero((raw.F.min(axis=1) < 0) | (raw.F.max(axis=1) >= n))
     if len(bad):
         raise SurfaceError(
             f"{path}: {count_phrase(len(bad), 'face')} {'name' if len(bad) > 1 else 'names'} vertices outside the "
-            "file's "
-            f"{n} vertices (first triangles: {first_few(bad)}){over}; export it again"
+            f"file's {n} vertices (first triangles: {first_few(bad)}){over}; export it again"
         )
     used, F = np.unique(raw.F, return_inverse=True)
     record = raw.record

@@ -22,22 +22,22 @@ from dsfab.surface.files.reading import (
 )
 
 _IGNORED_SHAPES = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
-"""Lines with shapes that dsfab does not read."""
+"""First words of lines with shapes that dsfab does not read, and the names of these shapes."""
 _IGNORED_WORDS = frozenset(
     "vt vn vp g o s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
-"""Lines without effect on the shape of polygons, or parts of free-form curves and surfaces."""
-_NUMBERS = {3, 4, 6, 7}  # Possible counts of numbers in a vertex: its place, a weight, a colour.
+"""First words of lines that do not change polygons, or that belong to free-form curves and surfaces."""
+_NUMBERS = {3, 4, 6, 7}  # Possible counts of numbers in a vertex: coordinates, also a weight, also a colour.
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
-_DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at a line's end between two words.
-_DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a comma, which some programs write in some languages.
+_DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at a line's end without spaces around.
+_DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a decimal comma.
 LINES_PER_CHECK = 1 << 14  # Lines between two checks of the numbers of vertices and faces.
 
 
 def read_obj(data: bytes, budget: Budget) -> PolygonFile:
-    """Return vertices and faces. The reader ignores textures, normals and groups, and counts lines, points and free
-    forms.
+    """Return the vertices and faces of an OBJ file. The reader ignores textures, normals and groups, and counts lines,
+    points and free forms.
 
     Raises MalformedFileError with the number of an unreadable line, SurfaceError beyond the budget."""
     file = text_file(data)
@@ -76,9 +76,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
-    """Return whether the last face of a file may be incomplete: it has fewer corners than `largest`, or half a last
-    corner.
-
+    """Return whether the last face of a file may be incomplete: fewer corners than `largest`, or an incomplete corner.
     count : number of vertices.    text : text of the file."""
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
@@ -89,11 +87,8 @@ def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
 
 
 def _join_lines(text: str) -> str:
-    """Join each line that ends with a backslash with the next line. Comments, which may end with a path, do not
-    continue.
-
-    Raises MalformedFileError without a space between the lines, because programs disagree whether a number
-    continues."""
+    """Join each line that ends with a backslash with the next line, except comments, which may end with a path. Raises
+    MalformedFileError without a space between the lines, because programs disagree whether a number continues."""
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1
@@ -130,11 +125,11 @@ def _ignored_texts(ignored: Counter[str], odd: str) -> tuple[str, ...]:
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
-"""First words of files with three coordinates, also with colours, normals or textures."""
+"""First words of files whose vertices have three coordinates, also with colours, normals or textures."""
 
 
 def read_off(data: bytes, budget: Budget) -> PolygonFile:
-    """Return vertices and faces; the reader ignores colours, normals and textures.
+    """Return the vertices and faces of an OFF file; the reader ignores colours, normals and textures.
     Raises MalformedFileError for a foreign or incomplete file, SurfaceError beyond the budget."""
     file = text_file(data)
     lines = ((number, words) for number, line in file.numbered_lines(budget) if (words := line.split("#")[0].split()))
@@ -168,10 +163,10 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
 def _sizes(lines: Iterator[tuple[int, list[str]]]) -> tuple[int, int]:
     _, words = next(lines, (0, [""]))
     if words[0].upper() not in KINDS:
-        raise MalformedFileError("the first word is not OFF, or says that points have other than three coordinates")
+        raise MalformedFileError("the first word is not OFF, or its points do not have three coordinates")
     rest = words[1:] or next(lines, (0, []))[1]
     if [word.upper() for word in rest[:1]] == ["BINARY"]:
-        raise MalformedFileError("it is binary, and dsfab reads the text form only")
+        raise MalformedFileError("it is binary, but dsfab reads only the text form")
     try:
         n, m = whole_number(rest[0]), whole_number(rest[1])
         if n < 0 or m < 0:

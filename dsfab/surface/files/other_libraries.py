@@ -1,4 +1,5 @@
-"""Conversion of meshes of trimesh, pyvista and compas to surfaces and back. dsfab imports these libraries on use."""
+"""Conversion of meshes of trimesh, pyvista and compas to surfaces and back. dsfab imports a library at its first
+use."""
 
 import importlib.util
 import warnings
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
 
 
 def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
-    """Return a surface from vertices V (n, 3), numbers in `unit`, and polygons F: (m, 3), (m, 4), or lists of any
-    length.
+    """Return a surface from vertices V (n, 3), in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
 
     dsfab cuts polygons into triangles and orients faces as in `dsfab.read_surface`. Vertices keep their numbers, so
     coincident vertices stay apart. Raises SurfaceError for invalid meshes, and as `read_surface` does."""
@@ -47,10 +47,10 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
         mesh = polygons(np.asarray(V, dtype=np.float64).reshape(-1, 3).tolist(), faces)
     except (TypeError, ValueError) as error:
         raise SurfaceError(
-            f"vertices are (n, 3) numbers and faces lists of vertex indices; this is not: {error}"
+            f"the mesh needs (n, 3) numbers as vertices and lists of vertex indices as faces: {error}"
         ) from None
     if faces and not (mesh.corners.min() >= 0 and mesh.corners.max() < len(mesh.V) and mesh.sizes.min() >= 3):
-        raise SurfaceError(f"faces need three corners or more, each one of 0..{len(mesh.V) - 1}; repair the mesh")
+        raise SurfaceError(f"each face needs three or more vertices out of 0..{len(mesh.V) - 1}; repair the mesh")
     return mesh
 
 
@@ -59,7 +59,7 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
 
     unit : unit of the coordinates. None takes the unit of the mesh (trimesh may have a unit), else metres.
 
-    Vertices at the same place become one, as in STL and GLB files. A `Surface` is returned unchanged. Raises
+    Vertices at the same place become one vertex, as in STL and GLB files. A `Surface` is returned unchanged. Raises
     SurfaceError for any other type, and as `surface_from` does."""
     if isinstance(mesh, Surface):
         return mesh
@@ -77,12 +77,12 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
         return _merged_surface(mesh.vertices, mesh.faces, unit)
     raise SurfaceError(
-        f"a {type(mesh).__name__} is no mesh that dsfab knows; give one with vertices and faces, or call from_mesh"
+        f"a {type(mesh).__name__} is no mesh that dsfab knows; give a mesh with vertices and faces, or call from_mesh"
     )
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Return V (n, 3), in the file's unit, and F (m, 3) of an STL file by trimesh. Raises SurfaceError."""
+    """Return V (n, 3), in the file's unit, and F (m, 3) of an STL file that trimesh reads. Raises SurfaceError."""
     import trimesh
 
     try:
@@ -91,7 +91,7 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
             mesh: Any = trimesh.load(path, file_type="stl", force="mesh", process=False)
         return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
     except Exception:  # trimesh raises many types of errors for a bad file
-        raise SurfaceError(f"{path} cannot be read by trimesh, though dsfab reads it; export it again") from None
+        raise SurfaceError(f"{path}: trimesh cannot read this file, though dsfab can; export it again") from None
 
 
 def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":

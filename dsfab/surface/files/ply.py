@@ -1,4 +1,4 @@
-"""Reader of PLY files, text and binary, and PLY text of a mesh."""
+"""Reader of PLY files, text and binary, and writer of a mesh as binary PLY."""
 
 import re
 import warnings
@@ -31,7 +31,7 @@ _SPACE = re.compile(rb"\s")
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """A property of an element; for a list it also has the type of the list's length."""
+    """A property of a PLY element. length : the type of a list's length; None for a single number."""
 
     name: str
     type: str
@@ -46,19 +46,14 @@ class PlyElement:
     count: int
     properties: list[PlyProperty]
 
-    @property
-    def has_lists(self) -> bool:
-        """True if records may differ in length."""
-        return any(entry.length for entry in self.properties)
-
     def cut_off(self) -> MalformedFileError:
         """Return the error for a file with fewer records than announced."""
         return MalformedFileError(
-            f"the file ends within the element {self.name!r}, of which {self.count:,} are announced"
+            f"the file ends within the element {self.name!r}, although it announces {self.count:,} records"
         )
 
 
-Columns = dict[str, Any]  # An array (count,) per property; for a list all values (c,), and the length of each list.
+Columns = dict[str, Any]  # An array (count,) per property; for lists, all their values (c,), and the lengths (count,).
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
@@ -89,14 +84,13 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and the end of
-    these records.
+    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and their end.
 
     Raises MalformedFileError for a file that ends too early, or has a word in place of a number."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
-        raise element.cut_off()  # before memory is taken
+        raise element.cut_off()  # before the reader takes memory for the records
     begins, counts, stop = _equal_records(numbers, position, element) or _text_walk(numbers, position, element, budget)
     columns: Columns = {}
     for i, p in enumerate(element.properties):
@@ -105,8 +99,8 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return start and count (count, p) of each property in each record, and the end of the records; None for
-    unequal lists."""
+    """Return start and count (count, p) of each property in each record, and the records' end; None for unequal
+    lists."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -150,11 +144,11 @@ def _text_walk(numbers: Floats, position: int, element: PlyElement, budget: Budg
 
 def binary_element(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
     """Return the properties of a binary element from byte `position`, and the end of the element.
-    Equal lengths of all lists make this faster. order : '<' little endian, '>' big endian."""
+    The function is faster if all lists have equal lengths. order : '<' little endian, '>' big endian."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
-        raise element.cut_off()  # before memory is taken
+        raise element.cut_off()  # before the reader takes memory for the records
     dtype, lists = _first_record(body, position, element, order)
     stop = position + dtype.itemsize * element.count
     if stop <= len(body):
@@ -292,7 +286,7 @@ def _element_columns(
                 columns[element.name], position = text_element(numbers, position, element, budget)
             except MalformedFileError:
                 if odd:
-                    raise MalformedFileError(f"the element {element.name!r} holds a word that is no number") from None
+                    raise MalformedFileError(f"the element {element.name!r} has a word that is no number") from None
                 raise
         else:
             columns[element.name], position = binary_element(body, position, element, _ORDERS[style], budget)
@@ -304,7 +298,7 @@ def _element_columns(
 
 
 def _require_within(budget: Budget, element: PlyElement) -> None:
-    """Raise SurfaceError for an element with too many records; records without properties cost nothing."""
+    """Raise SurfaceError for an element with too many records; records without properties need no memory."""
     count = element.count if element.properties else 0
     if element.name == "face":
         budget.require_triangles(count)
@@ -325,7 +319,7 @@ def _polygons(columns: dict[str, dict[str, Any]]) -> Polygons:
     if lists is None:
         return Polygons(V, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
     if not isinstance(lists, tuple):
-        raise MalformedFileError("the property vertex_indices of its faces is no list")
+        raise MalformedFileError("the property vertex_indices of its faces is not a list")
     return Polygons(V, _whole(lists[0]), lists[1])
 
 
@@ -336,7 +330,7 @@ def _whole(indices: NDArray[Any]) -> Ints:
 
 
 def ply_chunks(V: Floats, F: Ints, unit: str) -> Iterator[bytes]:
-    """Yield a binary file, little endian: V (n, 3), doubles in `unit`, which a comment names, and F (m, 3)."""
+    """Yield a binary file in parts, little endian: V (n, 3), doubles in `unit`, which a comment names, and F (m, 3)."""
     lines = [
         "ply",
         "format binary_little_endian 1.0",

@@ -1,4 +1,4 @@
-"""Polygon meshes as arrays, and their quads and larger polygons cut into triangles."""
+"""Polygon meshes as arrays, and division of quads and larger polygons into triangles."""
 
 from dataclasses import dataclass
 from itertools import chain, pairwise
@@ -11,19 +11,18 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Cosines between the two triangles of a quad. Above the first cosine a quad is flat; below the second it may cross
-a fold."""
+"""Cosines of the angle between the two triangles of a quad. Above the first cosine a quad is flat; below the second
+cosine it may cross a fold."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
 """The longer diagonal is right if its triangles continue flat neighbours within `ON`, the chord of 10 degrees.
-Their bend must also be less than the share `BETTER` of the bend with the shorter diagonal."""
+Their angle to these neighbours must also be below the share `BETTER` of the angle with the shorter diagonal."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     """Return the two triangles (2 q, 3) of each of the faces `quads` (q,), which have four corners.
 
-    V : (n, 3).    corners : (c,) corners of all faces, face after face. Quads with a corner outside 0..n-1 are cut
-        arbitrarily.
-    sizes : (f,) number of corners of each face.
+    V : (n, 3) vertices.    sizes : (f,) number of corners of each face.
+    corners : (c,) corners of all faces, face after face. The cut of a quad with a corner outside 0..n-1 is arbitrary.
 
     The cut follows the only diagonal inside the quad, else a fold, else the shorter diagonal, else the diagonal from
     corner 0."""
@@ -83,20 +82,19 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
 
 
-MOST_CORNERS_FOR_EARS = 12  # Largest number of corners for cutting ears, which takes k^3 steps.
-MANY = 2000  # Number of corners above which triangles are Delaunay's: a comb of 100,000 takes 0.2 s, with earcut 4 s.
+MOST_CORNERS_FOR_EARS = 12  # Larger polygons are not cut by ears, because this takes k^3 steps for k corners.
+MANY = 2000
 """Number of corners above which dsfab uses Delaunay triangles: a comb of 100,000 corners takes 0.2 s, with earcut 4
 s."""
 NOISE = 32 * float(np.finfo(np.float64).eps)
 """A corner is straight if it is nearer than this to the line of its neighbours, as a share of the largest
 coordinate."""
-ORDER = cdt.VertexInsertionOrder.AUTO  # The order of insertion, in which near points follow each other.
+ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
 TOGETHER = 1 << 12  # Number of polygons that are cut together, so that their data fit into the processor's cache.
 
 
 def small_polygon_triangles(P: Floats) -> Ints:
-    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3) with 5 <= k <=
-    `MOST_CORNERS_FOR_EARS` corners.
+    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3); k is 5 to `MOST_CORNERS_FOR_EARS`.
 
     If no corner is an ear (the polygon crosses itself), the function takes the shortest cut."""
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
@@ -136,7 +134,7 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 def large_polygon_triangles(P: Floats) -> Ints | None:
     """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal.
     None if the polygon crosses itself in this view, or has no area. Every corner is a corner of a triangle, also in
-    the middle of a straight side, because neighbours may end there."""
+    the middle of a straight side, because a neighbour's corner may be there."""
     flat, noise = _in_plane(P)
     x, y = flat.T
     area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -158,7 +156,7 @@ def _ring_cut(flat: Floats) -> Ints:
     if len(flat) <= MANY:
         return _earcut(flat)
     cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
-    points: Any = np.ascontiguousarray(flat)  # the type is a buffer, which Python names from version 3.12 on
+    points: Any = np.ascontiguousarray(flat)  # Python has a name for this type, a buffer, only from version 3.12 on
     sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
     try:
         cut.insert_vertices(points)
@@ -177,7 +175,8 @@ def _earcut(flat: Floats) -> Ints:
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, over its size; and the noise of P."""
+    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, divided by its size; and the
+    noise of P."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size
@@ -198,8 +197,8 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Return the distance of each corner of an outline (k, 2) to the right of the line through its neighbours.
-    Return also whether the outline continues forward there, and not back."""
+    """Return the distance (k,) of each corner of an outline (k, 2) to the right of the line through its neighbours.
+    Return also whether the outline continues forward at the corner, not back."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
@@ -237,8 +236,8 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """A mesh of polygons: V (n, 3) in the file's unit, and `corners` (c,), face after face; face k has sizes[k]
-    corners."""
+    """A mesh of polygons: V (n, 3) in the file's unit; corners (c,), face after face; sizes (f,), corners of each
+    face."""
 
     V: Floats
     corners: Ints
@@ -271,11 +270,10 @@ class CutPolygons:
 
 
 def triangles(mesh: Polygons) -> CutPolygons:
-    """Cut polygons into triangles: quads by `quad_triangles`, larger polygons by `small_polygon_triangles` or
-    `large_polygon_triangles`.
+    """Cut polygons into triangles, by `quad_triangles`, `small_polygon_triangles` or `large_polygon_triangles`.
 
     Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or a vertex that is not
-    finite, becomes a fan, and the caller has to refuse it."""
+    finite, becomes a fan, and the caller must refuse this polygon."""
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
     cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quad_triangles(mesh.V, mesh.corners, mesh.sizes, of4)]
@@ -294,7 +292,8 @@ def triangles(mesh: Polygons) -> CutPolygons:
 
 
 def _polygon_triangles(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
-    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k), and which (q,) cross themselves."""
+    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k), and which polygons (q,) cross
+    themselves."""
     q, k = corners.shape
     is_valid = (corners >= 0) & (corners < len(V))
     P = V[np.where(is_valid, corners, 0)] if len(V) else np.zeros((q, k, 3))

@@ -51,14 +51,14 @@ def read_surface(
     unit : unit of the numbers in the file; None takes the unit that the file declares (3MF, 3DM, DXF, STEP; glTF is in
            metres), else metres.
     up   : the file's axis that points to the sky.
-    mend : whether to mend small faults first: see `dsfab.surface.clean.repair`.
+    mend : true mends small faults first: see `dsfab.surface.clean.repair`.
     max_triangles : limit on triangles; all further limits of reading follow from it.
-    repair : whether the file is a raw scan, which dsfab first converts to a sheet: see `dsfab.surface.clean.repair`.
+    repair : true for a raw scan, which dsfab first converts to a clean sheet: see `dsfab.surface.clean.repair`.
 
-    dsfab flips as few faces as possible so that neighbours agree, and closed pieces face outward. A piece with one
-    side only (a Moebius strip) keeps a seam where neighbours disagree. A GLB file has y up by its specification, and
+    dsfab flips as few faces as possible so that neighbours agree and closed pieces face outward. A piece with one side
+    only (a Moebius strip) keeps a seam along which neighbours disagree. A GLB file has y up by its specification, and
     dsfab rotates it to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file`
-    the repairs.
+    reports the repairs.
 
     Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, and edges
     with more than two faces."""
@@ -79,7 +79,8 @@ def surface_in_file(
 
 
 def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
-    """Mend a raw mesh, or repair it as a scan; return the mesh with its repairs. unit : by default the file's unit."""
+    """Mend a raw mesh, or repair a scan; return the mesh with its repairs. unit : of the numbers, by default the
+    file's unit."""
     metres = metres_per(unit) if unit else raw.metres
     better = (repaired_scan if scan else mended_mesh)(raw.V, raw.F, metres)
     if not better.repairs:
@@ -90,7 +91,7 @@ def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -
 def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up: Up = "z") -> SurfaceInFile:
     """Return the surface of a raw mesh; see `read_surface`."""
     if not len(raw.F):
-        raise SurfaceError(f"{path}: nothing is left once faults are mended: {'; '.join(raw.record.repaired)}")
+        raise SurfaceError(f"{path}: the repair removed all faces: {'; '.join(raw.record.repaired)}; check the mesh")
     V = upright_vertices(raw.V * (metres_per(unit) if unit else raw.metres), up)
     try:
         surface = oriented_surface(V, raw.F)
@@ -117,8 +118,7 @@ def oriented_surface(V: Floats, F: Ints) -> Surface:
 
 
 def normalized_surface(surface: Surface) -> Surface:
-    """Return the surface oriented, with every vertex (n, 3) on a face (m, 3). Raises SurfaceError as `read_surface`
-    does."""
+    """Return the surface oriented, without vertices that no face uses. Raises SurfaceError as `read_surface` does."""
     used, F = np.unique(surface.F, return_inverse=True)
     if len(used) < surface.n:
         return oriented_surface(surface.V[used], F.reshape(-1, 3))
@@ -131,7 +131,7 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
     if len(twice):
         raise SurfaceError(
             f"{len(twice)} of {len(F)} faces repeat an earlier face (first: {first_few(twice)}); remove them, "
-            "or let surface.mend = true do it"
+            "or set surface.mend = true"
         )
     crowded = np.flatnonzero(edges.count > 2)
     if len(crowded):
@@ -166,8 +166,8 @@ class MeshFacts:
     Faces with vertices that are not finite count in `faces` only. `volume` is None unless the mesh is closed and
     oriented; `genus` is None unless it is a single oriented manifold piece. `faults` are sentences on why the mesh is
     not an oriented manifold. `smallest_angle` is in degrees and ignores degenerate faces. `unit_guess` is the unit
-    that the file declares, or a guess from the size of the numbers; `unit_said` tells which. `record` lists the
-    repairs and dropped parts."""
+    that the file declares, or a guess from the size of the numbers; `unit_said` is true for a declared unit. `record`
+    lists the repairs and dropped parts."""
 
     path: str
     unit: str
@@ -208,7 +208,7 @@ class MeshFacts:
 
 
 def describe(path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES) -> MeshFacts:
-    """Return the facts about a mesh file, also about a file that `read_surface` refuses.
+    """Return the facts about a mesh file, even if `read_surface` refuses the file.
     Raises SurfaceError if the file is unreadable or has no face with finite corners."""
     return mesh_facts(path, raw_mesh(path, max_triangles), unit)
 
@@ -283,7 +283,7 @@ def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, 
 
 
 def unit_guess(raw: RawMesh) -> str:
-    """Return the declared unit. Without a declaration, return metres for a box up to 250 long (few shells are
-    longer), else millimetres."""
+    """Return the declared unit. Without one, return metres for a box up to 250 long, because few shells are longer than
+    250 m, else millimetres."""
     V = raw.V[in_reach(raw.V)]
     return raw.unit or ("m" if np.ptp(V, axis=0).max() <= 250.0 else "mm")

@@ -1,4 +1,4 @@
-"""Support for all readers: limits on time and size, records of repairs, error messages, text lines and curves."""
+"""Support for all readers of mesh files: limits on time and size, records of repairs, errors, text lines and curves."""
 
 import codecs
 import logging
@@ -17,7 +17,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.core.units import UNIT_WORDS
 from dsfab.surface.files.polygons import Polygons
 
-DEFAULT_TRIANGLES = 4_000_000  # Most triangles of a file: twice the largest mesh tried with all stages.
+DEFAULT_TRIANGLES = 4_000_000  # Default limit on a file's triangles: twice the largest mesh tried with all stages.
 
 
 class MalformedFileError(ValueError):
@@ -36,12 +36,13 @@ class Budget:
 
     @property
     def bytes(self) -> int:
-        """Largest size of the file, also unpacked; a text file with normals and colours takes 350 bytes a triangle."""
+        """Largest size of the file, also unpacked; a text file with normals and colours takes 350 bytes per
+        triangle."""
         return 500 * self.triangles
 
     @property
     def seconds(self) -> float:
-        """Largest duration; the slowest reader takes a sixth of it on one core of 2020."""
+        """Largest duration of reading; the slowest reader takes a sixth of it on one core of 2020."""
         return max(20.0, 6e-5 * self.triangles)
 
     def require_triangles(self, count: int) -> None:
@@ -63,11 +64,11 @@ class Budget:
 
     def _require(self, count: int, limit: int, what: str) -> None:
         if count > limit:
-            raise SurfaceError(f"the file has {count:,} {what}, and {limit:,} is the limit; {_LIFT}")
+            raise SurfaceError(f"the file has {count:,} {what}, but {limit:,} is the limit; {_LIFT}")
 
 
 _LIFT = "make the mesh coarser, or allow more with --max-triangles N (surface.max_triangles in a preset)"
-"""Remedy for every limit."""
+"""Remedy in the messages about the limits of `Budget`."""
 
 
 log = logging.getLogger(__name__)
@@ -76,7 +77,7 @@ log = logging.getLogger(__name__)
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
     """Convert any exception while a file is read into a SurfaceError with a sentence.
-    smaller : remedy if memory does not suffice.    damaged : cause of a foreign parser's error."""
+    smaller : remedy if the memory is too small.    damaged : cause of an unknown error of a parser."""
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -87,9 +88,9 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
     except MalformedFileError as error:
         raise SurfaceError(f"{path} cannot be read as {kind} ({error}); export it again") from None
     except MemoryError:
-        raise SurfaceError(f"{path} needs more memory than there is; {smaller}") from None
+        raise SurfaceError(f"{path} needs more memory than this machine has; {smaller}") from None
     except OSError as error:
-        raise SurfaceError(f"{path} cannot be read ({error.strerror or 'the system says no more'})") from None
+        raise SurfaceError(f"{path} cannot be read ({error.strerror or 'the system gives no reason'})") from None
     except Exception:  # the message of a parser does not help the user
         log.debug("reading %s", path, exc_info=True)
         raise SurfaceError(f"{path} cannot be read as {kind} ({damaged}); export it again") from None
@@ -97,10 +98,10 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class FileRecord:
-    """Texts about the content of one file, a few words each.
+    """Short texts about the content of one file.
 
-    read     : the format and its content; then doubts about it.
-    repaired : differences from the file.
+    read     : the format and its content; then doubts about the content.
+    repaired : differences between the surface and the file.
     dropped  : content of the file that the surface lacks."""
 
     read: tuple[str, ...] = ()
@@ -113,7 +114,7 @@ class FileRecord:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Texts for the user, a line each: all except the plain content of the file."""
+        """Lines for the user: all texts except the first, on the format and its content."""
         kinds = ("read", self.read[1:]), ("repaired", self.repaired), ("dropped", self.dropped)
         return tuple(f"{kind}: {text}" for kind, texts in kinds for text in texts)
 
@@ -125,7 +126,7 @@ NOTHING_READ = FileRecord()
 class PolygonFile:
     """The polygons of a file, and remarks about the file.
     doubts : oddities that may be faults. dropped : ignored parts. unit : the unit in the file's comments.
-    up : the default up axis of the program that wrote the file, "y" or "z". None stands for unknown."""
+    up : the default up axis of the program that wrote the file, "y" or "z"; None if unknown."""
 
     mesh: Polygons
     doubts: tuple[str, ...] = ()
@@ -136,8 +137,7 @@ class PolygonFile:
 
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
-    """Triangles of a file: vertices V (n, 3) in the file's unit and faces F (m, 3); and remarks like those of a
-    `PolygonFile`.
+    """Triangles of a file: vertices V (n, 3) in the file's unit, faces F (m, 3), and remarks as in a `PolygonFile`.
 
     unit : the unit that the file declares, or None. metres : metres in this unit."""
 
@@ -157,16 +157,16 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
 )
 _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IGNORECASE)
-"""A comment with a unit: '# File units = inches', 'comment unit: mm'."""
+"""Pattern of a comment with a unit: '# File units = inches', 'comment unit: mm'."""
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
 """Programs whose OBJ files have y up by default (first group), and programs with z up."""
 
-BLOCK = 1 << 20  # Number of letters that the reader splits into lines between two checks of the time.
+BLOCK = 1 << 20  # Number of characters that the reader splits into lines between two checks of the time.
 
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file with plain line ends, doubts about the text, and whether the last line has an end."""
+    """The text of a file with plain line ends, doubts about the text, and true if the last line has an end."""
 
     text: str
     doubts: tuple[str, ...]
@@ -185,8 +185,7 @@ class TextFile:
             position = end + 1
 
     def cut_off(self, part: str) -> tuple[str, ...]:
-        """Return a doubt about a last line without an end, which should be part of `part`; nothing if the line has
-        an end."""
+        """Return a doubt if the last line, which should be part of `part`, has no end; else nothing."""
         return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 
@@ -199,8 +198,8 @@ def may_lack_digits(word: str, count: int) -> bool:
 
 def text_file(data: bytes) -> TextFile:
     """Return the text in `data`: UTF-8, or an encoding that a byte order mark or zeros between the letters indicate.
-    Each invalid byte becomes a letter that never occurs in a number. Raises MalformedFileError for incomplete
-    UTF-16."""
+    Each invalid byte becomes a letter that never occurs in a number. Raises MalformedFileError for incomplete UTF-16.
+    """
     encoding, doubt, skipped = "utf-8", "", 0
     for mark, name, word in _MARKS:
         if data.startswith(mark):
@@ -229,7 +228,8 @@ class CommentDeclarations:
 
 
 def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclarations:
-    """Return the unit and the up axis from comments, which begin with `marks`, in the first 4096 letters of a file."""
+    """Return the unit and the up axis from comments in the first 4096 characters of a file; comments begin with
+    `marks`."""
     comments = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
     unit, program = _UNIT.search(comments), _PROGRAMS.search(comments)
     return CommentDeclarations(
@@ -238,14 +238,14 @@ def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclar
 
 
 def float_of(word: str) -> float:
-    """Return a number; raises ValueError for any other text, also for Python's own notation (1_0)."""
+    """Return the number in a text; raises ValueError for all other text, and for Python's own notation (1_0)."""
     if "_" in word:
         raise ValueError
     return float(word)
 
 
 def whole_number(word: str) -> int:
-    """Return a whole number; raises ValueError for any other text, also for Python's own notation (1_0)."""
+    """Return the whole number in a text; raises ValueError for all other text, and for Python's own notation (1_0)."""
     if "_" in word:
         raise ValueError
     return int(word)
@@ -257,8 +257,10 @@ LARGEST_NUMBER = 1e12  # Larger numbers cannot be lengths or angles, and librari
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Content of a drawing, in its unit: curves with layer and points (k, 3), layers, the unit or None, and points
-    with layer and place (1, 3)."""
+    """Content of a drawing, in its unit.
+    runs : layer and points (k, 3) of each curve.    layers : names of all layers.    unit : None if the file has no
+           unit.
+    points : layer and place (1, 3) of each single point."""
 
     runs: tuple[tuple[str, Floats], ...]
     layers: tuple[str, ...]
@@ -268,7 +270,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class DrawingBudget:
-    """Limits of a drawing of outlines, far beyond the size of drawn doors and supports.
+    """Limits of a drawing of outlines, far beyond the size of drawings of doors and supports.
     The limits are: bytes, entities (each insertion counts those of its block), points of all curves, seconds, and
     depth of nested blocks. started : start of reading, seconds of the process's clock."""
 
@@ -280,10 +282,10 @@ class DrawingBudget:
     started: float = field(default_factory=time.monotonic)
 
     def require(self, kind: str, count: int) -> None:
-        """Raise SurfaceError for more of a kind ("bytes", "entities", "points") than the limit, or after too long a
-        time."""
+        """Raise SurfaceError if `count` of a kind ("bytes", "entities", "points") exceeds the limit, or the time is
+        over."""
         if count > getattr(self, kind):
-            raise SurfaceError(f"the drawing has {count:,} {kind}, and {getattr(self, kind):,} is the limit; {_APART}")
+            raise SurfaceError(f"the drawing has {count:,} {kind}, but {getattr(self, kind):,} is the limit; {_APART}")
         self.require_time()
 
     def require_time(self) -> None:
@@ -292,12 +294,11 @@ class DrawingBudget:
             raise SurfaceError(f"reading the drawing took more than {self.seconds:.0f} s; {_APART}")
 
 
-_APART = "put the outlines into a drawing of their own"  # Remedy for every limit.
+_APART = "put the outlines into a drawing of their own"  # Remedy in the messages about the limits of `DrawingBudget`.
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of `curve` at the ends of spans (s,), and between them as `CURVE_TOLERANCE` requires (up
-    to 1024 per span)."""
+    """Return points (k, 3) of `curve` at the ends of spans (s,), and up to 1024 more per span for `CURVE_TOLERANCE`."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

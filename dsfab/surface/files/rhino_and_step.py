@@ -20,13 +20,13 @@ UNITS = {
 }  # fmt: skip
 """Units by their names in rhino3dm."""
 MARKS = ("Point", "TextDot", "PolylineCurve", "LineCurve", "ArcCurve", "NurbsCurve", "PolyCurve", "Light")
-"""Objects that may lie beside a surface without a remark."""
+"""Kinds of objects that dsfab ignores without a remark beside a surface."""
 
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     """Return the curves of a 3DM file, with blocks expanded, its layers and its unit.
-    Raises SurfaceError without the library and beyond the budget, MalformedFileError for another file. The library may
-    crash on a damaged file; `separate_process.read_rhino_in_process` is safe for foreign files."""
+    Raises SurfaceError without the library and beyond the budget, MalformedFileError for a file that is not 3DM. The
+    library may crash on a damaged file; `separate_process.read_rhino_in_process` is safe for such files."""
     require_rhino()
     import rhino3dm
 
@@ -44,7 +44,7 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
-    """Return the meshes of a 3DM file and the saved meshes of its surfaces, with blocks expanded and vertices not
+    """Return the meshes of a 3DM file, and the saved meshes of its surfaces, with blocks expanded and vertices not
     joined.
 
     Raises SurfaceError for a file whose surfaces have no saved meshes, and as `read_rhino` does."""
@@ -61,7 +61,7 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
             count += len(points)
     if not V:
         what = f"{count_phrase(bare, 'surface')} without a mesh" if bare else "no mesh"
-        raise SurfaceError(f"it holds {what}; in Rhino make one (Mesh), or export the surface as STEP")
+        raise SurfaceError(f"the file has {what}; make a mesh in Rhino (Mesh), or export the surface as STEP")
     unit = UNITS.get(model.Settings.ModelUnitSystem.name)
     dropped = [count_phrase(bare, "surface") + " saved without its mesh"] if bare else []
     dropped += [count_phrase(other_objects, "object") + " that are neither mesh nor surface"] if other_objects else []
@@ -95,13 +95,13 @@ def _model(path: Path) -> Any:
 
     model = rhino3dm.File3dm.Read(str(path))
     if model is None:
-        raise MalformedFileError("it is damaged, or no 3DM file")
+        raise MalformedFileError("it is damaged, or not a 3DM file")
     return model
 
 
 class _DrawnObjects:
-    """Iterator over the drawn objects that counts them. A file lists the content of a block among all objects. The
-    iterator draws it at each insertion of the block, moved by the insertion's matrix."""
+    """Iterator over the drawn objects of a 3DM file; it also counts them. A file lists the content of a block among all
+    objects. The iterator draws it at each insertion of the block, moved by the insertion's matrix."""
 
     def __init__(self, model: Any, budget: DrawingBudget) -> None:
         self.model, self.budget, self.count = model, budget, 0
@@ -118,7 +118,7 @@ class _DrawnObjects:
         import rhino3dm
 
         if depth > self.budget.depth:
-            raise MalformedFileError(f"its blocks lie in one another, more than {self.budget.depth} deep")
+            raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
         for thing in things:
             self.count += 1
             self.budget.require("entities", self.count)
@@ -129,13 +129,12 @@ class _DrawnObjects:
                 yield self.layers.get(thing.Attributes.LayerIndex, ""), thing.Geometry, place
 
     def _block_objects(self, number: Any) -> list[Any]:
-        """Return the content of a block; raises MalformedFileError if the file lacks it, for example for a linked
-        block."""
+        """Return the content of a block; raises MalformedFileError if the file lacks it, for example a linked block."""
         block = self.model.InstanceDefinitions.FindId(number)
         inside = [self.model.Objects.FindId(object_id) for object_id in block.GetObjectIds()] if block else []
         if not inside or None in inside:
             name = f"the block {block.Name!r}" if block else "a block"
-            raise MalformedFileError(f"{name} is inserted and not in the file; explode it, or embed it in Rhino")
+            raise MalformedFileError(f"the file inserts {name} but lacks its content; explode or embed it in Rhino")
         return inside
 
 
@@ -176,8 +175,8 @@ def read_occt(path: Path) -> TriangleFile:
     BRepBndLib.Add_s(shape, box)
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
-        raise MalformedFileError("it holds no faces, only curves or points")
-    # triangles deviate by this share of the box's diagonal, and neighbours by 0.2 radians
+        raise MalformedFileError("it has no faces, only curves or points")
+    # limits: distance from the face, as a share of the box's diagonal; angle between neighbours of 0.2 radians
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
     V, F, count, lost = list[Floats](), list[Ints](), 0, 0
     while faces.More():
@@ -204,14 +203,14 @@ def _shape(path: Path) -> Any:
 
         shape = TopoDS_Shape()
         if not BRepTools.Read_s(shape, str(path), BRep_Builder()) or shape.IsNull():
-            raise MalformedFileError("it is no BREP file, or it is cut off")
+            raise MalformedFileError("it is not a BREP file, or it is cut off")
         return shape
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.STEPControl import STEPControl_Reader
 
     reader = STEPControl_Reader()
     if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
-        raise MalformedFileError("it is no STEP file with shapes, or it is cut off")
+        raise MalformedFileError("it is not a STEP file with shapes, or it is cut off")
     return reader.OneShape()
 
 

@@ -1,6 +1,6 @@
 """Separate process for the readers of 3DM, STEP and BREP files, with limits on time and memory.
 
-rhino3dm crashes on some damaged files of 7 kB, and needs 6.7 GB or half a minute for similar files. OCCT may take any
+rhino3dm crashes on some damaged files of 7 kB; for similar files it needs 6.7 GB, or half a minute. OCCT may take any
 time for a surface, and may end the process."""
 
 import importlib.util
@@ -21,7 +21,7 @@ from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino
 
 GIB = 2**30
 MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}  # Bytes of address space for reading.
-SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}  # Processor seconds for a small file, and additionally for each 10 MB.
+SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}  # Processor seconds for a small file; each 10 MB adds this time again.
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}
 
@@ -51,8 +51,7 @@ def read_3dm(path: Path, budget: Budget) -> TriangleFile:
 
 
 def read_cad(path: Path, budget: Budget) -> TriangleFile:
-    """Return the faces of a STEP or BREP file as triangles, joined along common edges. Raises like
-    `read_rhino_in_process`."""
+    """Return the triangles of a STEP or BREP file, joined along common edges. Raises like `read_rhino_in_process`."""
     mesh = _triangles("cad", path, budget)
     V, became = merged_vertices(mesh.V, 1e-7)  # two faces have points this near on a common edge
     F = became[mesh.F]
@@ -78,7 +77,7 @@ def _program_output(kind: str, path: Path, timeout: float) -> bytes:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folder for folder in sys.path if folder)}
     process = subprocess.run(command, capture_output=True, env=environment, timeout=timeout, check=False)
     if process.returncode:
-        raise MalformedFileError(f"it is damaged: {LIBRARIES[kind]} breaks on it")
+        raise MalformedFileError(f"it is damaged: {LIBRARIES[kind]} stops while reading it")
     return process.stdout
 
 
@@ -90,7 +89,8 @@ def _raise_refusal(answer: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Run the program (kind of file, path, seconds). The answer is a line of JSON; meshes are in an .npz file."""
+    """Read a file in this process; the arguments are kind, path and seconds. Print JSON for drawings, .npz for
+    meshes."""
     kind, path, seconds = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])
     if kind == "drawing":

@@ -29,9 +29,9 @@ CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles, with coincident corners merged.
-    The length tells binary files from text, because many binary files also begin with "solid". Raises
-    MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
+    """Return the triangles of an STL file, with coincident corners merged. The length of the file distinguishes binary
+    files from text, because many binary files also begin with "solid". Raises MalformedFileError for an incomplete or
+    foreign file, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -51,7 +51,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     text, position, numbers, ended = file.text.rstrip(), 0, array("d"), False
     head = _BETWEEN.match(text)
     if head is None or not text.lstrip()[:5].lower() == "solid":
-        raise MalformedFileError("it is neither text that begins with 'solid' nor as long as its binary header says")
+        raise MalformedFileError("it does not begin with 'solid', and its length differs from its binary header")
     position = head.end()
     while position < len(text):
         if match := _FACET.match(text, position):
@@ -60,7 +60,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
                 numbers.extend(map(_number, match.groups()))
             except ValueError:
                 raise MalformedFileError(
-                    f"line {_line_number(text, position)} and those after it hold a number that is none"
+                    f"line {_line_number(text, position)} or a later line has a word that is not a number"
                 ) from None
             if len(numbers) % (9 * CHUNK) == 0:
                 budget.require_time()
@@ -68,7 +68,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
         elif match := _BETWEEN.match(text, position):
             ended = match.group().strip().lower().startswith("end")
         else:
-            raise MalformedFileError(f"line {_line_number(text, position)} and those after it are no triangle")
+            raise MalformedFileError(f"line {_line_number(text, position)} does not begin a triangle")
         position = match.end()
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
@@ -91,18 +91,16 @@ def _line_number(text: str, position: int) -> int:
 
 
 _UNITS = {"MicroMeter": "um", "MilliMeter": "mm", "CentiMeter": "cm", "Meter": "m", "Inch": "in", "Foot": "ft"}
-
-
 _PARTS = re.compile(rb"<(/?)(?:[\w.-]+:)?(object|component|item)\b([^>]*)>")
 _TRIANGLE = re.compile(rb"[<:]triangle\s")
 _ATTRIBUTE = re.compile(rb"""\b(id|objectid|path)\s*=\s*["']([^"']*)["']""")
 
-Key = tuple[str, bytes]  # A part of the file, and the number of an object in it.
+Key = tuple[str, bytes]  # The name of a part of the file, and the number of an object in this part.
 
 
 def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
-    """Return all objects on the build plate, at their places. Raises MalformedFileError for a damaged file and
-    SurfaceError beyond the budget, both before lib3mf reads the file."""
+    """Return the triangles of all objects on the build plate of a 3MF file, at their places. Raises MalformedFileError
+    for a damaged file and SurfaceError beyond the budget, both before lib3mf reads the file."""
     plate = _Plate(data, budget)
     budget.require_triangles(plate.triangles())
     import lib3mf
@@ -119,7 +117,7 @@ def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
     V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
     F = np.concatenate([np.empty((0, 3), dtype=np.int64), *(F + n for (_, F), n in zip(parts, offsets, strict=True))])
     unplaced = len(plate.own) - len(plate.used)
-    dropped = (f"{count_phrase(unplaced, 'object')} that the build plate does not hold",) if unplaced > 0 else ()
+    dropped = (f"{count_phrase(unplaced, 'object')} that the build plate lacks",) if unplaced > 0 else ()
     return TriangleFile(V, F, unit, metres, dropped=dropped)
 
 
@@ -132,7 +130,8 @@ def _meshes(model: Any) -> Iterator[tuple[Floats, Ints]]:
 
 
 class _Plate:
-    """Content of a file that needs memory: triangles and components of objects, and the items on the plate."""
+    """Counts of the content that needs memory: triangles and components of objects, and the items on the build
+    plate."""
 
     def __init__(self, data: bytes, budget: Budget) -> None:
         self.own: dict[Key, int] = {}
@@ -166,7 +165,7 @@ class _Plate:
 
     def _triangles_of(self, key: Key, depth: int) -> int:
         if depth > 100:
-            raise MalformedFileError("an object of it is made of itself, or of objects in over 100 levels")
+            raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
         self.used.add(key)
         if key not in self._known:
             parts = sum(self._triangles_of(part, depth + 1) for part in self.made_of.get(key, ()))
@@ -180,7 +179,7 @@ def _models(data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:
             size = sum(entry.file_size for entry in packed.infolist())
             # compression shrinks numbers to a tenth, and repeated triangles to a hundredth
             if size > max(1 << 24, 60 * len(data)):
-                raise MalformedFileError(f"it unpacks to {size / len(data):,.0f} times its size, which no mesh does")
+                raise MalformedFileError(f"it unpacks to {size / len(data):,.0f} times its size, more than any mesh")
             budget.require_bytes(size, "bytes once it is unpacked")
             for entry in packed.infolist():
                 budget.require_time()
@@ -193,6 +192,6 @@ def _models(data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:
     except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
         if isinstance(error, MalformedFileError):
             raise
-        raise MalformedFileError("it is no ZIP archive, or a damaged one") from None
+        raise MalformedFileError("it is not a ZIP archive, or it is damaged") from None
     except (OSError, zlib.error):
-        raise MalformedFileError("a part of it cannot be unpacked") from None
+        raise MalformedFileError("dsfab cannot unpack a part of it") from None
