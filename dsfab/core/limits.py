@@ -6,13 +6,9 @@ from collections.abc import Iterable
 from typing import Literal
 
 Status = Literal["pass", "fail", "unknown"]  # Result of a check; "unknown" if the results cannot decide.
-
 Mark = Status | Literal["note"]  # Status of an entry in a list of checks; a note does not count.
-
 SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
-
 MARKS: tuple[Mark, ...] = (*SEVERITY, "note")
-
 BALANCE = 1e-4
 """Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes.
 
@@ -21,7 +17,6 @@ beam of 30 widths with 8 `hhj` cells across). Rounding reaches 1.3e-5 where need
 a thickness of 20 mm, because the entries of their stiffness are rounded."""
 
 REPORTED_RESIDUAL = 1e-8  # dsfab reports a larger relative residual of the linear system, measured in energy.
-
 RESIDUAL = 1e-6
 """Largest accepted relative residual, and largest relative error of a compliance that the residual may cause.
 
@@ -39,7 +34,6 @@ LEAST_LOAD_SHARE = 1e-3  # Snow or wind has no effect if a smaller mean share re
 POSSIBLE_SIZE = (1e-9, 1e9)  # Metres; dsfab refuses all further sizes, because products of their numbers overflow.
 USUAL_SIZE = (0.01, 1e3)  # Metres; a smaller or larger surface causes a remark, because its unit may be wrong.
 CONVERGED = 0.02  # A compliance counts as computed if its relative error bound is below this value.
-
 FACETS = 0.2
 """dsfab warns above this value of L^2 / (R h) of a mesh: edge length L, radius of curvature R, thickness h. At this
 value flat facets of a curved sheet change its compliance by 1 %, and its largest stress under pressure or weight by up
@@ -49,7 +43,6 @@ SLIT = 0.25  # Half-width of a member, in periods, at which its opening is equal
 CROWDING = 1.25  # Where openings cannot be wider, members may take this many times their usual share of the spacing.
 FILM = 0.05  # A part of the sheet thinner than this share of the thickness counts as a film.
 OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, as a share of the thickness.
-
 OFF_SURFACE = 1 / 20
 """Default limit for the distance between a file's solid and the design's solid, as a share of the thickness. Smooth and
 simplified solids respect this limit, and so does the check of a file with curves."""

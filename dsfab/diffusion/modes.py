@@ -78,14 +78,9 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
 
 
-REPEATED = 1e-6
-"""Eigenvalues that differ by less than this share are repeated."""
-
-VISIBLE = 1e-2
-"""A reference field fixes a basis or a sign only if it has at least this share in an eigenspace."""
-
-SPARE = 2
-"""Number of pairs computed beyond the requested pairs, so that a repeated last eigenvalue is mostly complete."""
+REPEATED = 1e-6  # Eigenvalues that differ by less than this share are repeated.
+VISIBLE = 1e-2  # A reference field fixes a basis or a sign only if it has at least this share in an eigenspace.
+SPARE = 2  # Number of pairs computed beyond the requested pairs, so that a repeated last eigenvalue is mostly complete.
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,17 +28,14 @@ from dsfab.surface import (
     weights_at,
 )
 
-IMAGE_OFF_SURFACE = 0.25
-"""Largest distance of images of vertices from the surface, as a share of the mean edge."""
-
+IMAGE_OFF_SURFACE = 0.25  # Largest distance of images of vertices from the surface, as a share of the mean edge.
 OFF_SUPPORT = 1.0
 """Largest distance of images of held vertices from held vertices, in mean edges: a pick is accurate to one edge."""
 
 OFF_LOAD = (0.3, 0.02)
 """Largest difference of loads from their images, as shares of the load: of smoothed forces, then of resultants."""
 
-SAMPLE_POINTS = 100
-"""Size of the sample of points that is checked before all points."""
+SAMPLE_POINTS = 100  # Size of the sample of points that is checked before all points.
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,8 +248,7 @@ TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
 """Rotations about an axis that the search tries, as fractions 1 / n of a full turn."""
 ROUND = (7, 5)
 """A surface counts as round if it is symmetric under rotations by both of these fractions of a full turn."""
-LENIENT = 1.5
-"""Factor on all tolerances in quick checks."""
+LENIENT = 1.5  # Factor on all tolerances in quick checks.
 
 
 def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:

@@ -47,7 +47,6 @@ def _deviator(planar: Floats) -> Floats:
 
 
 Labelling = Literal["signed", "magnitude"]
-
 ISOTROPY = 0.02
 """A face with a smaller relative difference of its principal stresses is isotropic: it has no direction."""
 

@@ -154,8 +154,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = 1e-6
-"""Least weight of the stress, so that the field is unique on an unstressed surface."""
+FLOOR = 1e-6  # Least weight of the stress, so that the field is unique on an unstressed surface.
 
 
 @dataclass(frozen=True, eq=False)

@@ -147,8 +147,7 @@ def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Comp
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
-ON_EDGE = 1e-9
-"""A point is on an edge of a face if the share of the third corner is smaller."""
+ON_EDGE = 1e-9  # A point is on an edge of a face if the share of the third corner is smaller.
 
 
 @dataclass(frozen=True, eq=False)

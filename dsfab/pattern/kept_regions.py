@@ -12,10 +12,7 @@ from dsfab.surface import Distances, Origins, PatternRegion, Surface, geodesic_d
 from dsfab.surface.fields import DividedField, DividedSurface
 from dsfab.surface.topology import link_components
 
-EVEN = 0.01
-"""Largest error of a region's edge by linear distances on faces, as a share of its reach."""
-
-
+EVEN = 0.01  # Largest error of a region's edge by linear distances on faces, as a share of its reach.
 SNAP = 0.05
 """The usual `slicing.snap`: a cut moves vertices onto the edge of a region if they are nearer than this share. It is a
 share of the growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are halved."""

@@ -17,12 +17,10 @@ from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
 """Shift of the inverse iteration, over the squared spacing: it makes the matrix definite and changes no eigenvector."""
-FLOW = 0.25
-"""Length 1 / tau of a round of diffusion, where tau is this share of (2 pi / spacing)^2."""
+FLOW = 0.25  # Length 1 / tau of a round of diffusion, where tau is this share of (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
 """Largest miss, in periods, of a locked phase that is rounded to its target, so that edges get straight members."""
-LOCK = 3.0
-"""Weight of a locked phase, over (2 pi / spacing)^2."""
+LOCK = 3.0  # Weight of a locked phase, over (2 pi / spacing)^2.
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,14 +13,10 @@ from dsfab.pattern.frames import Frames, corner_sums
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-SMOOTH = 0.02
-"""Weight of |grad u|^2, which fills regions of unclear direction."""
-EVEN = 0.3
-"""Weight of u^2, over the area of the surface, to select the constant nearest to an even spacing."""
-RANGE = (-2.0, 1.5)
-"""Bounds of u without halving, because u diverges at singular points of the field."""
-COARSE_RANGE = (-1.0, 3.0)
-"""Bounds of u with halving, because halving takes up all but the last power of two."""
+SMOOTH = 0.02  # Weight of |grad u|^2, which fills regions of unclear direction.
+EVEN = 0.3  # Weight of u^2, over the area of the surface, to select the constant nearest to an even spacing.
+RANGE = (-2.0, 1.5)  # Bounds of u without halving, because u diverges at singular points of the field.
+COARSE_RANGE = (-1.0, 3.0)  # Bounds of u with halving, because halving takes up all but the last power of two.
 MOST_HALVINGS = 3
 
 

@@ -9,8 +9,7 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"
-"""`wave` for shaders."""
+GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"  # `wave` for shaders.
 
 
 def wave(t: Floats) -> Floats:

@@ -61,8 +61,7 @@ def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_ar
 GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
 """Two-point quadrature on an edge from 0 to 1, exact for cubics."""
 
-CONDENSED = 12 * (np.eye(3) - 0.25)
-"""A times the inverse mass matrix of the hats on a triangle of area A."""
+CONDENSED = 12 * (np.eye(3) - 0.25)  # A times the inverse mass matrix of the hats on a triangle of area A.
 
 
 def moment_loads(surface: Surface) -> Floats:

@@ -15,9 +15,7 @@ from dsfab.surface import coincident, pieces
 from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
 from dsfab.surface.mesh import Surface
 
-FREE_MOTION = 1e-9
-"""A rigid motion is free if it moves the supports by less than this share of the piece's own motion."""
-
+FREE_MOTION = 1e-9  # A rigid motion is free if it moves the supports by less than this share of the piece's own motion.
 MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
 
 

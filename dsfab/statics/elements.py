@@ -15,9 +15,7 @@ from dsfab.surface.mesh import Surface
 
 Membrane = Literal["constant", "quadratic", "hybrid"]
 Bending = Literal["hinge", "midedge", "hhj"]
-
-BUBBLES = ("along", "across", "normal")
-"""Edge bubbles, in the order of the rows of an edge frame."""
+BUBBLES = ("along", "across", "normal")  # Edge bubbles, in the order of the rows of an edge frame.
 
 
 @dataclass(frozen=True)
@@ -71,8 +69,7 @@ class Elements:
         return np.concatenate([corners, *groups], axis=1)
 
 
-PAPER = Elements("constant", "hinge")
-"""The elements of the paper; `USES` selects a pair for each result."""
+PAPER = Elements("constant", "hinge")  # The elements of the paper; `USES` selects a pair for each result.
 
 
 def half_edge_signs(surface: Surface) -> Floats:

@@ -18,9 +18,7 @@ ACCURATE = 1e-9
 """Relative residual above which solutions are refined: a tenth of the accepted residual, because rounding affects
 it too."""
 
-REFINEMENTS = 6
-"""Most steps of refinement; two or three reach the precision of the numbers."""
-
+REFINEMENTS = 6  # Most steps of refinement; two or three reach the precision of the numbers.
 ROWS = 1 << 16
 """Rows of a stiffness multiplied at a time in longer numbers, because the whole matrix would take three times its
 memory."""

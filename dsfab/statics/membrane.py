@@ -12,8 +12,7 @@ from dsfab.statics.model import Law, Material
 from dsfab.surface.fields import hat_gradients, tangents
 from dsfab.surface.mesh import Surface
 
-MONOMIALS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-"""Powers of x and y in a quadratic polynomial."""
+MONOMIALS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # Powers of x and y in a quadratic polynomial.
 
 AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(2, 0): 1}, {(1, 1): 1}, {(0, 2): 1},
@@ -32,8 +31,7 @@ _NEAR, _FAR = 0.108103018168070, 0.816847572980459
 POINTS = np.concatenate([np.full((3, 3), (1 - x) / 2) + (3 * x - 1) / 2 * np.eye(3) for x in (_NEAR, _FAR)])
 """Barycentric coordinates of six points, whose weights are `SHARES` of the area: exact for degree 4 [Dunavant 1985]."""
 
-UNMIXED = 12 * (np.eye(3) - 0.25)
-"""Inverse of the mass matrix of the hats on a triangle of area 1."""
+UNMIXED = 12 * (np.eye(3) - 0.25)  # Inverse of the mass matrix of the hats on a triangle of area 1.
 
 
 def _airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:

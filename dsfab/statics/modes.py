@@ -55,15 +55,9 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
     return ModeSupports(across, HELD_ACROSS)
 
 
-FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
-"""Default elements."""
-
-HATS = (np.eye(3) + 1) / 12
-"""Integrals of products of two hats over a triangle of area 1."""
-
-BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45
-"""Integrals of products of two edge bubbles 4 phi_j phi_k."""
-
+FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")  # Default elements.
+HATS = (np.eye(3) + 1) / 12  # Integrals of products of two hats over a triangle of area 1.
+BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 """Integrals of hat i (row) times the bubble of half-edge c (column), which runs from corner c to the next."""
 

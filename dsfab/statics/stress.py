@@ -69,11 +69,8 @@ SMOOTH = np.cos(np.radians(30))
 """Cosine of 30 degrees: a fold separates faces that lean more from the mean normal at a vertex."""
 
 
-WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
-"""Number of entries xx, yy, zz, yz, xz and xy in a symmetric tensor."""
-
-HALVES = np.array([1.0, 1.0, 2.0])[:, None]
-"""Squared norms of unit plane tensors xx, yy and xy."""
+WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of entries xx, yy, zz, yz, xz and xy in a symmetric tensor.
+HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
 
 
 def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:

@@ -15,8 +15,7 @@ from dsfab.statics.stiffness import FaceStiffness
 from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
-LEAST = 1e-4
-"""Least thickness over that of the sheet, so that omitted faces still have a direction of force."""
+LEAST = 1e-4  # Least thickness over that of the sheet, so that omitted faces still have a direction of force.
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
 """Largest change of a face in the last step and in any step, over the thickness, and largest number of steps."""
 

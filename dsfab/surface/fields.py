@@ -56,8 +56,7 @@ def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -
     return coo_array((values, (rows, columns)), shape=(surface.n, surface.n)).tocsr()
 
 
-Kind = Literal["edge", "centre"]
-"""Kind of a line: an end of the material, or the middle of a member."""
+Kind = Literal["edge", "centre"]  # Kind of a line: an end of the material, or the middle of a member.
 
 
 @dataclass(frozen=True, eq=False)

@@ -93,7 +93,7 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "a soft material": (["--set", "statics.young=0"], "greater than 0"),
     "a material lighter than nothing": (["--set", "statics.density=-1"], "greater than or equal to 0"),
     "a spring that pushes": (["--set", "surface.support.0={at={pick='boundary'}, spring=[0, 0, -9]}"], "spring = ["),
-    "a support that holds nothing": (["--set", "surface.support.0.hold=''"], "it holds nothing"),
+    "a support that holds nothing": (["--set", "surface.support.0.hold=''"], "the support holds nothing"),
     "clamped hinges": (["--set", "surface.support.0.clamp=true"], 'choose bending = "midedge" or "hhj"'),
     "a case that no load has": (["--set", "diffusion.follow=laod"], "did you mean load?"),
     "a factor for a case that no load has": (
@@ -102,7 +102,7 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     ),
     "a case with nothing to carry": (
         ["--set", "surface.load.1={kind='force', at={pick='boundary'}, force=[0, 0, -1], case='crane'}"],
-        "case crane: every load is on held vertices",
+        "case crane: all loads act on fixed vertices",
     ),
     "supports that let it slide": (["--set", "surface.support.0.hold=z"], "move along"),
     "a mesh of a billion triangles": (["--set", "surface.edge=0.0001"], "edge"),

@@ -213,8 +213,8 @@ def test_what_is_picked_by_vertices_ends_halfway_to_the_others():
     ("region", "what"),
     [
         (PatternRegion(Ball((40, 0, 0), 1.0), "void", name="door"), r"region\.0 \(door\): .* 31 m from its nearest"),
-        (PatternRegion(Ball((4, 3, 0), 100.0), "void"), r"pattern\.region\.0: it takes all that is left"),
-        (PatternRegion(Ball((4, 3, 9), 1.0), "keep"), "nowhere on the surface"),
+        (PatternRegion(Ball((4, 3, 0), 100.0), "void"), r"pattern\.region\.0: the void removes the rest"),
+        (PatternRegion(Ball((4, 3, 9), 1.0), "keep"), "misses the surface"),
         (PatternRegion(Facing((0, 0, -1), 5.0), "void"), r"pattern\.region\.0: pick = 'facing'.* picks no vertex"),
     ],
 )
@@ -230,7 +230,7 @@ def test_regions_that_are_nowhere_or_everything_say_so(region, what):
          r"surface\.support\.0: everything that it picks .* by the void pattern\.region\.0 \(oculus\)"),
         ([{**OCULUS, "at": {"pick": "box", "min": [-9, 0, -1], "max": [9, 1, 1]}}],
          r"the void pattern\.region\.0 \(oculus\) parts 1 of 2 pieces .* \(16 m2\) around \(.*, 2, 0\) m"),
-        ([OCULUS, {"do": "keep", "at": OCULUS["at"]}], r"pattern\.region\.1: it is nowhere on the surface"),
+        ([OCULUS, {"do": "keep", "at": OCULUS["at"]}], r"pattern\.region\.1: the region misses the surface"),
     ],
 )  # fmt: skip
 def test_voids_that_take_the_supports_say_so(regions, what):

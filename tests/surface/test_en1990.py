@@ -91,7 +91,7 @@ def test_for_any_actions(kinds, rule):
 def test_what_cannot_be_told_is_asked_for():
     told = list(action_mistakes([DEAD, CROWD], {}, "EN 1990 6.10"))
     assert len(told) == 1
-    assert "crowd (force) do not tell what they are" in told[0]
+    assert "crowd (force) do not show their kind of action" in told[0]
     assert "imposed C" in told[0]
     both = [SelfWeight(case="all"), Snow(pressure=800, case="all")]
     assert "self_weight, snow) are of several kinds" in next(action_mistakes(both, {}, "EN 1990 6.10"))
@@ -148,7 +148,7 @@ def test_a_preset_with_a_standard_is_written_and_read_again(preset, tmp_path):
 
 def test_a_case_of_which_nothing_is_known_is_refused():
     loads = [{"kind": "force", "at": {"pick": "all"}, "force": [0, 0, -1000.0], "case": "people"}]
-    with pytest.raises(PresetError, match=r"case people \(force\) do not tell what they are.*surface.actions"):
+    with pytest.raises(PresetError, match=r"case people \(force\) do not show their kind of action.*surface.actions"):
         dsfab.Preset(
             surface={"shape": "plate", "combinations": "EN 1990 6.10", "load": loads}, statics={"thickness": 0.1}
         )

@@ -287,7 +287,10 @@ def bad_drawings(folder: Path) -> dict[str, tuple[ClosedCurves, str]]:
     drawing(folder, unit=0).saveas(folder / "unitless.dxf")
     (folder / "broken.dxf").write_text("this is no DXF")
     return {
-        "open": (ClosedCurves(folder / "bad.dxf", "open"), r"layer 'open', .*\(300, 400, 0\) are 500 apart.*close the curve"),
+        "open": (
+            ClosedCurves(folder / "bad.dxf", "open"),
+            r"layer 'open', .*\(300, 400, 0\) are 500 apart.*close the curve",
+        ),
         "text": (ClosedCurves(folder / "bad.dxf", "Defpoints"), "layer 'Defpoints', has no curve"),
         "eight": (ClosedCurves(folder / "bad.dxf", "eight"), "curve 0, seen along its normal, crosses"),
         "no layer": (ClosedCurves(folder / "bad.dxf", "opne"), "no layer 'opne'; did you mean open.* its layers are"),
@@ -313,7 +316,7 @@ def test_a_file_or_curves_but_not_both():
     for keys in ({}, {"file": Path("a.dxf"), "curves": (((0, 0, 0), (1, 0, 0), (1, 1, 0)),)}):
         with pytest.raises(SurfaceError, match="either file"):
             ClosedCurves(**keys)
-    with pytest.raises(SurfaceError, match="layer and unit are those of a file"):
+    with pytest.raises(SurfaceError, match="layer and unit need a file"):
         ClosedCurves(curves=(((0, 0, 0), (1, 0, 0), (1, 1, 0)),), layer="door")
 
 

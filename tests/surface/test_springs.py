@@ -240,10 +240,10 @@ def test_supports_are_read_with_what_they_leave_out():
 @pytest.mark.parametrize(
     ("table", "says"),
     [
-        ({"hold": ""}, "it holds nothing; give hold"),
-        ({"hold": "", "spring": [0, 0, 0]}, "it holds nothing"),
+        ({"hold": ""}, "the support holds nothing; give hold"),
+        ({"hold": "", "spring": [0, 0, 0]}, "the support holds nothing"),
         ({"spring": [0, 0, -5]}, r"spring = \[0\.0, 0\.0, -5\.0\] must be newtons per metre"),
-        ({"hold": "xz", "spring": [4, 4, 5]}, r"hold = 'xz' and spring = \[4.* both act along x, z; take one"),
+        ({"hold": "xz", "spring": [4, 4, 5]}, r"hold = 'xz' and spring = \[4.* both act along x, z; use only"),
         ({"spring": [1, 2]}, "spring"),
     ],
 )

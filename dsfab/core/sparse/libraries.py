@@ -75,7 +75,6 @@ def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
 
 ANALYSE, FACTORISE, SOLVE = 11, 22, 33  # Phases, in PARDISO's numbers.
 SYMMETRIC, HERMITIAN = 2, 4  # Kinds of positive definite matrices, in PARDISO's numbers.
-
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 """Entries of PARDISO's `iparm`, counted from 0.
 

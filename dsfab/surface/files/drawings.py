@@ -30,7 +30,6 @@ from dsfab.surface.files.reading import (
 from dsfab.surface.files.separate_process import read_rhino_in_process
 
 UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}  # Units by DXF's $INSUNITS.
-
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
 """DXF entities that only AutoCAD can read, because their shapes are in AutoCAD's own format."""
 

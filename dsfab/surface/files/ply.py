@@ -239,7 +239,6 @@ _TYPES = dict(pair.split("=") for pair in _NUMBERS.split())
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _END = re.compile(rb"(?<=[\r\n])end_header[ \t]*(\r\n|\n|\r|\Z)")
 LONGEST_HEADER = 1 << 20  # Largest number of bytes of a header.
-
 _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 

@@ -94,7 +94,6 @@ _UNITS = {"MicroMeter": "um", "MilliMeter": "mm", "CentiMeter": "cm", "Meter": "
 _PARTS = re.compile(rb"<(/?)(?:[\w.-]+:)?(object|component|item)\b([^>]*)>")
 _TRIANGLE = re.compile(rb"[<:]triangle\s")
 _ATTRIBUTE = re.compile(rb"""\b(id|objectid|path)\s*=\s*["']([^"']*)["']""")
-
 Key = tuple[str, bytes]  # The name of a part of the file, and the number of an object in this part.
 
 

@@ -1,4 +1,4 @@
-"""Load cases by name, and their combinations: those of the user, and those after EN 1990."""
+"""Load cases by name, and their combinations: those of the user, and those by EN 1990."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,15 +16,14 @@ from dsfab.surface.loads.supports import Support
 from dsfab.surface.mesh import Surface
 
 LimitState = Literal["ULS", "SLS", ""]  # Ultimate and serviceability limit state.
-
-COMBINED = "combined"  # Value of [diffusion] follow for all cases at once; no case may have this name.
+COMBINED = "combined"  # Value of diffusion.follow for all cases at once; no case may have this name.
 
 
 @dataclass(frozen=True)
 class Combination:
     """A sum of cases: `[[surface.combination]]  name = "uls"  factors = { dead = 1.35, snow = 1.5 }`.
-    factors     : case -> factor on its loads; a case without a factor takes no part.
-    limit_state : ULS, for stress and buckling; SLS, for displacements; empty: both."""
+    factors     : factor on the loads of each case, by its name; a case without a factor takes no part.
+    limit_state : ULS, for stress and buckling; SLS, for displacements; empty for both."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     name: CaseName
@@ -45,8 +44,8 @@ def case_names(loads: Sequence[Load]) -> list[str]:
 def load_cases(
     surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0
 ) -> dict[str, LoadCase]:
-    """Return the `LoadCase.build` of each case, with equal supports.
-    All have the same `loaded`: the vertices under a concentrated load of any case, because the pattern has to carry
+    """Return the load case of each case name; all have the same supports (see `LoadCase.build`).
+    All have the same `loaded`: the vertices under a concentrated load of any case, because the pattern must carry
     all of these loads. Raises SurfaceError as `LoadCase.build` does, with the name of the case if there are several."""
     names = case_names(loads)
     if len(names) < 2:
@@ -62,7 +61,7 @@ def load_cases(
 
 
 def combined_case(cases: Mapping[str, LoadCase], factors: Mapping[str, float] | None = None) -> LoadCase:
-    """Return the sum of simultaneous cases with their factors; by default all cases once."""
+    """Return the sum of simultaneous cases with their factors; without factors, each case counts once."""
     first_case = next(iter(cases.values()))
     taken = dict.fromkeys(cases, 1.0) if factors is None else factors
     force = np.sum([factor * cases[name].force for name, factor in taken.items()], axis=0)
@@ -73,7 +72,6 @@ def combined_case(cases: Mapping[str, LoadCase], factors: Mapping[str, float] | 
 
 
 CombinationRule = Literal["EN 1990 6.10", "EN 1990 6.10a/b"]
-
 Share = Annotated[Real, Ge(0)]
 Psi = tuple[Share, Share, Share]
 
@@ -115,20 +113,20 @@ ACTION_OF_LOAD: dict[str, ActionKind] = {
     "snow": "snow",
     "wind": "wind",
 }
-"""Kind of action for each kind of load; the preset has to state it for any load that is not in this table."""
+"""Kind of action for each kind of load; for a load of any further kind, the preset must state the kind of action."""
 
-ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")  # Two cases of such a kind never act together.
+ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")  # Two cases of one of these kinds never act together.
 
 
 @dataclass(frozen=True)
 class DesignFactors:
-    """Factors gamma, xi and psi of a national annex: `[surface.factors]  variable = 1.6  psi = { snow = [0.6, 0.3,
-    0.0] }`.
+    """Factors gamma, xi and psi of a national annex: `[surface.factors]  variable = 1.6  psi = { wind = [0.6, 0.2, 0]
+    }`.
 
     permanent  : gamma_G of unfavourable permanent loads.
     favourable : gamma_G of favourable permanent loads, such as weight against wind.
-    variable   : gamma_Q.
-    reduction  : xi, of permanent loads in 6.10b.
+    variable   : gamma_Q of variable loads.
+    reduction  : xi, the factor on permanent loads in equation 6.10b.
     psi        : psi_0, psi_1 and psi_2 of kinds of actions that differ from Table A1.1."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -149,18 +147,18 @@ class _Variable:
 def action_mistakes(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule | None
 ) -> Iterator[str]:
-    """Yield the faults in the kinds of cases, as 'key = value: allowed values'."""
+    """Yield a message for each fault in the kinds of actions of the cases."""
     cases = case_names(loads)
     for case in actions:
         if case not in cases:
-            yield f"surface.actions.{case}: no load has this case (there are: {', '.join(cases)})"
+            yield f"surface.actions.{case}: no load has this case; use one of: {', '.join(cases)}"
     if rule is None:
         return
     for case in cases:
         kinds = {load.kind for load in loads if load.case == case}
         action_kinds = {ACTION_OF_LOAD.get(kind) for kind in kinds}
         if case not in actions and (None in action_kinds or len(action_kinds) > 1):
-            why = "do not tell what they are" if None in action_kinds else "are of several kinds"
+            why = "do not show their kind of action" if None in action_kinds else "are of several kinds"
             yield (
                 f"surface.combinations = {rule!r}: the loads of case {case} ({', '.join(sorted(kinds))}) {why}; give "
                 f'each its own case, or write [surface.actions] {case} = "..." ({", ".join(["permanent", *PSI])})'
@@ -170,7 +168,7 @@ def action_mistakes(
         limit = 200
         if count > limit:
             yield (
-                f"surface.combinations = {rule!r}: {len(cases)} cases make {count} combinations, over {limit}; put "
+                f"surface.combinations = {rule!r}: {len(cases)} cases give {count} combinations, over {limit}; put "
                 "loads that act together into one case, or write [[surface.combination]]"
             )
 
@@ -178,9 +176,10 @@ def action_mistakes(
 def en1990_combinations(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule, factors: DesignFactors
 ) -> list[Combination]:
-    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first. Each
-    selection of variable cases takes part, with at most one case of mutually exclusive kinds. Each of its cases is the
-    leading action once. Favourable weight is combined with wind only, because all further loads press down too."""
+    """Return all combinations of the load cases, with distinct factors; ultimate limit states come first.
+    Each selection of variable cases gives combinations, with at most one case of mutually exclusive kinds. Each case of
+    the selection is the leading action once. Favourable weight acts only with wind, because all further loads press
+    down."""
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
     combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):
@@ -210,7 +209,7 @@ def _ordered_combinations(
         "SLS-quasi": [action.psi[2] for action in order],
     }
     for name, (weight, variable) in (uls | {name: (1.0, shares) for name, shares in sls.items()}).items():
-        if variable and not variable[0]:  # no effect; an order with a different leading action covers the rest
+        if variable and not variable[0]:  # the leading action has factor 0; a different leading action covers the rest
             continue
         acting = {action.case: factor for action, factor in zip(order, variable, strict=True) if factor}
         taken = dict.fromkeys(permanent, weight) | acting

@@ -15,18 +15,18 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12  # Share of a normal along a direction below which the face counts as parallel to it.
+EDGE_ON = 1e-12  # A face counts as parallel to a direction if its unit normal has a smaller part along it.
 
 
 @dataclass(frozen=True)
 class Snow:
     """A load in pascals per *plan* area, which falls along `direction` (any length): s A |n . d| d on each face.
 
-    s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. Reduce s, or pick fewer faces, where
-    snow slides off. Open sheets carry snow whatever the direction of their normals, so pick the upper part of an
-    overhanging sheet. On closed surfaces only faces that look against `direction` carry snow.
+    s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. Reduce s, or pick fewer faces, where snow
+    slides off. An open sheet carries snow on all faces, whatever side their normals point to, so pick only the upper
+    part of an overhanging sheet. On a closed surface only faces that look against `direction` carry snow.
 
-    covered : whether a cover of the openings carries the snow to the ribs; otherwise the snow lies on the ribs alone.
+    covered : true if a cover of the openings carries the snow to the ribs; otherwise the snow lies on the ribs alone.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -47,7 +47,7 @@ class Snow:
         lying = np.where(two_sided & surface.is_closed, towards, np.abs(towards))
         plan = np.where(picked_faces(surface, self.at, "snow"), lying, 0.0)
         if plan.max() <= EDGE_ON:
-            raise SurfaceError("a load of kind 'snow' falls past every picked face; pick faces that it can lie on")
+            raise SurfaceError("a load of kind 'snow' misses every picked face; pick faces that are not vertical")
         return np.asarray(self.pressure * np.maximum(plan, 0.0)[:, None] * d)
 
     def forces(self, surface: Surface, weight: float) -> Floats:
@@ -59,15 +59,15 @@ class Snow:
 class Wind:
     """Wind of velocity pressure q, Pa, that blows towards `direction`: a pressure -c q n on each face, with
 
-        c = windward (-n . d)   where the outside faces the wind (pressure),
-        c = -leeward (n . d)    where the outside faces away (suction).
+        c = windward (-n . d)   if the outside faces the wind (pressure),
+        c = -leeward (n . d)    if the outside faces away (suction).
 
-    Normals point to the outside; on closed surfaces the outside does not depend on them. The defaults give the walls
-    across the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1], and fade
-    with the cosine to the sides. This is a first estimate for choosing a pattern. It leaves out suction along roofs and
-    side walls, and pressure inside open halls; add these as a `pressure` on picked faces.
+    Normals n point to the outside; on closed surfaces the outside does not depend on them. The defaults give walls
+    perpendicular to the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
+    Towards the sides the coefficients decrease with the cosine. This is a first estimate for choosing a pattern. It
+    omits suction along roofs and side walls, and pressure inside open halls; add these as a `pressure` on picked faces.
 
-    covered : as for snow; an open lattice also has other coefficients [EN 1991-1-4, 7.11]."""
+    covered : as for snow; an open lattice also has different coefficients [EN 1991-1-4, 7.11]."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -91,7 +91,8 @@ class Wind:
         c[~picked | (np.abs(along) <= EDGE_ON)] = 0.0
         if not c.any():
             raise SurfaceError(
-                "a load of kind 'wind' blows past every picked face or has no coefficients; turn it or pick more faces"
+                "a load of kind 'wind' is parallel to every picked face or has no coefficients; change its direction, "
+                "or pick more faces"
             )
         return np.asarray(-self.pressure * c[:, None] * n)
 
@@ -116,7 +117,7 @@ def picked_faces(surface: Surface, picker: Picker, kind: str) -> Bools:
 
 
 def forces_at_corners(surface: Surface, on_face: Floats) -> Floats:
-    """Return a third of each face's force (m, 3) at each of its corners, summed (n, 3)."""
+    """Return the forces (n, 3) at the vertices: each corner takes a third of its face's force (m, 3)."""
     corners = np.repeat(on_face / 3, 3, axis=0)
     corner = surface.F.ravel()
     return np.stack([np.bincount(corner, corners[:, i], minlength=surface.n) for i in range(3)], axis=1)
@@ -132,7 +133,7 @@ SPREAD_PARTS = ("weight", "bare", "covered")  # Load parts that act on faces.
 
 @dataclass(frozen=True, eq=False)
 class LoadParts:
-    """Forces at the vertices of a surface, and tractions on its faces; on the uncut surface the loads cover whole
+    """Forces at the vertices of a surface, and tractions on its faces; on the uncut surface, the loads cover whole
     faces.
 
     point   : (n, 3) newtons: forces and lines.
@@ -174,7 +175,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Multiply loads on material by shares of the material, a number or (m,), and return the parts."""
+        """Return the parts with loads on material multiplied by shares of the material; a share is a number or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         return replace(
             self, **{part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
@@ -209,7 +210,7 @@ class Pressure:
 
     A constant pressure gives each corner a third of its face's force: the consistent load of linear triangles.
 
-    covered : whether a cover of the openings carries it to the ribs (see `Snow`)."""
+    covered : true if a cover of the openings carries the pressure to the ribs (see `Snow`)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -259,7 +260,7 @@ class SelfWeight:
 @dataclass(frozen=True)
 class Cladding:
     """The weight of a cover (glass, membrane, boards): a permanent load, pascals of the surface's own area. It acts
-    along `direction` (any length) on faces with all corners picked. The cover carries it to the ribs over openings."""
+    along `direction` (any length) on faces with all corners picked. Over openings, the cover carries it to the ribs."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -286,9 +287,9 @@ class Cladding:
 
 @dataclass(frozen=True)
 class Line:
-    """A load in newtons per metre along edges: each edge passes half of its load to each of its ends.
-    edges : `boundary`, the free edges whose ends are both picked; `all`, every edge whose ends are both picked, for a
-            path through the sheet (pick a line of vertices, not a region)."""
+    """A load in newtons per metre along edges: each edge gives half of its load to each of its ends.
+    edges : `boundary`, the free edges whose ends are both picked; or `all`, every edge whose ends are both picked, for
+            a path through the sheet (pick a line of vertices, not a region)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker
@@ -308,7 +309,7 @@ class Line:
         if not line.any():
             which = "free edge" if self.edges == "boundary" else "edge"
             raise SurfaceError(
-                f"a load of kind 'line' is on no {which}: none has both ends picked; pick two neighbours at least"
+                f"a load of kind 'line' is on no {which}: no {which} has both ends picked; pick at least two neighbours"
                 + (", or set edges = 'all' for edges within the sheet" if self.edges == "boundary" else "")
             )
         return np.asarray(line[:, None] * np.array(self.per_metre))
@@ -326,7 +327,7 @@ Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, 
 
 
 def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
-    """Return the loads in parts, by the place on which they act.
+    """Return the loads in parts: at vertices, or on faces, of which `LoadParts` has three kinds.
     weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that method does.
     """
     spread: dict[str, Floats] = {part: np.zeros((surface.m, 3)) for part in SPREAD_PARTS}
@@ -344,15 +345,15 @@ def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> 
 @dataclass(frozen=True, eq=False)
 class LoadCase:
     """Supports and loads on the vertices of one surface.
-    fixed  : (n, 3) True where a vertex may not move along x, y, z.
+    fixed  : (n, 3) True if a vertex may not move along x, y, z.
     force  : (n, 3) force on each vertex, newtons.
     loaded : (n,) True at the vertices under a concentrated load (a force or a line, not a load on faces), which the
              pattern may protect with `keep`.
     spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
     clamped: (e,) edges that may not rotate about themselves; empty (the default) if no edge is clamped.
-    fixed_edges : (e, 3) True where an edge may not move between its ends either; empty (the default) if the supported
+    fixed_edges : (e, 3) True if the inside of an edge may not move along x, y, z; empty (the default) if the supported
                   vertices decide (`spanned_edges`).
-    parts  : the forces by the place on which they act; None if all act on the vertices themselves."""
+    parts  : the forces in parts (see `LoadParts`); None if all act on the vertices themselves."""
 
     fixed: Bools
     force: Floats
@@ -378,8 +379,8 @@ class LoadCase:
 
         weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
 
-        Raises SurfaceError without a support or a load, for pickers without vertices, for loads that are zero, and if
-        every load acts in fixed directions."""
+        Raises SurfaceError without a support or a load, for pickers without vertices, for loads that are zero, and for
+        loads that act only in fixed directions."""
         if not supports:
             raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")
         if not loads:
@@ -390,8 +391,8 @@ class LoadCase:
             raise SurfaceError("a load is not a finite number; give newtons or pascals as plain numbers")
         if not force[~fixed].any():
             raise SurfaceError(
-                "every load is on held vertices or cancels out, so nothing is left for the surface to carry; load "
-                "vertices that are free to move"
+                "all loads act on fixed vertices or cancel each other, so the surface carries nothing; load vertices "
+                "that are free to move"
             )
         loaded = np.zeros(surface.n, dtype=bool)
         for load in loads:
@@ -417,25 +418,26 @@ class LoadCase:
         return self.force if self.parts is None else self.parts.point
 
     def with_forces(self, force: Floats, loaded: Bools | None = None) -> Self:
-        """Return the supports with different forces (n, 3), newtons, on the vertices."""
+        """Return the same supports with forces (n, 3), newtons, on the vertices."""
         return replace(self, force=force, loaded=self.loaded if loaded is None else loaded, parts=None)
 
     def with_parts(self, surface: Surface, parts: LoadParts) -> Self:
-        """Return the supports with different parts of loads."""
+        """Return the same supports with these parts of loads."""
         return replace(self, force=parts.forces(surface), parts=parts)
 
     def with_loads(self, surface: Surface, loads: Sequence[Load], weight: float) -> Self:
-        """Return the supports with different loads; `weight` of the sheet, newtons per square metre."""
+        """Return the same supports with these loads; `weight` of the sheet, newtons per square metre."""
         return self.with_parts(surface, load_parts(surface, loads, weight))
 
     def of_thickness(self, surface: Surface, share: float) -> Self:
-        """Return the load case of a thinner or thicker sheet, with its weight: `share` times the thickness."""
+        """Return the load case of a sheet with `share` times the thickness, with its weight."""
         if self.parts is None or share == 1:
             return self
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """Return the load case if only shares (m,) of the faces exist, which carry themselves and their loads."""
+        """Return the load case of a sheet of which only shares (m,) of the faces exist; loads on missing material
+        vanish."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

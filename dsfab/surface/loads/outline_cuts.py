@@ -13,13 +13,13 @@ from dsfab.surface.loads.pickers import Extent, pierced_faces
 from dsfab.surface.mesh import Surface
 
 LINE_TOLERANCE = 0.002  # Largest distance of edges from the curved line that they follow, as a share of `Extent.width`.
-SNAP_SHARE = 0.25  # The end of an edge moves along it onto the line within this share of its length.
-TEST_POINTS = 7  # Number of points between the ends of an edge that are tested against the line.
+SNAP_SHARE = 0.25  # The end of an edge moves along the edge onto the line, by at most this share of its length.
+TEST_POINTS = 7  # Number of points between the ends of an edge at which dsfab compares the edge with the line.
 
 
 @dataclass(frozen=True, eq=False)
 class OutlinedSurface:
-    """A surface with vertices (n,) `on` the current line, and vertices (n,) `fixed` on earlier lines, which stay."""
+    """A surface during the cut along a line. on : (n,) vertices on the line. fixed : (n,) vertices on earlier lines."""
 
     surface: Surface
     on: Bools
@@ -43,11 +43,11 @@ class OutlinedSurface:
         return replace(self, surface=Surface(V, self.surface.F), on=on_line)
 
     def depth(self, extent: Extent) -> Floats:
-        """Return the depth (n,) of the vertices in an extent, 0 on the line."""
+        """Return the depth (n,) of the vertices in an extent, exactly 0 on the line."""
         return np.where(self.on, 0.0, extent.depth(self.surface.V))
 
     def with_divided_faces(self, faces: Ints, places: Floats, on_line: bool) -> "OutlinedSurface":
-        """Divide faces (k,) in three around places (k, 3) in them."""
+        """Divide each of the faces (k,) in three around the place (k, 3) in it."""
         s, count = self.surface, len(faces)
         centre_vertices = s.n + np.arange(count)
         stay = np.delete(s.F, faces, axis=0)
@@ -67,8 +67,8 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
-    """Return the crossings of the line with edges between its inside and its outside, by bisection.
-    An edge from the line to one side may begin on the opposite side; in this case it crosses the line again."""
+    """Return the crossings of the line with edges from its inside to its outside, by bisection.
+    An edge from the line to one side may begin on the opposite side; such an edge crosses the line again."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -104,7 +104,7 @@ def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats)
 
 
 def with_corners(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Create a vertex at each corner of the line, where a crease of the extent meets the surface."""
+    """Create a vertex at each corner of the line, the point at which a crease of the extent meets the surface."""
     tolerance = LINE_TOLERANCE * extent.width
     for a, b in extent.creases:
         for _ in range(64):
@@ -141,7 +141,7 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 
 def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[OutlinedSurface, int]:
-    """Move each vertex close to the line along one of its edges onto the line; return also the number of such
+    """Move each vertex close to the line along one of its edges onto the line; return also the number of these
     vertices."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
@@ -168,7 +168,7 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
     """Return which vertices (k,) may move to places (k, 3).
     Such a vertex is not fixed, and its move must not change the shape of the surface or its boundary. Vertices at
-    creases stay: a face there leans from the step by more than a sine of 0.2. tolerance : metres."""
+    creases stay: a move is refused if the sine of its angle with a face exceeds 0.2. tolerance : metres."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -206,7 +206,7 @@ def _spoilt(s: Surface, V: Floats) -> Bools:
 
 
 def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Mark vertices as on the line that are very close to it but could not move."""
+    """Mark vertices as on the line if they are very close to the line but could not move."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, share = s.edges.ends[crossed.edge], crossed.share
     close_vertices = np.concatenate([ends[share < 0.05, 0], ends[share > 1 - 0.05, 1]])
@@ -260,16 +260,15 @@ def _refine(
         edges = with_longest_edges(s.V, s.edges, edges)
         if s.m + 2 * int(edges.sum()) > LARGEST:
             raise SurfaceError(
-                f"an outline takes over {LARGEST:,} triangles: it is {2 * extent.width:.3g} m wide at its narrowest; "
-                "draw it simpler or larger"
+                f"an outline needs over {LARGEST:,} triangles: it is {2 * extent.width:.3g} m wide at its narrowest "
+                "place; draw a simpler or larger outline"
             )
         outlined = outlined.with_halved_edges(edges)
     return outlined
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) near the line that are longer than the extent is wide: the extent could pass between
-    their ends."""
+    """Return the edges (e,) near the line that are longer than the extent is wide: it could pass between their ends."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -319,8 +318,8 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that the line crosses, and the distance (k,) from the line to the middle of its chord
-    in each face."""
+    """Return the faces (k,) that the line crosses, and the distance (k,) of the line from its chord's middle in
+    each."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -331,8 +330,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces with all corners on lines along an inner edge, because a field that is 0 at all corners defines
-    no sides."""
+    """Divide faces with all corners on lines along an inner edge, because depths of 0 at all corners define no side."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

@@ -1,4 +1,4 @@
-"""Pickers by an outline: polygon in plan, closed curves of a drawing, brush stroke; and `Picker`, the union of all
+"""Pickers by an outline: polygon in plan, closed curves of a drawing, brush stroke; and `Picker`, the type of all
 pickers."""
 
 from collections.abc import Sequence
@@ -38,10 +38,9 @@ from dsfab.surface.topology import spanned_edges
 
 
 def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
-    """Return the distance (p,) of points P (p, 2) from polygons (k, 2), in their unit; positive inside, negative
-    outside.
+    """Return the distance (p,) of points P (p, 2) from polygons (k, 2), in their unit; negative outside.
 
-    A point is inside if it is within an odd number of polygons: a polygon inside a second polygon is an island."""
+    A point is inside if an odd number of polygons contain it: a polygon inside a second polygon is an island."""
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
     space = np.zeros((2 * len(start), 3))
@@ -85,8 +84,7 @@ def bend_corners(P: Floats) -> Bools:
 
 
 def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
-    """Return the first two sides of a polygon (k, 2) that cross or touch, except neighbours, and the place (2,); or
-    None."""
+    """Return the first two sides of a polygon (k, 2) that meet, except neighbours, and the place (2,); or None."""
     k, Q = len(P), np.roll(P, -1, axis=0)
     for i in range(k - 2):
         j = np.arange(i + 2, k - (i == 0))
@@ -110,11 +108,11 @@ def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 LEVEL = float(np.cos(np.radians(1)))  # A curve whose plane is within a degree of horizontal is projected from above.
-ONE_PLANE = 1e-3  # Curves are in one plane within this share of their size.
+ONE_PLANE = 1e-3  # Curves count as in one plane if they leave the plane by less than this share of their size.
 
 
 class OutlineError(SurfaceError, ValueError):
-    """Error for an invalid outline; as a ValueError, pydantic collects it with its key."""
+    """Error for an invalid outline. Because it is a ValueError, pydantic reports it with its key."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +121,7 @@ class PlanPolygon:
 
     polygon : its corners, x and y, metres.    low, high : limits on z, metres; by default none.
 
-    Raises OutlineError for a polygon without area or that crosses itself, and for heights in the wrong order."""
+    Raises OutlineError for a polygon that has no area or crosses itself, and for heights in the wrong order."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     polygon: tuple[tuple[Real, Real], ...]
@@ -167,9 +165,9 @@ class ClosedCurves:
     a door in elevation.
 
     file   : DXF or 3DM; relative paths start at the preset's folder, in Python at the current folder.
-    layer  : layer of the curves; by default all.    unit : of the file's numbers; by default the file's own.
-    curves : points of the curves instead of a file, metres: each curve a polygon.
-    depth  : metres to both sides of the curves' plane. By default, horizontal curves reach everywhere. All further
+    layer  : layer of the curves; by default all.    unit : of the file's numbers; by default the file's own unit.
+    curves : points of the curves instead of a file, metres; each curve is a polygon.
+    depth  : metres to both sides of the curves' plane. By default, horizontal curves have no limit. All further
              curves reach as far as the nearest part of the surface: a door in the front leaves the back unchanged.
 
     Raises OutlineError unless either a file or curves are set."""
@@ -186,7 +184,7 @@ class ClosedCurves:
         if (self.file is None) == (not self.curves):
             raise OutlineError('give either file = "door.dxf" or curves = [[[x, y, z], ...], ...]')
         if self.file is None and (self.layer or self.unit):
-            raise OutlineError("layer and unit are those of a file; curves are in metres")
+            raise OutlineError("layer and unit need a file; curves without a file are in metres")
 
     def loops(self) -> tuple[Floats, ...]:
         """Return the curves (k, 3), metres; raises SurfaceError as `closed_curves` does."""
@@ -195,8 +193,7 @@ class ClosedCurves:
         return tuple(np.array(curve, dtype=np.float64) for curve in self.curves or ())
 
     def extent(self, surface: Surface) -> Extent:
-        """Return the prisms through the curves, perpendicular to their planes; raises SurfaceError for invalid
-        outlines."""
+        """Return the prisms through the curves, normal to their planes; raises SurfaceError for invalid outlines."""
         planes: list[_Plane] = []
         for number, loop in enumerate(self.loops()):
             loop = without_repeats(loop)
@@ -216,7 +213,7 @@ class ClosedCurves:
 
 @dataclass(frozen=True)
 class Brush:
-    """The space of a brush stroke: within `radius` of any point, metres, or of the segment to the next point.
+    """The space of a brush stroke: within `radius` (metres) of any point, or of the segment to the next point.
     A segment counts only if the balls around its ends overlap; otherwise the next point begins a new stroke."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -250,10 +247,10 @@ def check_polygon(P: Floats, name: str) -> None:
         i, j, (x, y) = crossing
         raise OutlineError(
             f"{name} crosses or touches itself: side {i} and side {j} (counted from 0) meet at ({x:.4g}, {y:.4g}); "
-            "put its corners in their order around it"
+            "list its corners in their order around the polygon"
         )
     if not enclosed_area(P) > 0:
-        raise OutlineError(f"{name} has no area: its corners are on a line")
+        raise OutlineError(f"{name} has no area, because its corners are on a line; move a corner")
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,8 +291,8 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism through the curves. To both sides its depth is `depth`, or the depth of the surface's
-        nearest part."""
+        """Return the prism through the curves. Its depth to both sides is `depth`, or that of the surface's nearest
+        part."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
@@ -383,8 +380,8 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
     """Return the edges (e,) of a picker, for its picked vertices; raises SurfaceError as the picker does.
-    A picker of the boundary has free edges alone. A part of space, or a direction of normals, has the edges with both
-    ends in it. For an outline, which may be hollow, the middles of edges must be in it too. Named vertices have the
+    A picker of the boundary has free edges only. A part of space, or a direction of normals, has the edges with both
+    ends inside. For an outline, which may be hollow, the middles of edges must also be inside. Named vertices have the
     edges that they span (`spanned_edges`)."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):

@@ -21,8 +21,8 @@ from dsfab.surface.topology import on_boundary
 class Extent:
     """A part of space.
     depth   : function that returns how deep (k,) points (k, 3) are inside, metres; negative outside.
-    creases : (c, 2, 3) segments along which its walls bend; its line on a surface has corners there.
-    width   : metres, about half the width of the part where it is slender; the mesh has to be finer."""
+    creases : (c, 2, 3) segments along which the walls of the part bend; its line on a surface has corners there.
+    width   : metres, about half the width of the part at slender places; the mesh must be finer."""
 
     depth: Callable[[Floats], Floats]
     creases: Floats
@@ -68,15 +68,14 @@ class Extent:
 
 
 def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that the segment from a to b (3,), metres, meets, and their positions (k,), 0 to 1, in
-    order.
+    """Return the faces (k,) that the segment from a to b (3,) meets, and their positions (k,), 0 to 1, ascending.
 
-    Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
+    Faces parallel to the segment do not count [Moeller and Trumbore 1997]. Lengths are in metres."""
     P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
     ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
     normal, to = cross(ray, v), a - P
     volume = np.einsum("mi,mi->m", u, normal)
-    inside = -1e-9  # limit for barycentric coordinates, because they are rounded
+    inside = -1e-9  # limit for barycentric coordinates, because these are rounded
     least = 1e-12 * np.linalg.norm(b - a) * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
     safe = np.where(np.abs(volume) > least, volume, np.inf)
     u_share, side = np.einsum("mi,mi->m", to, normal) / safe, cross(to, u)
@@ -97,7 +96,6 @@ def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]
 Real = Annotated[float, AllowInfNan(False)]
 Vector = tuple[Real, Real, Real]
 CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
-
 PICKER_TOLERANCE = 1e-6  # Tolerance of a picker, as a share of the surface's size, because coordinates are rounded.
 STRICT: ConfigDict = {"extra": "forbid"}  # Make pydantic refuse unknown keys.
 
@@ -123,8 +121,8 @@ class All:
 class Box:
     """The vertices in the box with two opposite corners, metres, its walls included.
 
-    relative : whether the corners are shares of the surface's own box, 0 to 1 along each axis.
-    boundary : whether to pick vertices of free edges alone."""
+    relative : true if the corners are shares of the surface's own box, 0 to 1 along each axis.
+    boundary : true to pick only vertices of free edges."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     min: Vector
@@ -151,7 +149,7 @@ class Box:
 @dataclass(frozen=True)
 class Ball:
     """The vertices within `radius` of `center`, metres.
-    relative : whether the centre is in shares of the surface's box, 0 to 1 along each axis, and the radius is a share
+    relative : true if the centre is in shares of the surface's box, 0 to 1 along each axis, and the radius is a share
                of its diagonal."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -173,10 +171,9 @@ class Ball:
 
 @dataclass(frozen=True)
 class Side:
-    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 exactly at this
-    coordinate.
+    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 exactly there.
 
-    relative : whether the depth is a share of the surface's extent along the axis."""
+    relative : true if the depth is a share of the surface's extent along the axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     axis: Literal["x", "y", "z"]
@@ -198,7 +195,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertex nearest to each point, metres; relative : points are shares of the surface's box, 0 to 1."""
+    """The vertex nearest to each point, metres. relative : true if points are shares of the surface's box, 0 to 1."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -274,9 +271,8 @@ class Vertices:
         bad = indices[(indices < 0) | (indices >= surface.n)]
         if len(bad):
             raise SurfaceError(
-                f"pick = 'vertices' names {len(bad)} vertices (first: {first_few(bad)}) outside "
-                f"0..{surface.n - 1}, the "
-                "vertices of the surface"
+                f"pick = 'vertices' names {len(bad)} vertices (first: {first_few(bad)}) that the surface lacks; use 0 "
+                f"to {surface.n - 1}"
             )
         picked = np.zeros(surface.n, dtype=bool)
         picked[indices] = True
@@ -285,7 +281,7 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
-    """The remaining vertices of a picker beside voids. `ends` names the edges between them, with the smaller index
+    """Picked vertices that remain after the removal of voids. ends : (k, 2) edges between them, the smaller index
     first."""
 
     ends: tuple[tuple[int, int], ...] = ()
@@ -313,8 +309,8 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError without
-    vertices."""
+    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError if none
+    are."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 
@@ -327,7 +323,7 @@ def _require_picked(picker: _HasPick, surface: Surface, picked: Bools, why: str)
 
 
 def picker_words(picker: _HasPick) -> str:
-    """Return the picker as in its table in a preset, without defaults and with long values shortened."""
+    """Return the picker as in a preset, without defaults and with long values shortened."""
     items = ((f.name, getattr(picker, f.name)) for f in fields(picker))  # type: ignore[arg-type]
     values = ", ".join(
         f"{name} = {_short(value)}"

@@ -1,7 +1,7 @@
 """`PatternRegion`: a region of the surface, `[[pattern.region]]` in a preset: solid, void, or with a solid band.
 
 dsfab cuts the mesh along the outlines of regions before any analysis, so statics, pattern, sheet and solid all have
-edges along them. For each of these stages a void is a hole in the surface."""
+edges along the outlines. For each of these stages a void is a hole in the surface."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ from dsfab.surface.topology import corner_fans, edge_table
 
 
 class RegionError(SurfaceError, ValueError):
-    """Error for a region that contradicts itself; as a ValueError, pydantic collects it with its key."""
+    """Error for a region that contradicts itself. Because it is a ValueError, pydantic reports it with its key."""
 
 
 @dataclass(frozen=True)
@@ -110,11 +110,11 @@ def _without_voids(
         in_region &= ~gone
         with _with_region_key(regions, k):
             if not in_region.any() and (extent is not None or regions[k].do == "void"):
-                raise SurfaceError(f"it is nowhere on the surface{_how_far(surface, extent)}; move it onto the surface")
+                raise SurfaceError(f"the region misses the surface{_how_far(surface, extent)}; move it there")
             if regions[k].do == "void":
                 taken[k], gone = float(surface.areas[in_region].sum()), gone | in_region
             if gone.all():
-                raise SurfaceError("it takes all that is left of the surface; draw a smaller one")
+                raise SurfaceError("the void removes the rest of the surface; draw a smaller void")
     if not gone.any():
         return RegionedSurface(surface, taken, surface, np.arange(surface.n))
     used, F = _compact(surface.F[~gone])

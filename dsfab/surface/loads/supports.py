@@ -15,7 +15,7 @@ from dsfab.surface.loads.outlines import Picker, edges_of
 from dsfab.surface.loads.pickers import STRICT, Vector
 from dsfab.surface.mesh import Surface
 
-LONGEST_NAME = 40  # Characters of a name, which must fit into a column of a table.
+LONGEST_NAME = 40  # Largest number of characters of a name, which must fit into a column of a table.
 SIGNS = " _-.,/+"  # Characters that a name may have besides letters and digits of any language.
 
 
@@ -48,8 +48,7 @@ def support_names(supports: Sequence[_Support]) -> list[str]:
 
 
 def load_names(loads: Sequence[_Load]) -> list[str]:
-    """Return the names of loads. A load without a name gets its kind: 'snow', or 'snow 1' and 'snow 2' for several
-    loads."""
+    """Return the names of loads. A load without a name gets its kind, with a number if there are several: 'snow 2'."""
     kinds = [load.kind.replace("_", " ") for load in loads]
     several = Counter(kind for kind, load in zip(kinds, loads, strict=True) if not load.name)
     numbers = {kind: count(1) for kind in several}
@@ -63,7 +62,7 @@ Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
 
 
 class SupportError(SurfaceError, ValueError):
-    """Error for a support that contradicts itself; as a ValueError, pydantic collects it with its key."""
+    """Error for a support that contradicts itself. Because it is a ValueError, pydantic reports it with its key."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ class Support:
     hold   : fixed directions, along the surface's own axes: by default all, or none if a `spring` is set.
     spring : total stiffness along x, y and z, newtons per metre, spread over the picked vertices in proportion to
              their areas. A stiffness of 0 leaves a direction free (or fixed by `hold`).
-    clamp  : whether the edges of the picker (`edges_of`) cannot rotate about themselves either. Edges across an ear of
+    clamp  : true if the edges of the picker (`edges_of`) cannot rotate about themselves either. Edges across an ear of
              the mesh (a face with two boundary edges) lie inside and stay free.
     name   : text for lists of supports; it does not affect results.
 
@@ -95,13 +94,13 @@ class Support:
         shared_axes = [axis for axis, k in zip("xyz", stiff, strict=True) if k and axis in (self.hold or "")]
         if shared_axes:
             raise SupportError(
-                f"hold = {self.hold!r} and spring = {list(stiff)} both act along {', '.join(shared_axes)}; take "
-                "one of the two"
+                f"hold = {self.hold!r} and spring = {list(stiff)} both act along {', '.join(shared_axes)}; use only "
+                "one of them"
             )
         if not (self.hold or any(stiff) or self.clamp):
             raise SupportError(
-                "it holds nothing; give hold = 'xyz' or some of its letters, spring = [kx, ky, kz] in newtons per "
-                "metre, or clamp = true"
+                "the support holds nothing; give hold = 'xyz' or some of its letters, spring = [kx, ky, kz] in newtons "
+                "per metre, or clamp = true"
             )
 
     def fixed_directions(self, surface: Surface) -> Bools:
@@ -109,7 +108,7 @@ class Support:
         return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def fixed_edges(self, surface: Surface) -> Bools:
-        """Return the directions (e, 3) that are fixed between the ends of edges, where a finer mesh has vertices."""
+        """Return the directions (e, 3) in which the inside of an edge is fixed, at which a finer mesh has vertices."""
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:
@@ -131,5 +130,5 @@ class Support:
         across[edges.of[ear]] = True
         is_clamped = np.asarray(edges_of(self.at, surface) & ~(across & ~edges.boundary))
         if not is_clamped.any():
-            raise SurfaceError("clamp = true is on no edge: none has both ends picked; pick two neighbours at least")
+            raise SurfaceError("clamp = true is on no edge with both ends picked; pick at least two neighbours")
         return is_clamped

@@ -21,12 +21,12 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import EdgeTable, edge_table, faces_at, next_half_edge, on_boundary
 
-FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: free on the surface, on one of its curves, fixed.
+FREE, ON_CURVE, FIXED = 0, 1, 2  # Kinds of vertices: free on the surface, on a boundary or crease, fixed.
 
 
 @dataclass(frozen=True, eq=False)
 class NetFaces:
-    """Faces F (m, 3) of a net, and their edges, cached as long as no face changes."""
+    """Faces F (m, 3) of a net, and their edges."""
 
     F: Ints
 
@@ -37,7 +37,7 @@ class NetFaces:
 
 @dataclass(frozen=True, eq=False)
 class Net:
-    """Vertices V (n, 3), metres, of kind (n,), the faces between them, and the nodes on the curves.
+    """Mesh during remeshing: vertices V (n, 3), metres, kind (n,), faces, and the vertices on curves, called nodes.
     node  : (k,) the vertices along each curve, curve after curve.     at : (k,) positions of the nodes on the axis, m.
     curve : (k,) the curve of each node.     size : (n,) the wanted length of edges, metres."""
 
@@ -115,12 +115,11 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Return the candidates (c,) of less cost than all candidates near them, so that no two results touch the same
-    vertex.
+    """Return the candidates (c,) of less cost than all candidates near them, so that no two results share a vertex.
 
     touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels, because costs that rise along
               a strip would select its end only. A hash orders each level [Knuth 1973, multiplicative hashing].
-    edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbours either."""
+    edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbouring vertices either."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
@@ -129,12 +128,12 @@ def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) 
     return leading_candidates(order, touched, n, edges)
 
 
-LONGEST = 4 / 3  # Ratio to the wanted length above which an edge is halved [Botsch and Kobbelt 2004].
+LONGEST = 4 / 3  # A longer edge is halved; ratio to the wanted length [Botsch and Kobbelt 2004].
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
     """Halve the long edges of the net once, and edges along curves that are too far from the curve.
-    edge : length in metres to which the tolerance is relative."""
+    edge : length in metres; the tolerance is a share of this length."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -145,9 +144,9 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the long edges (e,) that have at least 70 % of the longest edge of their faces.
-    In a needle (twofold area over longest edge squared below 0.35; at best 0.87) only the longest edge counts, because
-    halving both long edges would leave further needles."""
+    """Return the long edges (e,) that have at least 70 % of the longest edge of their faces. In a needle-shaped face
+    (twofold area over longest edge squared below 0.35; at best 0.87) only the longest edge counts, because halving both
+    long edges would leave further needles."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -159,8 +158,8 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Halve marked edges (e,). Edges along curves are halved at positions (l,) of the axis, or at the middle where
-    nan."""
+    """Halve marked edges (e,); edges along curves at positions (l,) of the axis, or at the middle if the position
+    is nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -186,12 +185,12 @@ def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions
     )
 
 
-SHORTEST = 4 / 5  # Ratio to the wanted length below which an edge is collapsed [Botsch and Kobbelt 2004].
+SHORTEST = 4 / 5  # A shorter edge is collapsed; ratio to the wanted length [Botsch and Kobbelt 2004].
 
 
 @dataclass(frozen=True, eq=False)
 class _Collapses:
-    """Vertices `gone` (c,) to be merged with vertices `kept` (c,) at places `goal` (c, 3), metres."""
+    """Vertices `gone` (c,) that merge with vertices `kept` (c,) at places `goal` (c, 3), metres."""
 
     kept: Ints
     gone: Ints
@@ -202,7 +201,7 @@ class _Collapses:
 
 
 def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int = 12) -> Net:
-    """Collapse the short edges of the net in batches; the tolerance is relative to `edge`, metres."""
+    """Collapse the short edges of the net in batches; the tolerance is a share of `edge`, metres."""
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
@@ -215,9 +214,9 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Return collapses of short edges that preserve topology and curves, and their costs (c,).
-    A free vertex may merge with any vertex, two free vertices merge at their middle. A vertex on a curve moves along
-    the curve only, a fixed vertex never."""
+    """Return collapses of short edges that preserve topology and curves, and their costs (c,). A free vertex may merge
+    with any vertex, two free vertices merge at their middle. A vertex on a curve moves only along the curve, a fixed
+    vertex never."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -300,7 +299,7 @@ def _merge_vertices(net: Net, collapses: _Collapses) -> Net:
     )
 
 
-LEAST_ANGLE = np.radians(25)  # A flip must not reduce the least angle to a value below this.
+LEAST_ANGLE = np.radians(25)  # A flip must not reduce the least angle below this value.
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
@@ -349,8 +348,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return edges (q,) whose new faces deviate from the old faces by at most 37 degrees. Bad faces must not get
-    worse."""
+    """Return edges (q,) whose new faces turn by at most 37 degrees and have no smaller angles below `LEAST_ANGLE`."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -377,8 +375,8 @@ def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Float
 def with_ears_flipped(surface: Surface) -> Surface:
     """Return the surface with flipped edges behind ears, so that each ear shares its tip with the face behind.
     An ear is a flat triangle with two border edges and over 150 degrees at its tip, all three corners on a curved
-    border. Meshes of a disc have ears where a corner of a grid lies on the border. An ear spans two chords of the
-    border. This seems like a crease, but the shape has none."""
+    border. Meshes of a disc have ears at corners of a grid on the border. An ear spans two chords of the border, which
+    seems like a crease, although the shape has none."""
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2

@@ -1,4 +1,4 @@
-"""Boundaries, creases and corners that remeshing preserves, as curves."""
+"""Boundaries, creases and corners as curves, which remeshing preserves."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,14 +13,13 @@ from dsfab.surface.topology import link_components
 
 TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from those of the input, as a share of the edge.
 CORNER = 30.0  # Degrees. A vertex is a corner if a curve turns there by at least this angle.
-DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease; a duller crease has few faces.
-
-FINE = 1 / 80  # Share of the box's diagonal; a file with longer edges is designed, not scanned.
+DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease; below this, the crease is noise.
+FINE = 1 / 80  # A mesh with longer edges, as a share of its box's diagonal, is a design, not a scan.
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) with exactly two edges, these edges (k, 2), their turn (k,), radians, and the shorter length
-    (k,), metres."""
+    """Vertices (k,) with exactly two edges, the edges (k, 2), their turn (k,), radians, and the shorter edge (k,),
+    metres."""
 
     vertex: Ints
     edges: Ints
@@ -43,9 +42,9 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
-    """Return the boundaries, seams and creases (e,), without short dull pieces of creases from slivers or noise.
+    """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise.
     Normals are averaged over the new `edge`, metres, or over twice the mean edge of a scan, the width of its noise.
-    Dull pieces shorter than twice that length go; a longer piece is a small step of the design."""
+    Slight creases shorter than twice that length go; a longer crease is a small step of the design."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
@@ -81,7 +80,7 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     u, v = (np.einsum("ck,cki->ci", weight * on_side, surface.normals[near_faces]) for on_side in (side > 0, side <= 0))
     bend = np.arctan2(lengths(np.cross(u, v)), np.einsum("ci,ci->c", u, v))
     slight = np.minimum(lengths(u), lengths(v)) < TOLERANCE * radius * surface.edge_lengths[crease]
-    return np.where(slight, 0, bend)  # the normal of a single sliver at the boundary is unreliable
+    return np.where(slight, 0, bend)  # the normal of one very narrow face at the boundary is unreliable
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,15 +103,14 @@ class FeatureCurves:
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return the points (j,) of the curves inside intervals (k,) of the axis, with their intervals (j,) first."""
+        """Return the intervals (j,) and the points (j,) inside them, for intervals (k,) of the axis."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the distance (k,) of the curves from chords start to end (k,), metres, and the position (k,) of
-        this distance."""
+        """Return the distance (k,) of the curves from chords start to end (k,), metres, and its position (k,)."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
@@ -152,8 +150,7 @@ def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
 
 
 def _chains(ends: Ints, corners: Bools) -> list[Ints]:
-    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2); a closed curve begins at its
-    first vertex."""
+    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2); closed curves need no corner."""
     around: dict[int, list[int]] = {}
     for a, b in ends.tolist():
         around.setdefault(a, []).append(b)

@@ -15,10 +15,10 @@ from dsfab.surface.remesh.features import TOLERANCE, design_features
 from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import euler_characteristic, half_edges, link_components, misoriented_edges, pieces
 
-LARGEST_GROUP = 240  # Largest accepted number of elements of a group: twice those of the icosahedron.
-MATRIX_TOLERANCE = 1e-6  # Largest difference between equal entries of matrices.
-INERTIA_TOLERANCE = 1e-2  # Largest difference between equal moments of inertia, as a share of the largest.
-FAR_TOLERANCE = 1e-3  # Share of the surface's size within which points count as equally far.
+LARGEST_GROUP = 240  # Largest accepted number of elements of a symmetry group: twice those of the icosahedron.
+MATRIX_TOLERANCE = 1e-6  # Entries of matrices count as equal if they differ by less.
+INERTIA_TOLERANCE = 1e-2  # Moments of inertia count as equal if they differ by less, as a share of the largest.
+FAR_TOLERANCE = 1e-3  # Points count as equally far if their distances differ by less, as a share of the surface's size.
 
 
 def mirror(normal: Floats) -> Floats:
@@ -44,14 +44,14 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     """Return the unit directions (k, 3) to the points x (n, 3) farthest from the axis, which passes through the origin.
-    count : least number of points; points as far as the last point count too."""
+    count : least number of points; points as far as the last of them count too."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals of mirrors through an axis that may exchange the first 24 of the directions far (k, 3)."""
+    """Yield normals of mirror planes through an axis that may exchange the first 24 of the directions (k, 3)."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -74,7 +74,7 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, as a share of the edge: files are rounded.
+IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, as a share of the edge, because files are rounded.
 ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface with further mirrors at these angles is round, and two mirrors suffice.
 MOST_SIDES = 16  # Largest number of sides by mirrors through an axis, 22.5 degrees each; for more, two mirrors suffice.
 
@@ -83,8 +83,7 @@ MOST_SIDES = 16  # Largest number of sides by mirrors through an axis, 22.5 degr
 class Mirrors:
     """A group of mirrors through the middle of a surface.
     centre  : (3,) point in the planes of all mirrors, metres.
-    normals : (k, 3) unit, of all mirrors of the group.    group : (g, 3, 3) mirrors and rotations, the identity first.
-    """
+    normals : (k, 3) unit normals of all mirrors.    group : (g, 3, 3) mirrors and rotations, the identity first."""
 
     centre: Floats
     normals: Floats
@@ -95,7 +94,7 @@ class Mirrors:
         """Return the mirrors of a surface; None if it has none, or if it is not oriented.
 
         edge   : metres, of the new mesh; a share of it is the tolerance.
-        smooth : whether the surface is the smooth one through its vertices."""
+        smooth : true to compare the smooth surface through the vertices, false to compare the facets."""
         if len(misoriented_edges(nearest_on.surface.F, nearest_on.surface.edges)):
             return None
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
@@ -118,15 +117,14 @@ class _MirrorTest:
 
     @cached_property
     def centre(self) -> Floats:
-        """Middle (3,) of the box, or the centroid where these differ by more than rounding; metres."""
+        """Middle (3,) of the box, or the centroid if these differ by more than rounding; metres."""
         middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
         area = centroid(self.surface)
         return np.where(np.abs(middle - area) < IMAGE_TOLERANCE * self.edge, middle, area)
 
     @cached_property
     def places_on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
-        """Function of points (k, 3) that returns the nearest places (k, 3) of the surface, and the normals (k, 3)
-        there."""
+        """Function from points (k, 3) to the nearest points (k, 3) of the surface and their normals (k, 3)."""
         surface, find = self.surface, self.find
         patches = SmoothPatches(surface) if self.smooth else None
 
@@ -149,8 +147,7 @@ class _MirrorTest:
         return np.concatenate([a, a[line] + t[:, None] * (b - a)[line]])
 
     def holds(self, normal: Floats) -> bool:
-        """Return whether the surface, its boundaries and its creases coincide with their mirror images, sides
-        included."""
+        """Return whether the surface, with its sides, boundaries and creases, coincides with its mirror image."""
         s, R, limit = self.surface, mirror(normal), IMAGE_TOLERANCE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False
@@ -222,7 +219,7 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Share of the edge within which a vertex is on a plane, or two images are one vertex.
+PLANE_TOLERANCE = 1e-3  # A vertex this near to a plane is on it; two images this near are one; a share of the edge.
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +249,7 @@ class Chamber:
         return Surface(V, F) if len(F) else None
 
     def planes_of(self, V: Floats) -> Bools:
-        """Return the planes (k, p) that contain the points V (p, 3), within rounding."""
+        """Return the planes (k, p) that contain the points V (p, 3), within rounding errors."""
         return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < 1e-9 * self.whole.size)
 
     def moved_into_planes(self, V: Floats, planes: Bools) -> Floats:
@@ -264,8 +261,8 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the original in V of each
-        vertex (n,).
+        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the vertex of V (n,) behind
+        each.
 
         None if the topology or the boundary differs."""
         n, centre = len(V), self.mirrors.centre

@@ -1,4 +1,4 @@
-"""`remeshed`: a surface with edges of a wanted length."""
+"""Remeshing of a surface to edges of a wanted length."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -32,7 +32,7 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import duplicate_faces, named_edges
 
-SHARP_ANGLE = 20.0  # Degrees. If its smallest angle is less, a mirrored mesh competes with a mesh of the whole surface.
+SHARP_ANGLE = 20.0  # Degrees. If a mirrored mesh has a smaller angle, a mesh of the whole surface may replace it.
 
 
 def remeshed_surface(
@@ -42,15 +42,15 @@ def remeshed_surface(
 
     finest : metres. Edges are shorter on curved parts, but at least this long, so that the surface turns by 15 degrees
              along an edge; 0 disables this.
-    smooth : whether new vertices lie on the smooth surface through the old vertices [Vlachos et al. 2001], or on its
-             facets.
+    smooth : true if new vertices are on the smooth surface through the old vertices [Vlachos et al. 2001], false if
+             they are on its facets.
     sizes  : lengths wanted at vertices of this surface or of further surfaces on it, metres; the shortest counts.
 
-    Boundaries, and creases of more than 30 degrees, stay within a fiftieth of `edge`, their corners exactly. So do the
-    extent, the number of pieces and holes, and the sides of the faces. Creases of slivers and noise go
-    (`design_features`), and ears (`with_ears_flipped`). Edges are shorter if these limits require it, and between
-    close curves. Equal surfaces give equal meshes. Without `sizes`, a surface with mirror symmetries (within a
-    twentieth of `edge`) gets an exactly symmetric mesh, whose extent is within a fiftieth of `edge`.
+    Boundaries, and creases of more than 30 degrees, stay within a fiftieth of `edge`, their corners exactly. The
+    extent, the number of pieces and holes, and the sides of the faces also stay. Creases from slivers and noise go
+    (`design_features`), and ears (`with_ears_flipped`). Edges are shorter if these limits require it, and between close
+    curves. Equal surfaces give equal meshes. Without `sizes`, a surface with mirror symmetries (within a twentieth of
+    `edge`) gets an exactly symmetric mesh, whose extent is within a fiftieth of `edge`.
 
     Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
     repeated faces, and edges of more than two faces."""
@@ -67,7 +67,7 @@ def remeshed_surface(
         return by_sides
     net = _net(nearest_to, sizes, edge)
     direct = Surface(_on_smooth_surface(net, nearest_to).V if smooth else net.V, net.F)
-    # a mirror along a tip would halve its angle
+    # a mirror plane along a pointed tip would halve the angle of the tip
     return by_sides if by_sides and _smallest_angle(by_sides) > 0.9 * _smallest_angle(direct) else direct
 
 
@@ -76,7 +76,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Remesh one side of all mirrors and copy it; None without mirrors, or for a result that is small or differs in
+    """Remesh one side of all mirrors and copy it; None without mirrors, or for a side that is small or changes
     topology."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
@@ -150,8 +150,8 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until no long edge remains. Flips and collapses follow each round, because needles create
-    many points."""
+    """Halve long edges until no long edge remains, with flips and collapses after each round against needle-shaped
+    faces."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
@@ -194,7 +194,7 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
         raise SurfaceError(f"the finest edge, {finest} m, must lie between 0 and the edge, {edge:g} m")
     if edge > surface.size:
         raise SurfaceError(
-            f"edges of {edge:g} m are longer than the surface, {surface.size:.3g} m; ask for shorter ones, in metres"
+            f"edges of {edge:g} m are longer than the surface, {surface.size:.3g} m; use shorter edges, in metres"
         )
     if len(twice := duplicate_faces(surface.F)):
         raise SurfaceError(
@@ -215,5 +215,5 @@ def _check_count(sizes: SizeField, finest: float) -> None:
     if count > LARGEST:
         raise SurfaceError(
             f"remeshing to edges of {finest:g} m takes over {LARGEST:,} triangles on a surface {surface.size:.3g} m "
-            "large; ask for longer edges, or check the unit"
+            "large; use longer edges, or check the unit"
         )

@@ -1,4 +1,4 @@
-"""Wanted edge lengths: by curvature, by a field, and near curves."""
+"""Wanted edge lengths of a new mesh: by curvature, by a field, and near curves."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,9 +13,8 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import adjacency
 
-TURN_PER_EDGE = 15.0  # Turn of the surface along an edge, degrees, above which edges should be shorter.
-
-CHANGE_PER_EDGE = 0.25  # A field's change along an edge over its root mean square, above which edges shorten.
+TURN_PER_EDGE = 15.0  # Degrees. If the surface turns by more along an edge, the edge should be shorter.
+CHANGE_PER_EDGE = 0.25  # Largest change of a field along an edge, as a share of its root mean square.
 
 
 class SizeField(NamedTuple):
@@ -26,11 +25,10 @@ class SizeField(NamedTuple):
 
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
-    """Return lengths (n,) of edges over which the surface turns by `TURN_PER_EDGE`, between `finest` and `edge`,
-    metres.
+    """Return lengths (n,) of edges over which the surface turns by `TURN_PER_EDGE`, at least `finest`, at most `edge`.
 
     The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
-    2003], over the faces around its neighbours. Creases do not count."""
+    2003], over the faces around its neighbours. Creases do not count. Lengths are in metres."""
     two = surface.edges.count == 2
     shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
@@ -46,8 +44,8 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
 
     field : (m, 3, 3) tensors in the planes of the faces; `CHANGE_PER_EDGE` refers to their root mean square.
 
-    Differences along an edge are differences of the means around its ends [as Zienkiewicz and Zhu 1987 recover
-    stress], without the rotation of the surface between them. The square of the gradient at a vertex is twice the mean
+    The difference along an edge is that of the means around its ends, without the rotation of the surface between them;
+    Zienkiewicz and Zhu [1987] recover stress by such means. The squared gradient at a vertex is twice the mean
     square of the slopes of all edges around the vertex."""
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
@@ -77,8 +75,7 @@ def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Sum the values (e, k) of edges (e, 2) at each vertex and its neighbours; return the sums (n, k) over the
-    areas there."""
+    """Sum the values (e, k) of edges (e, 2) around each vertex and its neighbours; return sums over areas (n, k)."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -102,14 +99,13 @@ def _bends(surface: Surface, shared: Ints) -> Floats:
     return np.asarray(np.where(np.einsum("ei,ei->e", a, across) < 0, angle, -angle))
 
 
-GRADE = 0.3  # Growth of the wanted length per metre: neighbours differ by less than a factor of 1.3.
+GRADE = 0.3  # Largest growth of the wanted length per metre, so that neighbours differ by less than a factor of 1.3.
 LEAST = 1 / 20  # Least wanted length at bends of curves and narrow places, as a share of the edge.
 CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, as shares of the edge.
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded lengths: `base` (n,) or a number, metres, but at most the chords (p,) of its
-    curves."""
+    """Return the net with graded lengths: `base` (n,) or a number, metres, at most the chords (p,) of its curves."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -117,7 +113,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
     for vertex, width, slope in _narrow_places(net):
-        wide = width > TOLERANCE * edge  # narrower places are slivers
+        wide = width > TOLERANCE * edge  # narrower places are faults of the mesh
         row = 1.25 * np.maximum(width, edge * slope)[wide]  # a single row of triangles fills the width
         np.minimum.at(size, vertex[wide], np.maximum(row, least))
     return replace(net, size=graded_sizes(net.V, net.edges.ends, size))
@@ -137,11 +133,10 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
-    """Return fixed and curve vertices (k,), the width (k,) of the surface there, metres, and its slope (k,) as in
-    `_slopes`.
+    """Return groups of fixed and curve vertices (k,), the width (k,) of the surface there, metres, and its slope (k,).
 
     The width is an edge from curve to curve, the height of a face between them, or an edge between corners. The face
-    in the angle of a corner does not count, because it is narrow at any size."""
+    in the angle of a corner does not count, because it is narrow at any size. The slope is that of `_slopes`."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -168,9 +163,9 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
     """Return how fast (k,) the surface widens from the common corner of the curves of two vertices, else 0.
 
-    That is their width (k,), metres, over their distance from the corner along the curves.
+    The slope is the width (k,) at the vertices, metres, over their distance from the corner along the curves.
 
-        corner <   ---- at a slope of 0.3 it is 0.3 edges wide at an edge's length from its corner: edges of this length
+        corner <   ---- at a slope of 0.3 the surface is 0.3 edges wide at an edge's length from the corner: such edges
                         fill it from there on; shorter edges nearer to the corner would never end"""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
@@ -183,10 +178,9 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the vertices (n, 2) at the ends of each vertex's curve, -1 off curves, and the distances (n, 2) to them
-    along it, metres.
+    """Return the corners (n, 2) at both ends of each vertex's curve, -1 off curves, and the distances (n, 2) along it.
 
-    A corner has itself twice."""
+    The distances are in metres. A vertex that is a corner has itself twice."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):
@@ -199,7 +193,7 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
     """Return the length (p,) of the longest chord about each point of the curves, metres.
-    The length is `edge`, or less if a longer chord would leave the curve by more than most of the tolerance."""
+    The length is `edge`, or less if a longer chord would leave the curve by more than 80 % of the tolerance."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

@@ -42,7 +42,7 @@ class SmoothPatches:
 
 
 def barycentric(P: Floats, place: Floats) -> Floats:
-    """Return the coordinates (k, 3) of places (k, 3) in triangles P (k, 3 corners, 3)."""
+    """Return the barycentric coordinates (k, 3) of places (k, 3) in triangles P (k, 3 corners, 3)."""
     areas = np.stack(
         [lengths(np.cross(P[:, (c + 1) % 3] - place, P[:, (c + 2) % 3] - place)) for c in range(3)], axis=1
     )
@@ -62,7 +62,7 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return unit normals (m, 3 corners, 3): means of face normals by angle around a vertex up to the next features
+    """Return unit normals (m, 3 corners, 3): mean face normals by angle around a vertex, up to the next features
     (e,)."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
@@ -72,7 +72,7 @@ def _corner_normals(surface: Surface, features: Bools) -> Floats:
 
 
 class NearestOnSurface:
-    """Search for the nearest places on a surface, by a tree of boxes that is built on first use."""
+    """Search for the nearest places on a surface, by a tree of boxes that the first search builds."""
 
     def __init__(self, surface: Surface) -> None:
         self.surface = surface
@@ -92,8 +92,8 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Move free vertices within their tangent planes to the weighted means of their faces, all further vertices along
-    their curves.
+    """Move free vertices within their tangent planes to the weighted means of their faces, and the rest along their
+    curves.
 
     Weights are areas in units of wanted lengths squared. Vertices on curves move to even steps."""
     V, F, n = net.V, net.F, net.n
@@ -124,8 +124,8 @@ def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
 
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
-    """Return positions (k,) of nodes with even steps in wanted lengths near the curve. Only every second node moves
-    at a time."""
+    """Return positions (k,) of nodes with even steps in wanted lengths near the curve; every second node moves at a
+    time."""
     places = net.at.copy()
     for parity in (0, 1):
         k = np.arange(1 + parity, max(len(places) - 1, 1 + parity), 2)

@@ -1,8 +1,8 @@
-"""Procedural surfaces: closed-form answers for tests, and stand-ins for the models of the paper.
+"""Surfaces by formula: shapes with exact results for tests, and models that resemble those of the paper.
 
-`SHAPES` names them for presets. All are deterministic, in metres with z up and normals up or outward. Triangles are
-nearly equilateral and about `edge` metres wide. They form staggered rows, rings or a subdivided icosahedron, because
-the pattern would follow the parallel diagonals of a grid."""
+`SHAPES` lists them by name for presets. All are deterministic, in metres with z up and normals up or outward.
+Triangles are nearly equilateral and about `edge` metres wide. They form staggered rows, rings or a subdivided
+icosahedron, because a pattern would follow the parallel diagonals of a grid."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ FIGURES: dict[str, Callable[..., Surface]] = {
     shape.__name__: shape
     for shape in (*(camel_head, duck_ring, mouse, climbing_hold, turkey, pirate), *(bridge, twisty_tower, boys_surface))
 }
-"""Stand-ins for the paper's models. dsfab remeshes each of them in a second or more."""
+"""Shapes that resemble the paper's models. dsfab remeshes each of them in a second or more."""
 
 SHAPES: dict[str, Callable[..., Surface]] = {
     **{

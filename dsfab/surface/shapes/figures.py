@@ -1,4 +1,4 @@
-"""Stand-ins for the models of the paper: figures, bridge, twisty tower and Boy's surface."""
+"""Shapes that resemble the models of the paper: figures, bridge, twisty tower and Boy's surface."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -42,8 +42,8 @@ def _above_ground(field: Field, k: float) -> Field:
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
 
-    If edges are longer than the widths of its details, the mouth, the nostrils and the hollow of the ears are left out,
-    and the ears are thicker.
+    If edges are longer than the widths of its details, the shape has no mouth, nostrils and hollow ears, and its ears
+    are thicker.
 
     height : from the boundary to about the tips of the ears, metres."""
     neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
@@ -88,7 +88,7 @@ def _ear(wide: float) -> Field:
 def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
     """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up.
 
-    length : from beak to tail, metres. A stand-in for Bob of Keenan Crane's 3D Model Repository, of its size by
+    length : from beak to tail, metres. The shape resembles Bob of Keenan Crane's 3D Model Repository, in its size by
              default."""
 
     def ring(P: Floats) -> Floats:
@@ -110,7 +110,7 @@ def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
 
 @shape
 def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
-    """A computer mouse, genus 0: two buttons in front at +x, the left one, at +y, pressed, and a wheel."""
+    """A computer mouse, genus 0: a wheel and two buttons in front, at +x; the left button, at +y, is pressed."""
     shell = smooth_union([ellipsoid((0, 0, 0), (0.5, 0.29, 0.27)), ellipsoid((-0.12, 0, 0), (0.37, 0.27, 0.34))], 0.15)
     well = ellipsoid((0.27, 0, 0.26), (0.15, 0.07, 0.09))
     wheel = ellipsoid((0.27, 0, 0.17), (0.1, 0.045, 0.1))
@@ -134,7 +134,7 @@ def _rising(t: Floats) -> Floats:
 
 @shape
 def climbing_hold(width: Length = 0.2, edge: Length = 0.0055) -> Surface:
-    """A jug to climb on, genus 1: its back on the wall at x = 0, a hole for the bolt along x, the grip at the top."""
+    """A climbing hold, genus 1: its back on the wall at x = 0, a hole for the bolt along x, the grip at the top."""
     lump = smooth_union(
         [ellipsoid((0.03, 0, -0.06), (0.3, 0.5, 0.3)), ellipsoid((0.2, 0, 0.14), (0.16, 0.4, 0.15))], 0.12
     )
@@ -277,16 +277,16 @@ def _twist_solid(field: Field, turn: float) -> Field:
     return field_there
 
 
-LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of lowest points and peak, in the formula's own units.
+LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of the lowest points and of the peak, in the formula's own units.
 
 
 @shape
 def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
     """The parametrisation of Bryant and Kusner [Kusner 1987] over the unit disc, its peak up, standing on z = 0.
 
-    Opposite points of the unit circle have the same image: joined there, the surface would be closed and one-sided. It
-    stays open along that seam, which makes it a disc with two sides. It crosses itself, as the projective plane must:
-    three sheets meet in a triple point, and no solid of constant thickness exists around it."""
+    Opposite points of the unit circle have the same image. With these points joined, the surface would be closed and
+    one-sided. It stays open along that seam, so it is a disc with two sides. It crosses itself, as the projective plane
+    must: three sheets meet in a triple point, and no solid of constant thickness exists around this point."""
     check_density(4 * height**2, edge)
     chart = _Disc(height)
     rows = 24

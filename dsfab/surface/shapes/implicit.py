@@ -1,4 +1,4 @@
-"""Solids as implicit functions, their smooth unions, and even triangles on their surfaces."""
+"""Solids as implicit functions, smooth unions of solids, and even triangles on their surfaces."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,15 +23,13 @@ from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Remeshing divides longer edges and collapses shorter edges, in wanted lengths.
-
-ROUNDS, POLISH = 5, 10  # Rounds that change the number of vertices; later rounds that flip and relax.
-
+ROUNDS, POLISH = 5, 10  # Numbers of rounds that change the number of vertices, and of later rounds of flips and moves.
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest turn of a face in one step, about 70 degrees.
-FOLDED = -0.5  # Cosine between the normals of neighbours, about 120 degrees, below which they are a fold.
+FOLDED = -0.5  # Two faces form a fold if the cosine between their normals is lower, at angles over 120 degrees.
 
 
 class MeshChart(Protocol):
-    """A smooth surface that carries vertices, by coordinates X (n, k) of its own choice."""
+    """A smooth surface with vertices on it, by coordinates X (n, k) that the surface chooses."""
 
     def place(self, X: Floats) -> Floats:
         """Return the points (n, 3), metres."""
@@ -43,10 +41,9 @@ class MeshChart(Protocol):
 
 
 def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
-    """Return vertices (n, 3) and faces of nearly equilateral triangles about `edge` metres wide, on the surface of
-    `chart`.
+    """Return vertices (n, 3) and faces of nearly equilateral triangles, about `edge` metres wide, on a chart's surface.
 
-    X, F : any oriented manifold mesh of it, in the chart's coordinates; its genus and its boundaries stay.
+    X, F : any oriented manifold mesh of the surface, in the chart's coordinates; its genus and its boundaries stay.
 
     Raises SurfaceError if the result is no manifold, is folded, or never ends, because the edge is longer than details
     of the surface."""
@@ -54,7 +51,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
         before = len(F)
         X, F = _split(chart, X, F, LONGEST * edge)
         if round_ and len(F) > 2 * before:
-            raise _too_long("its edges span gaps of the surface")
+            raise _too_long("edges of the mesh span gaps of the surface")
         X, F = _collapse_edges(chart, X, F, SHORTEST * edge)
         for _ in range(2):
             X, F = _flip_edges(chart, X, F, by_valence=True)
@@ -66,13 +63,13 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
         raise _too_long(faults[0])
     V = chart.place(X)
     if folds := _folds(V, F):
-        raise _too_long(f"its mesh is folded over at {folds} edges")
+        raise _too_long(f"the mesh is folded over at {folds} edges")
     return V, F
 
 
 def _too_long(why: str) -> SurfaceError:
-    """Return an error without the length, because dsfab models shapes at size 1 and scales them afterwards."""
-    return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter one")
+    # without the length, because dsfab models shapes at size 1 and scales them afterwards
+    return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter edge")
 
 
 def _folds(V: Floats, F: Ints) -> int:
@@ -190,10 +187,8 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     return chart.move(X, 0.8 * step, border)
 
 
-Field = Callable[[Floats], Floats]  # Points (q, 3) -> about the distances (q,) to a solid, negative inside; m.
-
+Field = Callable[[Floats], Floats]  # From points (q, 3) to approximate distances (q,) of a solid, negative inside, m.
 Point = Sequence[float] | Floats
-
 EDGE_CORRECTION = 0.9  # Correction of the edge length, because remeshing gives a longer mean edge.
 
 
@@ -202,13 +197,14 @@ def _norm(Q: Floats) -> Floats:
 
 
 def ball(centre: Point, radius: float) -> Field:
-    """Return a ball: its signed distance (k,) for P (k, 3), metres."""
+    """Return the field of a ball, its signed distance; lengths in metres."""
     c = np.array(centre)
     return lambda P: _norm(P - c) - radius
 
 
 def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
-    """Return an ellipsoid, its distance to first order; axes : (3, 3) units of the radii, in rows, or x, y, z."""
+    """Return the field of an ellipsoid, its approximate distance. axes : (3, 3) directions of the radii, by default
+    x, y, z."""
     c, r, R = np.array(centre), np.array(radii), np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -220,8 +216,8 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
-    """Return a tube with round ends along a polygon; its radius is linear between the corners.
-    soft : the width over which its joints are filled, as a share of the smallest radius."""
+    """Return the field of a tube with round ends along a polygon; its radius is linear between the corners.
+    soft : width over which its joints are filled, as a share of the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
@@ -241,8 +237,8 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
 
 
 def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
-    """Return a rounded box, a field of P (k, 3), metres.
-    halves : half of each side, metres, roundings included.    axes : (3, 3) along its sides, in rows."""
+    """Return the field of a rounded box; lengths in metres.
+    halves : half of each side, roundings included.    axes : (3, 3) directions of the sides, in rows."""
     c, h, R = np.array(centre), np.array(halves) - rounding, np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -253,12 +249,12 @@ def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | No
 
 
 def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
-    """Return the smaller of two values (k,), rounded where they differ by less than k [polynomial, Quilez 2013]."""
+    """Return the smaller of two values (k,), rounded if they differ by less than k [polynomial, Quilez 2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
 def smooth_union(fields: Sequence[Field], k: float) -> Field:
-    """Return the union, with inner corners filled over a width of about k metres."""
+    """Return the field of a union, with inner corners filled over a width of about k metres."""
 
     def field(P: Floats) -> Floats:
         value = fields[0](P)
@@ -270,12 +266,12 @@ def smooth_union(fields: Sequence[Field], k: float) -> Field:
 
 
 def smooth_difference(field: Field, cut: Field, k: float) -> Field:
-    """Return the part of a solid outside of a second solid; the edge of the cut is rounded by about k metres."""
+    """Return the field of a solid outside of a second solid; the edge of the cut is rounded by about k metres."""
     return lambda P: -smooth_minimum(-field(P), cut(P), k)
 
 
 def mirror_union(field: Field, axis: int = 1) -> Field:
-    """Return the union of a solid on the positive side of an axis with its mirror image."""
+    """Return the field of a solid on the positive side of an axis and of its mirror image."""
 
     def field_of_both(P: Floats) -> Floats:
         Q = P.copy()

@@ -14,9 +14,8 @@ from dsfab.core.limits import POSSIBLE_SIZE
 from dsfab.surface.mesh import Surface
 
 P = ParamSpec("P")
-
 Length = Annotated[float, Gt(0), Le(POSSIBLE_SIZE[1])]  # Metres, within the limits of any surface.
-ROW = np.sqrt(3) / 2  # Height of an equilateral triangle over its edge.
+ROW = np.sqrt(3) / 2  # Ratio of height to edge of an equilateral triangle.
 
 
 def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
@@ -38,7 +37,7 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
                 return function(*args, **kwargs)
         except (ArithmeticError, np.linalg.LinAlgError):
             raise SurfaceError(
-                f"{function.__name__}: its lengths differ so much that no surface can be computed; check them"
+                f"{function.__name__}: the lengths differ too much to compute a surface; check the lengths"
             ) from None
 
     return checked_shape
@@ -110,7 +109,7 @@ def ring_turns(counts: Ints) -> list[Floats]:
 
 def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
     """Return faces (m, 3) between rings of vertices at shares (k,) of a turn; a ring with a single vertex is a pole.
-    The faces run counter-clockwise if the turns do and later rings are outside. Every edge of a ring is joined to the
+    The faces run counter-clockwise if the turns do and later rings are outside. A face joins each edge of a ring to the
     vertex of the neighbouring ring nearest to its middle. closed: join the last ring to the first."""
     start = np.cumsum([0] + [len(t) for t in turns])
     pairs = [(j, j + 1) for j in range(len(turns) - 1)] + ([(len(turns) - 1, 0)] if closed else [])

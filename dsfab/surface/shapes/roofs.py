@@ -15,7 +15,8 @@ from dsfab.surface.shapes.meshing import ROW, Length, check_density, pieces_of, 
 @shape
 def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Surface:
     """A flat rectangle, length along x and width along y, centred on the origin at z = 0. Staggered rows of nearly
-    equilateral triangles with half ones at the two short sides; symmetric in x and y. Area length x width exactly."""
+    equilateral triangles with half triangles at the two short sides; symmetric in x and y. Area length x width exactly.
+    """
     check_density(length * width, edge)
     uv, F = staggered_rows(pieces_of(length, edge), pieces_of(width, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * [[length], [width]]
@@ -24,7 +25,7 @@ def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Sur
 
 @shape
 def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, edge: Length = 0.22) -> Surface:
-    """A vault of circular section: length along x, span along y, springing at z = 0, `rise` at the crown.
+    """A vault of circular section: length along x, span along y, supports at z = 0, height `rise` at the crown.
     Area length x radius x opening angle, for radius = (span^2 / 4 + rise^2) / (2 rise)."""
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     half = np.arctan2(span / 2, radius - rise)
@@ -38,7 +39,7 @@ def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, 
 
 @shape
 def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surface:
-    """A hyperbolic paraboloid over a square: two opposite corners at z = 0, the other two at z = rise.
+    """A hyperbolic paraboloid over a square: two opposite corners at z = 0, the other two corners at z = rise.
     z = rise (1/2 + 2 x y / side^2): both sets of rulings are straight."""
     if rise > 4 * side:
         raise SurfaceError(f"hypar: rise = {rise:g} m is more than four times its side of {side:g} m; use a lower rise")
@@ -52,17 +53,16 @@ def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surfac
 def elliptic_paraboloid(
     length: Length = 12.0, width: Length = 8.0, rise: Length = 1.6, crown: Length = 0.8, edge: Length = 0.22
 ) -> Surface:
-    """A parabola moved along another parabola, over a rectangle: length along x, width along y; its corners are at z =
-    0.
+    """A parabola moved along a second parabola, over a rectangle: length along x, width along y, corners at z = 0.
 
     rise  : height of the middle.
-    crown : height of the middles of the two long sides; those of the short sides are at rise - crown.
+    crown : height of the middles of the two long sides; the middles of the short sides are at rise - crown.
 
-    z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2. Edges are measured at the middle."""
+    z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2. `edge` is the length at the middle."""
     if crown >= rise:
         raise SurfaceError(
             f"elliptic_paraboloid: crown = {crown:g} m, the height of the long sides, must be less than "
-            f"rise = {rise:g} m, that of the middle"
+            f"rise = {rise:g} m, the height of the middle"
         )
     if rise > 4 * min(length, width):
         raise SurfaceError(
@@ -82,7 +82,7 @@ def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: flo
     rim    : (k, 2) points along the boundary, about `edge` apart; they stay in place and come first.
     inside : function that returns which points (q, 2) are inside by at least a distance.
 
-    Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing always made the smallest angle worse (5
+    Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing always reduced the smallest angle (5
     and 40 Laplacian rounds with new triangles after each, nine pavilions)."""
     from scipy.spatial import Delaunay  # imported here, because the import takes a tenth of a second
 
@@ -107,7 +107,7 @@ def pavilion(
     foot: Length = 1.6,
     edge: Length = 0.28,
 ) -> Surface:
-    """A spherical shell on `feet` feet, open between them: Saarinen's Kresge Auditorium (1955) stands on three.
+    """A spherical shell on `feet` feet, open between them; Saarinen's Kresge Auditorium (1955) stands on three feet.
 
     span    : diameter of the circle through the feet, at z = 0.
     rise    : height of the crown.
@@ -115,7 +115,7 @@ def pavilion(
     foot    : width of each foot along the circle.
 
     A plane for each arch cuts the sphere through crown and feet. The mesh is created in the stereographic plane, which
-    preserves angles and where every arch is a circle, and is symmetric about every foot. Normals up."""
+    preserves angles and shows every arch as a circle. It is symmetric about every foot. Normals up."""
     _check(span, rise, opening, feet, foot)
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     check_density(2 * np.pi * radius * rise, edge)
@@ -162,7 +162,7 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return points round the wedge, and the points on the rays at angle 0 and `half`; point 0, the crown, is
+        """Return points around the wedge, and the points on the rays at angle 0 and `half`; point 0, the crown, is
         on both rays."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]

@@ -65,8 +65,8 @@ def tower(
 ) -> Surface:
     """A twisting tube with a rounded square plan, standing on z = 0, open at foot and top, normals outward.
 
-    width      : across the flats at the foot; taper times that at the top.
-    twist      : degrees the plan has turned at the top.
+    width      : width of the plan at the foot; the width at the top is `taper` times this width.
+    twist      : degrees by which the plan has turned at the top.
     squareness : exponent p of the plan |x|^p + |y|^p = 1: 2 is a circle, 4 a rounded square."""
     x, y, around = _superellipse(squareness)
     check_density(0.5 * (1 + taper) * around * width / 2 * height, edge)
@@ -95,8 +95,7 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
 
 
 def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
-    """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, with a ring for each
-    point.
+    """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, with a ring per point.
 
     Radius 0 is a pole. Each ring has a multiple of six vertices about `edge` apart. A profile away from the axis has
     normals up. `outward` flips the normals, so that they point away from the axis of a rising tube."""
