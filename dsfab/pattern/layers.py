@@ -107,9 +107,7 @@ class DrawableFamily(Protocol):
         """Return the layers: first stripes that run everywhere, then finer stripes in the openings between them.
 
         closing : factor that decides which openings close as a whole, by default `factor`: with a fixed `closing` the
-                  share
-                  of material does not jump as `factor` grows.
-        """
+                  share of material does not jump as `factor` grows."""
         ...
 
 
@@ -144,9 +142,8 @@ FOLLOWING_WIDTHS = (1.15, 1.25)
 """`CLOSING_WIDTHS` for widths that follow the stress, which needs material there.
 With `CLOSING_WIDTHS` a dome at half of its material is 5 % softer."""
 WHOLE = 1.3
-"""Mean width over the crowded width at which an opening closes as a whole.
-If widths follow the stress, it is the mean of `FOLLOWING_WIDTHS`. With 1.5 the crown of a dome under a point load stays
-open, and the dome is 2 % softer."""
+"""Mean width over the crowded width at which an opening closes as a whole. If widths follow the stress, it is the mean
+of `FOLLOWING_WIDTHS`. With 1.5 the crown of a dome under a point load stays open, and the dome is 2 % softer."""
 
 WIDTH_RULES = {
     "solid": SOLID,
@@ -167,8 +164,7 @@ class EvenFamily:
               multiples of 2^len(wanted) run everywhere.
     slope   : (n,) lines per metre of the phase.    density : (n,) drawn lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
-    whole   : whether an opening between crowded members closes as a whole, or at each vertex.
-    """
+    whole   : whether an opening between crowded members closes as a whole, or at each vertex."""
 
     name: str
     stripes: Stripes
@@ -185,10 +181,8 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return d (n,), in periods of the drawn lines.
-        Except by the rule `plain`, members that would leave a slit are thinner, or merge if they crowd more or have
-        more
-        stress."""
+        """Return d (n,), in periods of the drawn lines. Except by the rule `plain`, members that would leave a slit are
+        thinner, or merge if they crowd more or have more stress."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
@@ -302,10 +296,9 @@ def _is_drawn(field: CornerField) -> Bools:
 
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
-    """Return a function that estimates, by counting points, the share of the surface that layers cover.
-    Layers begin with the kept layers, which are counted once. The estimate is off by a few thousandths, and takes a
-    tenth
-    of the time of a cut."""
+    """Return a function that estimates, by counting points, the share of the surface that layers cover. Layers begin
+    with the kept layers, which are counted once. The estimate is off by a few thousandths, and takes a tenth of the
+    time of a cut."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 

@@ -1,4 +1,4 @@
-"""Stage 2, statics: how the surface carries its loads."""
+"""Stage 2, statics: equilibrium, stress and forces of a surface under its loads."""
 
 from collections.abc import Mapping
 
@@ -8,7 +8,7 @@ from dsfab.core.errors import StaticsError
 from dsfab.statics.assembly import matrix_sum
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.bending_moments import facet_number
-from dsfab.statics.boundary_conditions import SpreadLoad, spread_load, with_springs
+from dsfab.statics.boundary_conditions import SpreadLoad, spread_load
 from dsfab.statics.elements import (
     PAPER,
     REPORTED,
@@ -18,9 +18,7 @@ from dsfab.statics.elements import (
     Elements,
     Membrane,
     Quantity,
-    Use,
     elements_of,
-    flatness,
     needle_message,
     tolerance_of,
 )
@@ -28,24 +26,13 @@ from dsfab.statics.factorisation import Factor, FactorCache, FactorFunction, sti
 from dsfab.statics.internal_forces import CONVENTION, SectionForces, ShearRecovery, section_forces
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.model import Law, Material, SheetMaterial, SheetModel
-from dsfab.statics.modes import Buckling, ModeSupports, Vibration, buckling, frequencies, mode_supports
-from dsfab.statics.reactions import (
-    LoadEntry,
-    Resultant,
-    SupportEntry,
-    load_entries,
-    resultant,
-    support_entries,
-    support_reactions,
-)
+from dsfab.statics.modes import Buckling, ModeSupports, buckling, frequencies, mode_supports
+from dsfab.statics.reactions import SupportEntry, load_entries, resultant, support_entries, support_reactions
 from dsfab.statics.requested_results import Answers, ResultRequest, SolvedCase, sheet_answers
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.stiffness import FaceStiffness, sheet_stiffness
 from dsfab.statics.stress import (
     LAYERS,
-    Layer,
-    Peak,
-    Principal,
     SheetStress,
     membrane_strains,
     membrane_stresses,
@@ -54,22 +41,20 @@ from dsfab.statics.stress import (
     stress,
     von_mises,
 )
-from dsfab.statics.torsion import RibShape, rib_shape, torsion_loss, torsion_share
+from dsfab.statics.torsion import rib_shape, torsion_loss, torsion_share
 from dsfab.statics.variable_thickness import optimality_step, varying_thickness
 from dsfab.surface.loads.load_case import LoadCase
 
 __all__ = [
     "CONVENTION", "LAYERS", "PAPER", "REPORTED", "USES", "Aid", "Answers", "Bending", "Buckling", "Elements",
-    "Equilibrium", "FaceStiffness", "Factor", "FactorCache", "FactorFunction", "Law", "Layer", "LoadEntry",
-    "Material", "Membrane", "ModeSupports", "Peak", "Principal", "Quantity", "ResultRequest", "Resultant",
-    "RibShape", "SectionForces", "ShearRecovery", "SheetMaterial", "SheetModel", "SheetStress", "SolvedCase",
-    "SpreadLoad", "SupportEntry", "Use", "Vibration", "bending_stiffness", "buckling", "elements_of", "equilibria",
-    "equilibrium", "facet_number", "flat_axis", "flatness", "frequencies", "load_entries", "matrix_sum",
+    "Equilibrium", "FaceStiffness", "Factor", "FactorCache", "FactorFunction", "Law", "Material", "Membrane",
+    "ModeSupports", "Quantity", "ResultRequest", "SectionForces", "ShearRecovery", "SheetMaterial", "SheetModel",
+    "SheetStress", "SolvedCase", "SpreadLoad", "SupportEntry", "bending_stiffness", "buckling", "elements_of",
+    "equilibria", "equilibrium", "facet_number", "flat_axis", "frequencies", "load_entries", "matrix_sum",
     "membrane_stiffness", "membrane_strains", "membrane_stresses", "mode_supports", "needle_message",
     "optimality_step", "plane_von_mises", "resultant", "rib_shape", "section_forces", "sheet_answers",
-    "sheet_stiffness", "sheet_stress", "solve_cases", "solve_for", "solve_statics", "spread_load",
-    "stiffness_factor", "stress", "support_entries", "support_reactions", "tolerance_of", "torsion_loss",
-    "torsion_share", "varying_thickness", "von_mises", "with_springs",
+    "sheet_stiffness", "sheet_stress", "solve_cases", "solve_for", "solve_statics", "spread_load", "stiffness_factor",
+    "stress", "support_entries", "support_reactions", "tolerance_of", "torsion_share", "varying_thickness", "von_mises",
 ]  # fmt: skip
 
 
@@ -77,8 +62,8 @@ def solve_statics(
     sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
     """Return displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
-    A flat sheet loaded in its plane is solved in 2D, without bending.    spread : see `equilibrium`.
-    Raises StaticsError for mechanisms and for loads that act on nothing."""
+    A flat sheet with loads in its plane is solved in 2D, without bending.    spread : see `equilibrium`.
+    Raises StaticsError for mechanisms and for loads on vertices without faces."""
     spreads = None if spread is None else {"load": spread}
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
 
@@ -88,8 +73,8 @@ def solve_for(
 ) -> dict[str, Equilibrium]:
     """Return `solve_cases` by the elements of a use, with ribs that twist as `bars` or as a thin sheet.
 
-    Needles among faces, which a cut may leave, may stop the more accurate elements. Then elements that tolerate needles
-    solve the sheet (see `Equilibrium.elements`). Raises StaticsError as `solve_cases`."""
+    A cut may leave needles, very flat triangles, for which the more accurate elements may fail. Then elements that
+    tolerate needles solve the sheet (see `Equilibrium.elements`). Raises StaticsError as `solve_cases`."""
     elements = elements_of(use)
     try:
         return solve_cases(sheet, loads, elements, bars=bars)
@@ -109,9 +94,9 @@ def solve_cases(
 ) -> dict[str, Equilibrium]:
     """Return `solve_statics` for several load cases on the same supports, by name, from one factorisation.
 
-    spreads      : by case, see `equilibrium`; for all cases, or None.
-    combinations : by name, the factor of each case; they follow the cases in the result.
-    bars         : whether ribs that bend twist as rectangular bars, see `torsion_loss`.
+    spreads      : for each case, see `equilibrium`; either for all cases, or None.
+    combinations : for each combination, the factor of each case; combinations follow the cases in the result.
+    bars         : true if ribs that bend twist as rectangular bars, see `torsion_loss`.
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():

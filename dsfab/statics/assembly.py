@@ -15,8 +15,7 @@ from dsfab.surface.mesh import Surface
 
 
 def hinges(surface: Surface) -> Ints:
-    r"""Return vertices (i, 4) of every pair of faces that share an edge: edge start, edge end, and both opposite
-    vertices.
+    r"""Return vertices (i, 4) of every pair of faces that share an edge: edge start, edge end, both opposite vertices.
 
           2
          / \
@@ -31,7 +30,7 @@ def hinges(surface: Surface) -> Ints:
 
 
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
-    """Return gradients (i, 4, 3) of the angles between the faces of hinges, per metre, and weights l^2 / (A1 + A2),
+    """Return gradients (i, 4, 3), per metre, of the angles between the faces of hinges, and weights l^2 / (A1 + A2),
     (i,).
 
     The opposite vertices have heights h2, h3 over the edge. If they move along their normals, the angle changes by n2 /
@@ -58,10 +57,10 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
-    """Vertices that a stiffness couples, once for a mesh, and the positions of their blocks in the matrix.
+    """Pairs of vertices that a stiffness couples, once for a mesh, and the positions of their blocks in the matrix.
 
     ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
-               vertices of all hinges if needed.
+               vertices of all hinges if the elements have hinges.
     of_edge  : (e,) the pair of each edge.
     opposite : (i,) the pair across each hinge, p if its two faces have the same corners; empty without hinges."""
 
@@ -96,7 +95,7 @@ class VertexPairs:
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
         """Row pointers and columns of the matrix in blocks, and the number of each block.
-        Blocks: p above the diagonal, the same p below it, then n on it."""
+        Blocks: p above the diagonal, the same p below the diagonal, then n on the diagonal."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # in this order the columns of each row ascend without sorting
@@ -136,7 +135,7 @@ class PairBlocks:
 
     def __add__(self, other: Self) -> Self:
         if self.pairs is not other.pairs:
-            raise ValueError("the blocks stand on different pairs of vertices")
+            raise ValueError("the blocks belong to different pairs of vertices")
         return type(self)(self.pairs, self.between + other.between, self.own + other.own)
 
     def matrix(self) -> csr_array:

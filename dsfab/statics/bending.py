@@ -22,9 +22,9 @@ from dsfab.surface.mesh import Surface
 def curvatures(surface: Surface) -> Floats:
     """Return the curvature (m, 3, 12), (xx, yy, 2 xy), of each face for unit moves of corners and rotations of edges.
 
-    With t the direction of a half-edge j -> k, m = t x n pointing out of the face, w = u . n and omega the rotation
-    about the edge in its global direction (s = +-1 against the half-edge's), the curvature is constant [Morley 1968;
-    Grinspun et al. 2006 for mid-edge rotations on surfaces]:
+    Let t be the direction of a half-edge j -> k, m = t x n the direction out of the face, w = u . n, and omega the
+    rotation about the edge in its global direction (s = +-1 against the half-edge's). The curvature is constant [Morley
+    1968; Grinspun et al. 2006 for mid-edge rotations on surfaces]:
 
         kappa = 1/A sum over half-edges of  -s l omega m m^T + (w_k - w_j) sym(t m^T)"""
     frame = tangents(surface)
@@ -51,15 +51,17 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
-    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. Converges to Kirchhoff's plate on every mesh,
-    from the soft side: a plate of 16 x 16 cells sags 1.3 % (simply supported) to 8 % (clamped) too much."""
+    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. K_b converges to Kirchhoff's plate on every
+        mesh,
+    from the soft side: the deflection of a plate of 16 x 16 cells is 1.3 % (simply supported) to 8 % (clamped) too
+    large."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
 
 
 GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
-"""Two-point quadrature on an edge from 0 to 1, exact for cubics."""
+"""Positions of two-point quadrature on an edge from 0 to 1, exact for cubics."""
 
 CONDENSED = 12 * (np.eye(3) - 0.25)  # A times the inverse mass matrix of the hats on a triangle of area A.
 
@@ -99,8 +101,9 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
     D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. The form is *decoupled*: the bubble along an
         edge's
-    mean normal bends the faces, the other two bubbles stretch them. Coupling all three locks on coarse thin curved
-    meshes."""
+    mean normal bends the faces, the other two bubbles stretch them. If all three were coupled, coarse thin curved
+    meshes
+    would be far too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)
@@ -137,7 +140,7 @@ def hinge_blocks(surface: Surface, material: Material, thickness: float) -> Pair
 
     At rest its Hessian is w g g^T with g = grad theta, hence positive semidefinite on curved sheets too. It gives good
     *directions* but does not converge to Kirchhoff's plate on general meshes: at 80 x 80 cells the centre of a clamped
-    plate moves by 0.56 (one diagonal) to 1.21 (crossed) of the exact value."""
+    plate moves by 0.56 (one diagonal) to 1.21 (crossed diagonals) of the exact value."""
     h = hinges(surface)
     gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)

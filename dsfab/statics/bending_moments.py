@@ -1,7 +1,7 @@
 """Bending moments on each face from a solved sheet, for every kind of bending.
 
-A moment is positive if the sheet curves towards its normal (as a bowl that holds water does, seen from the side that
-the normals point to). Then the side of the normals is compressed and the opposite side stretched."""
+A moment is positive if the sheet curves towards its normal, as a bowl does, seen from the side that the normals point
+to. Then the side of the normals is compressed and the opposite side stretched."""
 
 import numpy as np
 
@@ -19,8 +19,8 @@ def facet_number(surface: Surface, thickness: float) -> float:
     """Return L^2 / (R h) of a typical face, the median: edge length times fold angle over the thickness.
 
     Loads on the flat faces of a curved sheet bend each face between its edges, as in a real polyhedron. On spheres
-    under pressure, by `hhj`, the largest stress was too high by 0.8 to 0.9 of this number, a typical stress by 0.05 of
-    it, and the energy by the share 1.1 of its square. `midedge` elements have no unknown for this effect."""
+    under pressure with `hhj` elements, the error of the largest stress was +0.8 to +0.9 times this number, of a typical
+    stress 0.05 times, and of the energy 1.1 times its square. `midedge` elements have no unknown for this effect."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -35,14 +35,14 @@ def face_moments(
     """Return moments per length (m, 3 corners, 3), (xx, yy, xy), at the corners of each face, in its tangent frame,
     newtons.
 
-    answer : made with `elements`. A sheet that was solved in its plane (no bending) has no moments.
+    answer : solution by `elements`. A sheet that was solved in its plane (no bending) has no moments.
 
-    `midedge` : constant on each face. Means are right to the order of the mesh width.
+    `midedge` : constant on each face. Means over faces are right to the order of the mesh width.
     `hhj`     : linear on each face: the eliminated moments, recovered [Hellan 1967].
     `hinge`   : constant, from the changed angles of the face's hinges. For pictures only: on a plate bent to a parabola
                 the mean over many faces is right to 2 %, but single faces scatter by 8 % (rows of staggered triangles)
-                to 60 % (random triangles, and twist on squares halved by diagonals). The statics themselves are off by
-                a factor (see `hinge_blocks`). Faces on a free edge lack the share of this edge."""
+                to 60 % (random triangles, and twist on squares halved by diagonals). The statics also differ by a
+                factor (see `hinge_blocks`). Faces on a free edge lack the share of this edge."""
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
     D = material.bending(thickness)
@@ -68,8 +68,7 @@ def _deflection(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m, as `dsfab.statics.bending.curvatures` would, without its
-    matrices."""
+    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m, that `bending.curvatures` defines, without its matrices."""
     length, t, out = half_edge_frames(surface)
     w, rotation = _deflection(surface, answer), answer.on_edges["rotation"][surface.edges.of]
     step = (np.roll(w, -1, axis=1) - w)[:, :, None] * voigt(t, out)
@@ -80,14 +79,14 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m.
 
-    Across each edge lies a normal half way between those of its faces, so a face's own share is half of the angle:
+    The normal at an edge is half way between the normals of its two faces, so a face's own share is half of the angle:
     kappa = 1/A sum over half-edges of  l theta / 2  m m^T     [Grinspun et al. 2006]."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
     half = np.zeros(3 * surface.m)
     half[pairs[:, 0]] = angle / 2
-    # if the second face is listed in reverse, its normal sees the angle with the opposite sign
+    # if the second face is listed in reverse, the angle has the opposite sign about its normal
     along = half_edge_signs(surface).ravel()
     half[pairs[:, 1]] = -angle / 2 * along[pairs[:, 0]] * along[pairs[:, 1]]
     bent = (half.reshape(-1, 3) * length)[:, :, None] * voigt(out, out)
@@ -95,8 +94,8 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r, r the work of unit moments on each
-    hat. r is `dsfab.statics.bending.moment_loads` times the unknowns, without forming the 108 numbers of each face."""
+    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r. Here r is the work of unit moments on
+    each hat: `dsfab.statics.bending.moment_loads` times the unknowns, without forming the 108 numbers of each face."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))

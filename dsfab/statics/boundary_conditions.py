@@ -20,7 +20,7 @@ MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn
 
 
 def rigid_motions(points: Floats) -> Floats:
-    """(n, 3, 6) displacements of points (n, 3) under the motions of `MOTIONS`, scaled to about unit length."""
+    """Return displacements (n, 3, 6) of points (n, 3) under the motions of `MOTIONS`, scaled to about unit length."""
     centred = points - points.mean(axis=0)
     reach = np.abs(centred).max() or 1.0
     motion = np.zeros((len(points), 3, 6))
@@ -33,8 +33,8 @@ def rigid_motions(points: Floats) -> Floats:
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
 
-    fixed   : (n, 3) held freedoms (of supports, and the normal of a sheet solved in its plane); the springs of `load`
-              count too.
+    fixed   : (n, 3) fixed freedoms, from supports and from a solution in the sheet's plane; the springs of `load` also
+              count.
     clamped : (e,) edges that do not rotate."""
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
@@ -43,7 +43,7 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
         where = surface.centroids[label == unheld[0]].mean(axis=0).round(3).tolist()
         raise StaticsError(
             f"{len(unheld)} of {count} pieces of the surface touch no support (the first is around {where} m); "
-            f"support each piece or remove it{_merge_hint(surface)}"
+            f"support or remove each piece{_merge_hint(surface)}"
             if count > 1
             else "no vertex of the surface is supported; add a [[surface.support]]"
         )
@@ -65,22 +65,21 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
 
 def _support_remedy(surface: Surface, held_vertices: Ints) -> str:
     if len(held_vertices) >= FEW_VERTICES:
-        return "the supports do not stop it; hold more directions"
+        return "its supports do not prevent this; hold more directions"
     where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held_vertices)
     count = "1 vertex" if len(held_vertices) == 1 else f"{len(held_vertices)} vertices"
-    return f"the supports hold only {count} of it, at {where} m; let them pick more (of a side, with depth = ...)"
+    return f"the supports hold only {count}, at {where} m; pick more vertices (of a side, with depth = ...)"
 
 
 def _merge_hint(surface: Surface) -> str:
-    """Return a hint to merge vertices if vertices at the same place separate pieces; else ''."""
     doubled = coincident(surface.V)
-    return f", or merge its {doubled} vertices that lie where another one does" if doubled else ""
+    return f", or merge its {doubled} vertices at places of earlier vertices" if doubled else ""
 
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
-    """Return names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops.
-    The result is a basis of shifts and rotations, each with the name of its largest part.
-    clamped : (k, 2) ends of the edges that do not rotate: a rotation about w rotates edge t by w . t."""
+    """Return names of the rigid motions of `vertices` that no fixed freedom and no clamped edge prevents.
+    The motions are a basis of shifts and rotations, each with the name of its largest part.
+    clamped : (k, 2) ends of the edges that do not rotate; a rotation about w rotates edge t by w . t."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (number of fixed freedoms, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
@@ -109,13 +108,13 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
 def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
     """Return the edge unknowns (e, k) of `elements` that do not move.
 
-    fixed   : (n, 3) held directions of the vertices.
+    fixed   : (n, 3) fixed directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
-    A boundary edge is held along a direction if both ends are held; an inner edge if all corners of one of its faces
-    are held. The ears of a mesh (faces with two boundary edges) do not count as such faces, because the boundary alone
-    holds their corners. Edges of faces held in all directions do not rotate. A bubble is held if more than half of its
-    squared direction lies in held directions."""
+    A boundary edge is fixed along a direction if both ends are; an inner edge if all corners of one of its faces are.
+    The ears of a mesh (faces with two boundary edges) do not count as such faces, because the boundary alone fixes
+    their corners. Edges of faces fixed in all directions do not rotate. A bubble is fixed if more than half of its
+    squared direction lies in fixed directions."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -147,7 +146,7 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
         return
     if clamped.shape != (len(surface.edges.ends),):
         raise StaticsError(
-            f"clamped must say yes or no for each of the {len(surface.edges.ends)} edges, not {clamped.shape}"
+            f"clamped must have one value for each of the {len(surface.edges.ends)} edges, not shape {clamped.shape}"
         )
     if elements.bending == "hinge" and clamped.any():
         raise StaticsError(
@@ -157,12 +156,12 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
 
 
 def all_clamped(load: LoadCase) -> Bools | None:
-    """Return edges (e,) that do not rotate; None if no support names any."""
+    """Return edges (e,) that do not rotate; None if no support clamps edges."""
     return load.clamped if len(load.clamped) else None
 
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
-    """Return K (u, u), N/m, with the springs of `load` on the diagonal of its first 3 n unknowns, if any."""
+    """Return K (u, u), N/m, with the springs of `load`, if any, on the diagonal of its first 3 n unknowns."""
     if not load.spring.any():
         return K
     springs = np.zeros(K.shape[0])
@@ -198,7 +197,8 @@ class SpreadLoad:
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
-        """Return forces (n, 3), N: a third of each face's force at its corners, half of each edge's at its ends."""
+        """Return forces (n, 3), N: a third of each face's force at its corners, half of each edge's force at its
+        ends."""
         force = np.zeros((surface.n, 3))
         np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))

@@ -1,4 +1,4 @@
-"""Finite elements by name: their unknowns, the pair of elements for each use, and needles among triangles."""
+"""Finite elements by name: their unknowns, the pair of elements for each use, and needles (very flat triangles)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,18 +16,19 @@ from dsfab.surface.mesh import Surface
 Membrane = Literal["constant", "quadratic", "hybrid"]
 Bending = Literal["hinge", "midedge", "hhj"]
 BUBBLES = ("along", "across", "normal")  # Edge bubbles, in the order of the rows of an edge frame.
+"""Edge bubbles (quadratic displacements, zero at both ends of an edge), in the order of the rows of an edge frame."""
 
 
 @dataclass(frozen=True)
 class Elements:
     """A choice of elements.
 
-    membrane : `constant` strain (3 unknowns a vertex), `quadratic` (two bubbles an edge more), or `hybrid` (the
+    membrane : `constant` strain (3 unknowns per vertex), `quadratic` (two more bubbles per edge), or `hybrid` (the
                unknowns of `quadratic`, with stresses in equilibrium inside). Reports use the last two: constant strain
                is 5 to 15 % too stiff for bending of slender parts in their plane. `hybrid` has a third to a half of the
                errors of `quadratic`, which is the common six-node triangle of other programs.
     bending  : `hinge` (the paper's; good for directions, does not converge to the plate on general meshes), `midedge`
-               (one rotation an edge; converges, from the soft side), `hhj` (two rotations and a bubble an edge; one
+               (one rotation per edge; converges, from the soft side), `hhj` (two rotations and a bubble per edge; one
                order more accurate, for reports), or None for a sheet that is solved in its plane."""
 
     membrane: Membrane = "constant"
@@ -39,7 +40,7 @@ class Elements:
         pairs = [cls(membrane, bending) for membrane in get_args(Membrane) for bending in get_args(Bending)]
         match = next((pair for pair in pairs if str(pair) == name), None)
         if match is None:
-            raise StaticsError(f"there are no elements {name!r}; choose {', '.join(map(str, pairs))}")
+            raise StaticsError(f"elements {name!r} do not exist; choose {', '.join(map(str, pairs))}")
         return match
 
     def __str__(self) -> str:
@@ -79,8 +80,8 @@ def half_edge_signs(surface: Surface) -> Floats:
 
 @derived
 def edge_frames(surface: Surface) -> Floats:
-    """Return unit vectors t, m, n (e, 3, 3) of each edge by rows, computed once for each surface: see
-    `_computed_edge_frames`."""
+    """Return unit vectors t, m, n (e, 3, 3) of each edge by rows, computed once per surface
+    (`_computed_edge_frames`)."""
     frames = _computed_edge_frames(surface)
     frames.flags.writeable = False
     return frames
@@ -89,9 +90,9 @@ def edge_frames(surface: Surface) -> Floats:
 def _computed_edge_frames(surface: Surface) -> Floats:
     """Return rows t, m, n (e, 3, 3) of each edge: its direction, across it in the sheet, and normal to the sheet.
 
-    n is the mean of the faces' normals weighted by area, after turning the second face so that both normals agree. A
-    face turned over changes nothing, and Moebius strips need no exception. Without such a mean (three faces on an edge,
-    or two folded by over 145 degrees) n is the line nearest to all normals: the first eigenvector of sum A n n^T."""
+    n is the mean of the faces' normals weighted by area, after turning the second face so that both normals agree. So
+    reversed faces change nothing, and Moebius strips need no exception. Without such a mean (three faces on an edge, or
+    two folded by over 145 degrees) n is the line nearest to all normals: the first eigenvector of sum A n n^T."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
@@ -106,7 +107,7 @@ def _computed_edge_frames(surface: Surface) -> Floats:
         tensors = np.zeros((len(edges.ends), 3, 3))
         np.add.at(tensors, edges.of.ravel(), np.repeat(_outer(surface.normals, area_normal), 3, axis=0))
         first_face = edges.order[edges.start[undefined]] // 3
-        # a small extra weight decides between three leaves at 120 degrees
+        # a small extra weight decides between three faces at 120 degrees
         tensors[undefined] += 0.01 * _outer(surface.normals[first_face], area_normal[first_face])
         n[undefined] = np.linalg.eigh(tensors[undefined])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
@@ -121,9 +122,9 @@ def voigt(a: Floats, b: Floats) -> Floats:
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
 
-    The sum is one product S^T Z: Z holds the rows of all blocks, and S selects the unknowns. This adds each entry once,
-    without sorting the 100 to 300 triplets of every face. S^T becomes row-major before the product, which would
-    otherwise convert the much larger Z."""
+    The sum is one product S^T Z: Z has the rows of all blocks, and S selects the unknowns. The product adds each entry
+    once, without sorting the 100 to 300 triplets of every face. S^T becomes row-major first; otherwise the product
+    would convert the much larger Z."""
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
     count = np.arange(m * c + 1, dtype=columns.dtype)
@@ -156,8 +157,8 @@ class Use:
     """The purpose of a pair of elements.
 
     pair      : the elements (without bending for a sheet that is solved in its plane).
-    tolerance : largest relative error on the finest mesh of a verification test; None if neither reports nor tests use
-                the pair.
+    tolerance : largest relative error on the finest mesh of a verification test; None if no report or test uses the
+                pair.
     about     : the purpose in words."""
 
     pair: Elements
@@ -215,12 +216,13 @@ def heights(surface: Surface) -> Floats:
 
 
 def flatness(surface: Surface) -> Floats:
-    """Return the smallest height of each triangle over its longest edge (m,): 0.87 if equilateral, 0 if collapsed."""
+    """Return the ratio (m,) of each triangle's smallest height to its longest edge: 0.87 if equilateral, 0 if
+    collapsed."""
     return np.asarray(2 * surface.areas / _longest_edges(surface) ** 2)
 
 
 def needle_message(surface: Surface) -> str:
-    """Return a clause with the number of needles and the place of the worst; '' without needles."""
+    """Return a clause with the number of needles and the place of the worst needle; '' without needles."""
     shape = flatness(surface)
     count = int((shape < NEEDLE).sum())
     if not count:

@@ -15,17 +15,17 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Relative residual above which solutions are refined: a tenth of the accepted residual, because rounding affects
-it too."""
+"""Relative residual above which dsfab refines solutions: a tenth of the accepted residual, because this number is also
+rounded."""
 
-REFINEMENTS = 6  # Most steps of refinement; two or three reach the precision of the numbers.
+REFINEMENTS = 6  # Largest number of refinement steps; two or three reach the precision of the numbers.
 ROWS = 1 << 16
-"""Rows of a stiffness multiplied at a time in longer numbers, because the whole matrix would take three times its
+"""Number of rows of a stiffness that are multiplied together in longer numbers; all rows would take three times the
 memory."""
 
 
 class LinearMap(Protocol):
-    """A matrix for `refined_solution`: products, and a copy in longer numbers."""
+    """A matrix for `refined_solution`: it has products, and a copy in longer numbers."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -34,8 +34,8 @@ class LinearMap(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScaledStiffness:
-    """diag(scale) K diag(scale) on the unknowns `free` as a linear map, without storing this matrix: see `Factor`.
-    dtype : of the numbers in the product."""
+    """The linear map diag(scale) K diag(scale) on the unknowns `free`, without storing this matrix: see `Factor`.
+    dtype : type of the numbers in the product."""
 
     K: csr_array
     free: Ints
@@ -62,7 +62,8 @@ class ScaledStiffness:
 @dataclass(frozen=True, eq=False)
 class Factor:
     """A factorised stiffness. K : the stiffness of all unknowns. free : (N,) the unknowns that move. scale : (N,) 1 /
-    sqrt of their diagonal. solve : the function b -> inner^-1 b."""
+    square
+    root of their diagonal entries. solve : the function b -> inner^-1 b."""
 
     K: csr_array
     free: Ints
@@ -71,7 +72,7 @@ class Factor:
 
     @property
     def map(self) -> ScaledStiffness:
-        """`inner` as a linear map, without memory of its own."""
+        """The matrix `inner` as a linear map, without memory of its own."""
         return ScaledStiffness(self.K, self.free, self.scale)
 
     @cached_property
@@ -81,7 +82,7 @@ class Factor:
 
 
 def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
-    """Factorise K (u, u) without held unknowns (u,) and without unknowns of no stiffness (vertices of no face).
+    """Factorise K (u, u) without fixed unknowns (u,) and without unknowns of no stiffness (vertices of no face).
     Raises StaticsError if the matrix is not positive definite."""
     diagonal = K.diagonal()
     free = np.flatnonzero(~is_held & (diagonal > 0))
@@ -97,7 +98,7 @@ def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
         return Factor(K, free, scale, factorise(partial(_restriction, K, free, scale), points, node, rigid=rigid))
     except NotPositiveDefinite as error:
         raise StaticsError(
-            "the sheet is a mechanism: parts of it meet in single points or are not held; "
+            "the sheet is a mechanism: parts of it meet in single points or are not supported; "
             "check the mesh with `dsfab inspect` and hold more directions"
         ) from error
 
@@ -106,7 +107,7 @@ FactorFunction = Callable[[Surface, csr_array, Bools], Factor]
 
 
 class FactorCache:
-    """A cache of the last `count` factors: the same stiffness with the same held unknowns is factorised once."""
+    """A cache of the last `count` factors: one factorisation serves equal stiffnesses with equal fixed unknowns."""
 
     def __init__(self, count: int = 1) -> None:
         self._kept: list[tuple[csr_array, Bools, Factor]] = []
@@ -134,10 +135,10 @@ def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 
 
 def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy: sqrt(r . K^-1 r /
-    b . x).
+    """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of energy: sqrt(r . K^-1 r / b .
+    x).
 
-    A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with residuals in the longest
+    Iterative refinement [Wilkinson 1963] improves a solution above `ACCURATE`, with residuals in the longest
     floating-point numbers of the machine. Thin sheets make K badly conditioned, so that a residual in double precision
     would be mostly rounding. x is rounded to double after each step, and the residual is that of the returned x."""
     x = solve(b)

@@ -15,16 +15,16 @@ from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_a
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""A face lower than this share of a typical size is a splinter of the cut, where moments have meaningless slopes.
-On a tower they gave 5000 instead of 120 kN/m. The load of splinters is spread as far around them. A shorter distance
-lets more of these errors through, a longer distance misses shear in ribs."""
+"""A face lower than this share of a typical size is a splinter of the cut. Moments have meaningless slopes in
+splinters: on a tower they gave 5000 instead of 120 kN/m. The load of a splinter is spread around it over this distance.
+A shorter distance removes less of these errors, a longer distance misses shear in ribs."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """The recovery of shear forces, shared by all load cases of a sheet.
+    """The recovery of shear forces q from moments, by a potential M; all load cases of a sheet share it.
 
-    columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) the corners alone.
+    columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) only the corners.
     sign    : (m, 6) -1 if the normal of the face is opposite to that of the face which defines the sign of M there.
     rim     : (m, 3) 1 on half-edges of free edges and of folds, which shear does not pass; else 0.
     spread  : (N, N) distribution of a load on each unknown; columns sum to 1."""
@@ -38,7 +38,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the recovery for a surface. linear : whether moments are linear on each face, and M quadratic."""
+        """Return the recovery for a surface. linear : true if moments are linear on each face, and M is quadratic."""
         side_a, side_b = _smooth_pairs(surface)
         rim = np.ones(3 * surface.m)
         rim[side_a], rim[side_b] = 0.0, 0.0
@@ -156,7 +156,7 @@ CONVENTION = (
 class PrincipalForces(NamedTuple):
     """Principal values and directions of forces or moments.
     values : (m, 2), the algebraically larger first. angle : (m,) degrees from local x to the first direction, towards
-    local y, from -90 to 90. direction : (m, 3) unit vectors of the first; the second is the normal cross the first."""
+    local y, from -90 to 90. direction : (m, 3) unit vectors of the first direction; the second is normal x first."""
 
     values: Floats
     angle: Floats
@@ -171,7 +171,7 @@ class SectionForces:
     n     : (m, 3) normal forces x, y and shear in the sheet xy, N/m.
     m     : (m, 3) moments x, y and twist xy, N m/m.
     q     : (m, 2) shear forces across the sheet, on sections across local x and local y, N/m.
-    corners : (m, 3, 3) n at the corners of each face, as its elements have it: it bends ribs in the sheet.
+    corners : (m, 3, 3) n at the corners of each face, as its elements compute it, for the bending of ribs in the sheet.
     corner_moments : (m, 3, 3) m at the corners; on a free edge its twist is the line force that balances q."""
 
     frame: Floats
@@ -203,10 +203,10 @@ def section_forces(
     recovery : of the same surface, for the same kind of bending; many cases share it.
 
     n is the mean of each face, t times the stress of the middle surface, which its elements balance. m is the mean of
-    moments averaged around each vertex: each flat face of a curved sheet bends under its own load, which averaging
-    removes. q balances moments (`dsfab.statics.internal_forces`): errors of Navier's plate fall as h^1.5, to .3 % of
-    all shear at 32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a
-    slab with ribs thinner than a face."""
+    moments averaged around each vertex: each flat face of a curved sheet bends under its own load, and averaging
+    removes this. q balances moments: errors of Navier's plate fall as h^1.5, to .3 % of all shear at 32 cells; slopes
+    of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a slab with ribs thinner than a face.
+    """
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))

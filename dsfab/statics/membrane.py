@@ -19,12 +19,12 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(3, 0): 1}, {(2, 1): 1}, {(1, 2): 1}, {(0, 3): 1},
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
-"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4. As a full space
-they do not depend on the numbering of corners. An element needs nine stresses (twelve edge displacements less three
-rigid motions); degrees 2 and 3 give seven. Two of degree 4 would do, but the pair r^2 (x^2 - y^2), r^2 x y lets a right
-isosceles triangle collapse. With the other pair the weakest strain of the triangle keeps 0.19 of the energy of the
-quadratic element, with all four functions 0.22. r^4 without compatibility would be a fifth function, but it changes no
-reported digit."""
+"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4. A full space does
+not depend on the numbering of corners. An element needs nine stresses (twelve edge displacements less three rigid
+motions); degrees 2 and 3 give seven. Two functions of degree 4 would suffice, but the pair r^2 (x^2 - y^2), r^2 x y
+lets a right isosceles triangle collapse. With the second pair the weakest strain of the triangle keeps 0.19 of the
+energy of the quadratic element, with all four functions 0.22. r^4 without compatibility would be a fifth function, but
+it changes no reported digit."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
@@ -73,9 +73,9 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
     """Return the stress (m, 3 corners, 3), (xx, yy, xy), of each face: the linear part of the quadratic stress.
 
-    strain : (m, 3 corners, 3) of the quadratic triangle. The projection keeps the element's mean stress, and its energy
-             as half the mean product of the linear stress and strain. On the edge of a hole it is more accurate than
-             the quadratic stress."""
+    strain : (m, 3 corners, 3) of the quadratic triangle. The projection preserves the element's mean stress, and its
+             energy as half the mean product of the linear stress and strain. On the edge of a hole it is more accurate
+             than the quadratic stress."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(UNMIXED @ work / surface.areas[:, None, None])
 
@@ -85,10 +85,10 @@ def membrane_stiffness(
 ) -> csr_array:
     """Return K_m, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
 
-    `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`). `quadratic`: the
-    linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact); its edge bubbles move within the
-    sheet only, so flat triangles that meet at an angle stay closed without drilling unknowns. `hybrid`: `quadratic` on
-    the edges, with stresses in equilibrium inside (`dsfab.statics.membrane`); never stiffer."""
+    `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
+    `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact). Its edge bubbles
+    move only within the sheet, so flat triangles that meet at an angle stay closed without drilling unknowns.
+    `hybrid`: `quadratic` on the edges, with stresses in equilibrium inside (`hybrid_rigidity`); never stiffer."""
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
     if elements.membrane == "hybrid":
@@ -169,9 +169,8 @@ def bubble_strains(surface: Surface, weights: Floats) -> Floats:
     Columns: unit bubbles along t on the three half-edges, then along m."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
-    gradient = 4 * (
-        weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope
-    )  # these are slopes of 4 phi_j phi_k
+    # slopes of the bubbles 4 phi_j phi_k
+    gradient = 4 * (weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope)
     direction = np.einsum("mcdk,mak->mdca", edge_frames(surface)[surface.edges.of, :2], t)  # (m, t | m, half-edge, 2)
     return np.asarray(voigt(gradient[:, None], direction).reshape(-1, 6, 3).transpose(0, 2, 1))
 

@@ -31,10 +31,11 @@ class Material:
             raise StaticsError(f"density = {self.density} kg/m3 must not be negative")
 
     def membrane(self, law: Law) -> Floats:
-        """Return the stress from strain in the sheet's plane (3, 3), Pa, for (xx, yy, 2 xy).
+        """Return the matrix (3, 3), Pa, from strains in the sheet's plane to stresses, for (xx, yy, 2 xy).
 
-        `plane_stress`: the thickness is free to change, as in a thin sheet. `stvk`: the paper's law literally (St.
-        Venant-Kirchhoff, linearised). Its F leaves the normal unstretched, so that the law is one of plane strain."""
+        `plane_stress`: the thickness is free to change, as in a thin sheet.
+        `stvk`: exactly the paper's law (St. Venant-Kirchhoff, linearised). Its deformation gradient F leaves the normal
+        unstretched, so the law is one of plane strain."""
         mu = self.young / (2 * (1 + self.poisson))
         lam = self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
         if law == "plane_stress":
@@ -42,11 +43,11 @@ class Material:
         return np.array([[lam + 2 * mu, lam, 0], [lam, lam + 2 * mu, 0], [0, 0, mu]])
 
     def bending_stiffness(self, thickness: float) -> float:
-        """D = E h^3 / (12 (1 - nu^2)), N m: moment per unit length for unit curvature (Kirchhoff)."""
+        """Return D = E h^3 / (12 (1 - nu^2)), N m: moment per unit length for unit curvature (Kirchhoff)."""
         return self.young * thickness**3 / (12 * (1 - self.poisson**2))
 
     def bending(self, thickness: float) -> Floats:
-        """(3, 3) moments per unit length from curvatures (xx, yy, 2 xy) of a plate, N m (Kirchhoff, plane stress)."""
+        """Return the matrix (3, 3) from curvatures (xx, yy, 2 xy) of a plate to moments per length, N m (Kirchhoff)."""
         nu = self.poisson
         return self.bending_stiffness(thickness) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
 

@@ -18,13 +18,14 @@ from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import hat_gradients, tangents
 
-HELD_ACROSS = "its supports hold it out of its plane too"
-UPRIGHT = f"{HELD_ACROSS}, and their edges do not turn: on hinges it would fall over"
+HELD_ACROSS = "its supports are assumed to hold it out of its plane, too"
+UPRIGHT = f"{HELD_ACROSS}, and supported edges not to turn: on hinges it would fall over"
 
 
 @dataclass(frozen=True, eq=False)
 class ModeSupports:
-    """load : with the supports for vibration and buckling.   told : assumptions about these supports, or ''."""
+    """Supports for vibration and buckling. load : the load case with these supports. told : assumptions in words,
+    or ''."""
 
     load: LoadCase
     told: str = ""
@@ -33,12 +34,12 @@ class ModeSupports:
 def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
     """Return the supports of a sheet that vibrates and buckles: its own supports, unless it is solved in its plane.
 
-    Supports of a sheet loaded in its plane mostly leave it free to fall over. So its held vertices, and those on
-    springs, are held across the plane as well. If the sheet could still rotate about a line through them (a wall on its
-    base, a cantilever), the free edges between such vertices are clamped too: a support along an edge holds the sheet
+    Supports of a sheet loaded in its plane mostly leave it free to fall over. So its supported vertices, also those on
+    springs, are fixed across the plane, too. If the sheet could still rotate about a line through them (a wall on its
+    base, a cantilever), the free edges between such vertices are clamped: a support along an edge holds the sheet
     upright.
 
-    plane : whether the sheet is solved in its plane; by default this follows from the load."""
+    plane : true if the sheet is solved in its plane; by default this follows from the load."""
     axis = flat_axis(surface, load)
     if axis is None or plane is False:
         return ModeSupports(load)
@@ -56,6 +57,7 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
 
 
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")  # Default elements.
+"""Default elements of frequencies and of buckling."""
 HATS = (np.eye(3) + 1) / 12  # Integrals of products of two hats over a triangle of area 1.
 BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
@@ -63,8 +65,8 @@ HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 
 
 MODE_RESIDUAL = 1e-4
-"""Largest accepted relative residual of a mode, in the norm of the stiffness. It bounds the relative error of the mode
-[Parlett 1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long."""
+"""Largest accepted relative residual of a mode, in the norm of the stiffness. The residual bounds the relative error of
+the mode [Parlett 1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +83,8 @@ class Vibration:
 
 @dataclass(frozen=True, eq=False)
 class Buckling:
-    """Linear buckling. factor : (k,) load factors at buckling, ascending. shapes : (k, n, 3) displacements, the
-    largest of
-    each 1. Few compressed parts give fewer factors than requested, or none."""
+    """Linear buckling. factor : (k,) load factors at buckling, ascending. shapes : (k, n, 3) displacements, each with
+    maximum 1. A sheet with few compressed parts has fewer factors than requested, or none."""
 
     factor: Floats
     shapes: Floats
@@ -102,13 +103,12 @@ def frequencies(
     factor_of: FactorFunction = stiffness_factor,
     spring: Floats | None = None,
 ) -> Vibration:
-    """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass without rotary
-    inertia.
+    """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass, no rotary inertia.
 
-    sheet     : its mass is density x thickness per area.            fixed : (n, 3) held directions.
+    sheet     : its mass is density x thickness per area.            fixed : (n, 3) fixed directions.
     spring    : (n, 3) stiffness of elastic supports, newtons per metre.
-    K         : stiffness of the sheet (without springs) by the same elements, if it exists.
-    factor_of : makes its factor: the cache of an `equilibrium` saves a factorisation.
+    K         : stiffness of the sheet (without springs) by the same elements, if the caller has computed it.
+    factor_of : function that factorises K: the cache of an `equilibrium` saves a factorisation.
     Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns."""
     surface, density = sheet.surface, sheet.material.density
     if not density > 0:
@@ -135,8 +135,8 @@ def buckling(
 
     answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet, supported as in
              `load`. Loads keep their direction (a pressure does not rotate with the sheet), and displacements before
-             buckling do not count: thin shells buckle well below, cylinders under axial load at a fifth to a half
-             [Koiter 1945; NASA SP-8007].
+             buckling do not count. Real thin shells buckle well below this factor, cylinders under axial load at a
+             fifth to a half [Koiter 1945; NASA SP-8007].
     K, factor_of : (u, u), as for `frequencies`.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
@@ -155,7 +155,7 @@ def buckling(
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
     """Return M (u, u), kg, over the unknowns of `elements`: hats and edge bubbles; rotations have no mass.
-    per_area : kg/m2. The sum over x, y and z of the corners' part is three times the mass of the sheet."""
+    per_area : kg/m2. The entries of the corners sum to three times the sheet's mass, once for each of x, y and z."""
     scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
     shapes = np.broadcast_to(per_area * scalar, (surface.m, 6, 6)) * surface.areas[:, None, None]
     return _on_unknowns(surface, shapes, elements)
@@ -199,9 +199,9 @@ def _largest_eigenpairs(
     count: int,
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
-    """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
-    Lanczos on K^-1 A in the product of K [Lehoucq et al. 1998, ARPACK]: K is positive on held sheets whatever A is, and
-    only its factor is needed. As in `equilibrium`, the diagonal of K scales the unknowns."""
+    """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3). The
+    method is Lanczos on K^-1 A in the product of K [Lehoucq et al. 1998, ARPACK]: K is positive on supported sheets for
+    any A, and only its factor is necessary. As in `equilibrium`, the diagonal of K scales the unknowns."""
     clamped = all_clamped(load)
     require_clampable(surface, elements, clamped)
     turning = clamped if "rotation" in elements.on_edges else None
@@ -210,7 +210,7 @@ def _largest_eigenpairs(
     factor = factor_of(surface, with_springs(K, load), is_held)
     N = len(factor.free)
     if not 1 <= count < N:
-        raise StaticsError(f"{count} modes are asked for, but the sheet has {N} unknowns; ask for 1 to {N - 1}")
+        raise StaticsError(f"the sheet has {N} unknowns, so {count} modes are impossible; request 1 to {N - 1} modes")
     inner = csr_array(A[factor.free][:, factor.free])
     inner = csr_array(inner.multiply(factor.scale[:, None]).multiply(factor.scale[None, :]))
     solve = LinearOperator((N, N), matvec=factor.solve, dtype=np.float64)

@@ -15,7 +15,8 @@ from dsfab.surface.mesh import Surface
 
 @dataclass(frozen=True, eq=False)
 class Resultant:
-    """force : (3,) sum of forces, newtons.  moment : (3,) sum of moments about the origin, newton metres."""
+    """Resultant of forces. force : (3,) their sum, newtons. moment : (3,) sum of moments about the origin, newton
+    metres."""
 
     force: Floats
     moment: Floats
@@ -37,8 +38,8 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques. The torque of an
-    edge goes to the supports that clamp the edge. If no support does, and yet the edge cannot rotate, it goes to the
-    supports of its ends. Together they balance the loads, unless edges are clamped away from all supports."""
+    edge goes to the supports that clamp the edge. If no support does, and yet the edge cannot rotate, the torque goes
+    to the supports of its ends. All supports together balance the loads, unless edges are clamped elsewhere."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -50,11 +51,11 @@ def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equ
 
 
 def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
-    """Return the forces (s, n, 3), N, of each support on each vertex. Supports that hold the same direction of a vertex
+    """Return the forces (s, n, 3), N, of each support on each vertex. Supports that fix the same direction of a vertex
     share its force equally, springs in proportion to their stiffness."""
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
-    # a spring at a held place does not stretch
+    # a spring at a fixed place does not stretch
     return np.asarray(answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs)))
 
 
@@ -68,12 +69,12 @@ def _shares(parts: Floats) -> Floats:
 class SupportEntry:
     """A support and its reactions.
 
-    vertices : number of vertices that it holds.       place : (3,) mean of these vertices, metres.
+    vertices : number of vertices that it supports.       place : (3,) mean of these vertices, metres.
     length   : metres of edges along it: free edges, and the edges of a line within the sheet. 0 for points.
-    area     : m2 of the faces with all corners held.
+    area     : m2 of the faces with all corners supported.
     holds    : 'xyz', 'z, clamped', 'spring xy'.
-    reaction : by case, (3,) newtons on the sheet.
-    share    : by case, of the sum of the magnitudes of all reactions at the vertices; 0 to 1."""
+    reaction : for each case, (3,) newtons on the sheet.
+    share    : for each case, its share of the sum of all reactions' magnitudes at the vertices; 0 to 1."""
 
     name: str
     vertices: int
@@ -131,8 +132,8 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return number and mean of picked vertices (n,), metres of edges along them and m2 of faces among them.
-    An edge within the sheet counts if no face beside it is picked wholly: then the pick is a line, not a region."""
+    """Return number and mean of picked vertices (n,), metres of edges along them and m2 of faces among them. An edge
+    within the sheet counts if none of its faces has three picked corners: then the pick is a line, not a region."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True
@@ -149,7 +150,7 @@ def _holds(support: Support) -> str:
 
 def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
     """Return each load by itself, without the factors of combinations. weight : of the sheet, newtons per square metre,
-    as for `LoadCase.build`. Raises SurfaceError for loads that act on nothing."""
+    as for `LoadCase.build`. Raises SurfaceError for loads without an effect."""
     entries = []
     for name, load in zip(load_names(loads), loads, strict=True):
         force, spread = load.forces(surface, weight), spread_load(surface, [load], weight)

@@ -35,18 +35,17 @@ class ResultRequest:
 
     @property
     def modes(self) -> int:
-        """Number of requested shapes, in all."""
+        """Number of requested mode shapes, of frequencies and of buckling together."""
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return the elements for the results: the given elements if they are verified (`REPORTED`), else the pair for
-        stress.
+        """Return the elements for the results: the input if it is verified (`REPORTED`), else the pair for stress.
 
-        Without a request, the given elements also give stress and energy."""
+        Without a request, the input elements also give stress and energy."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the statics, with a cache if the modes need the factor again."""
+        """Return the function that factorises the stiffness, with a cache if the modes need the factor again."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
@@ -54,9 +53,9 @@ class ResultRequest:
 class Answers:
     """Results of a sheet under one load.
 
-    elements    : that solved the sheet (without bending if it was solved in its plane).
-    equilibrium : by these elements; that of the statics if it has the same elements.
-    stress      : and energy, see `SheetStress`.
+    elements    : elements that solved the sheet (without bending if it was solved in its plane).
+    equilibrium : solution by these elements; that of the statics if it has the same elements.
+    stress      : stress and energy, see `SheetStress`.
     vibration, buckling : None without a request or without a result.
     refusals    : reasons for missing results, one sentence each.
     assumed     : assumptions about the supports for vibration and buckling (`mode_supports`), or ''."""
@@ -96,12 +95,12 @@ def sheet_answers(
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
 
-    stiffness     : K over the unknowns of any elements; called only if other elements give the results, or if a sheet
-                    that was solved in its plane must bend to vibrate or to buckle.
-    other_factors : makes all other factors; a `FactorCache` of two serves several loads on the same supports.
+    stiffness     : function that returns K over the unknowns of any elements. It is called only if other elements give
+                    the results, or if a sheet that was solved in its plane must bend to vibrate or to buckle.
+    other_factors : function for all further factorisations; a `FactorCache` of two serves loads on the same supports.
 
     Vibration counts the mass of the sheet alone, without its loads. Raises StaticsError if the elements for the results
-    cannot solve the sheet; modes that do not converge are refused in the result."""
+    cannot solve the sheet. Modes that do not converge give a refusal in the result."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     other_factors = other_factors or FactorCache(2)

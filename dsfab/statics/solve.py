@@ -28,17 +28,17 @@ from dsfab.surface.mesh import Surface
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """The answer of a surface to a load.
+    """Solution of a surface under a load.
 
     u          : (n, 3) displacements, metres.
     reaction   : (n, 3) forces of the supports on the sheet, newtons, springs included; zero at free vertices.
     compliance : f . u over all unknowns, joules (twice the elastic energy); a stiffer sheet has a smaller compliance.
     imbalance  : largest component of the sum of loads and reactions (and of their moments over the size), relative to
                  the sum of the loads' magnitudes.
-    residual   : relative residual of K u = f in the norm of its energy, sqrt(r . K^-1 r / f . u): the relative error
-                 of arithmetic in u, in that norm, and a bound on that of the compliance.
-    on_edges   : by name, the unknowns on edges (e,): `rotation` and `slope` in radians, `along`, `across` and `normal`
-                 bubbles in metres (see `dsfab.statics.elements`); empty for the paper's elements.
+    residual   : relative residual of K u = f in the norm of its energy, sqrt(r . K^-1 r / f . u). It is the relative
+                 rounding error of u in that norm, and a bound on that of the compliance.
+    on_edges   : for each name, the unknowns on edges (e,): `rotation` and `slope` in radians, `along`, `across` and
+                 `normal` bubbles in metres (see `dsfab.statics.elements`); empty for the paper's elements.
     torque     : (e,) moments of the supports on clamped edges, about the edges' directions, newton metres; empty for
                  elements without rotations.
     elements   : elements that solved the surface."""
@@ -66,14 +66,14 @@ class Equilibrium:
 
     @property
     def bubbles(self) -> Floats | None:
-        """(e, 2) the bubbles along and across each edge, which strain the sheet; None with constant strain."""
+        """Bubbles (e, 2) along and across each edge, which strain the sheet; None with constant strain."""
         if "along" not in self.on_edges:
             return None
         return np.stack([self.on_edges["along"], self.on_edges["across"]], axis=1)
 
 
 def flat_axis(surface: Surface, *loads: LoadCase) -> int | None:
-    """Return the axis across a flat sheet whose loads lie in its plane, so that it is solved in 2D; else None."""
+    """Return the axis normal to a flat sheet whose loads lie in its plane, so that it is solved in 2D; else None."""
     for axis in range(3):
         flat = np.ptp(surface.V[:, axis]) <= 1e-9 * surface.size
         if flat and all(np.abs(load.force[:, axis]).max() <= 1e-12 * np.abs(load.force).max() for load in loads):
@@ -89,16 +89,16 @@ def equilibrium(
     spread: SpreadLoad | None = None,
     factor_of: "FactorFunction | None" = None,
 ) -> Equilibrium:
-    """Solve K u = f with the supported freedoms projected out and the springs of supports added.
+    """Solve K u = f without the fixed unknowns, and with the springs of supports added to K.
 
     K        : stiffness, N/m, over the unknowns of `elements`: x, y, z of vertex 0, of vertex 1, ..., then of the
                edges.
     elements : the pair of K (without bending for a sheet solved in its plane).
-    spread   : the part of the load on faces and edges, which bubbles carry too; its share on vertices is in `load`
-               already.
-    factor_of : makes the factor: `stiffness_factor`, or a `FactorCache` for repeated use.
-    Raises StaticsError if the supports leave a motion free, if a load acts on nothing, if edges without rotations are
-    clamped, or if the solution does not balance the loads."""
+    spread   : the part of the load on faces and edges, which bubbles also carry; `load` already has its share on
+               vertices.
+    factor_of : function that factorises: `stiffness_factor`, or a `FactorCache` for repeated use.
+    Raises StaticsError if the supports leave a motion free, if a load acts on a vertex without faces, if edges without
+    rotations are clamped, or if the solution does not balance the loads."""
     return equilibria(surface, K, [load], elements, [spread] if spread else None, (), factor_of)[0]
 
 
@@ -111,7 +111,7 @@ def equilibria(
     sums: Sequence[Sequence[float]] = (),
     factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
-    """Return the `equilibrium` of each load on the same supports, then of sums of them, from one factorisation.
+    """Return the `equilibrium` of each load on the same supports, then of combinations, from one factorisation.
 
     K    : (u, u), see `equilibrium`.
     sums : factors of the k loads in each combination. A combination is summed, not solved; its residual is the bound
@@ -140,7 +140,7 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
         if not all(
             np.array_equal(getattr(reference, name), getattr(load, name)) for name in ("fixed", "spring", "clamped")
         ):
-            raise StaticsError("load cases that are solved together need the same supports; solve these one by one")
+            raise StaticsError("load cases solved together need the same supports; solve these cases one by one")
 
 
 def _held_freedoms(surface: Surface, loads: Sequence[LoadCase], elements: Elements) -> tuple[Bools, Bools | None]:
@@ -206,22 +206,22 @@ def _require_solved(surface: Surface, imbalance: float, residual: float) -> None
         return
     needles = f"; {message}" if (message := needle_message(surface)) else ""
     if not imbalance <= BALANCE:
-        either = f"{'its needles of faces are too flat, or ' if needles else ''}the sheet is nearly a mechanism"
+        either = f"{'some triangles are too flat, or ' if needles else ''}the sheet is nearly a mechanism"
         raise StaticsError(
             f"loads and reactions differ by {imbalance:.1e} of the load (the equations are solved to {residual:.1e}): "
-            f"{either}; hold more directions, or make it thicker or the mesh finer{needles}"
+            f"{either}; hold more directions, use a thicker sheet, or a finer mesh{needles}"
         )
     raise StaticsError(
         f"the equations are solved to {residual:.1e} only (wanted: {RESIDUAL:g}): the sheet is too thin for its size "
-        f"or nearly a mechanism; make it thicker, hold more directions, or remove needles of faces{needles}"
+        f"or nearly a mechanism; use a thicker sheet, hold more directions, or remove very flat triangles{needles}"
     )
 
 
 def _solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
-    """Return unknowns (N, k) under forces F (N, k) and relative residuals (k,), from one factorisation.
-    Unknowns without stiffness stay 0."""
+    """Return unknowns (N, k) under forces F (N, k), 0 without stiffness, and relative residuals (k,), from one
+    factorisation."""
     U = np.zeros(F.shape)
     if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])
@@ -233,7 +233,8 @@ def _solution(
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
-    """Return moments (e,), N m, of held edges on the sheet; a rigid motion does not move the other unknowns."""
+    """Return moments (e,), N m, of clamped edges on the sheet; only the unknown `rotation` takes part in rigid
+    motions."""
     if "rotation" not in elements.on_edges:
         return np.zeros(0)
     return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])

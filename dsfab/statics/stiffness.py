@@ -1,4 +1,4 @@
-"""Stiffness of a whole sheet, membrane and bending together, also with a scale for each face."""
+"""Stiffness of a whole sheet, membrane and bending together; and stiffness with a factor for each face."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -27,8 +27,8 @@ Row = Callable[[str], AbstractContextManager[object]]
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
     """Return K (N, N), N/m, over the unknowns of `elements`: membrane and, if they have it, bending.
 
-    row : opened as "membrane", then as "bending". Both of the paper's elements use the same vertex pairs: their blocks
-          are added, and the time of the resulting matrix counts as bending."""
+    row : opens the timing rows "membrane", then "bending". Both of the paper's elements use the same vertex pairs:
+          their blocks are added, and the time of the resulting matrix counts as bending."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
         with row("membrane"):
@@ -47,7 +47,7 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 class FaceStiffness:
     """K = sum over the faces of s_f K_f on the free unknowns: constant strain and, out of the plane, mid-edge bending.
 
-    blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` if it is held.
+    blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` if it is fixed.
     places : (nnz, m) matrix from factors s (m,) to the values of K.     indices, indptr : its sparse pattern.
     springs : (nnz,) values of the supports.    points, node : positions, and the point of each free unknown.
     force  : (count, k) newtons."""
@@ -65,7 +65,8 @@ class FaceStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
-        """Return K of a sheet. Raises StaticsError if supports leave a motion free or a load acts on nothing."""
+        """Return K of a sheet. Raises StaticsError if supports leave a motion free or a load acts on a vertex
+        without faces."""
         surface = sheet.surface
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")
@@ -97,7 +98,7 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Return the factor of K at face scales (m,), with the analysis of an `earlier` factor.
+        """Return the factor of K at face factors (m,), with the analysis of an `earlier` factor.
         Raises StaticsError for a mechanism."""
         try:
             if earlier is None:

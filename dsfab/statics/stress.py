@@ -23,7 +23,7 @@ def stress(
 ) -> Floats:
     """Return the membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent, of displacements u (n, 3), metres.
 
-    bubbles : (e, 2) metres, `Equilibrium.bubbles`: with bubbles the result is the mean on each face of the linear
+    bubbles : (e, 2) metres, `Equilibrium.bubbles`. With bubbles the result is the mean on each face of the linear
               stress of `quadratic` elements; None for constant strain."""
     return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
@@ -44,7 +44,7 @@ def von_mises(sigma: Floats) -> Floats:
 
 def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
     """Return in-plane strains (m, 3 corners, 3), (xx, yy, 2 xy), of the middle surface in each face's frame.
-    With edge bubbles they are the strains of the quadratic triangle, and of `hybrid` elements too."""
+    With edge bubbles, `quadratic` and `hybrid` elements both have the strains of the quadratic triangle."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the frame
@@ -66,7 +66,7 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Cosine of 30 degrees: a fold separates faces that lean more from the mean normal at a vertex."""
+"""Cosine of 30 degrees: a face that leans more from the mean normal at a vertex is beyond a fold."""
 
 
 WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of entries xx, yy, zz, yz, xz and xy in a symmetric tensor.
@@ -77,12 +77,12 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
     """Return plane tensors (m, 3 corners, 3), (xx, yy, xy), averaged over the faces around each vertex.
 
     frame  : (m, 2, 3) of each face, for the components.
-    values : (m, 3 corners, 3).
-    sided  : whether values change sign with the side that the normal points to, as bending does.
+    values : (m, 3 corners, 3) tensors before averaging.
+    sided  : true if values change sign with the side that the normal points to, as bending does.
 
     Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge it
-    keeps values that means of faces miss. On curved sheets it removes the bending of each flat face by its own load,
-    which is large at corners and cancels around a vertex. Across folds the mean of the face stays."""
+    preserves values that means of faces miss. On curved sheets it removes the bending of each flat face by its own
+    load, which is large at corners and cancels around a vertex. Across folds the mean of the face stays."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -112,7 +112,7 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""Layers: `top` lies on the side that a face's normal points to, half a thickness away; `bottom` on the opposite
+"""Layers: `top` is half a thickness away on the side that a face's normal points to; `bottom` is on the opposite
 side."""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
@@ -120,7 +120,8 @@ _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
 
 
 class Principal(NamedTuple):
-    """values : (m, 2) Pa, the algebraically larger first.  directions : (m, 2, 3) unit vectors in the face's plane."""
+    """Principal stresses. values : (m, 2) Pa, the larger first. directions : (m, 2, 3) unit vectors in the face's
+    plane."""
 
     values: Floats
     directions: Floats
@@ -189,7 +190,8 @@ class SheetStress:
     @cached_property
     def von_mises(self) -> Floats:
         """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`). At a built-in
-        edge the mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, where corners are 2 % off."""
+        edge the
+        mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, while corners have errors of 2 %."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property
@@ -204,7 +206,8 @@ class SheetStress:
 
     @cached_property
     def peak(self) -> Peak:
-        """The most stressed face and layer. Under point loads and in held corners it grows with refinement."""
+        """Largest von Mises stress with its face and layer. Under point loads and in fixed corners it grows with
+        refinement."""
         face = int(self.largest.argmax())
         row = self.von_mises[face]
         layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"
@@ -236,9 +239,8 @@ def plane_von_mises(stress: Floats) -> Floats:
 
 def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> SheetStress:
     """Return the stress and the energy of a solved sheet.
-    answer : made with `elements`. The law `stvk` has a stress across the sheet; a thin sheet has no such stress, and
-             von
-    Mises leaves it out."""
+    answer : solution by `elements`. The law `stvk` has a stress normal to the sheet; a thin sheet has no such stress,
+             and von Mises omits it."""
     surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
     membrane = membrane_stresses(surface, material, law, elements, strain)

@@ -14,14 +14,14 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Least angle, from the centre of a disc, between two places where the disc touches the border.
+"""Least angle, from the centre of a disc, between two places at which the disc touches the border of the material.
 Nearer places are a kink of one side [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
-    """Return the torsional stiffness of a rectangle over G w h^3 / 3 of a thin strip; ratio : w / h, (...).
-    1 - .63 h / w (1 - h^4 / 12 w^4) if it is wider than thick; else this with w and h exchanged, times w^2 / h^2
-    [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
+    """Return the ratio of a rectangle's torsional stiffness to G w h^3 / 3, that of a thin strip; ratio : w / h, (...).
+    It is 1 - .63 h / w (1 - h^4 / 12 w^4) if the rectangle is wider than thick; else this with w and h exchanged, times
+    w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # narrower ribs make equations that no solver can solve
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
@@ -29,7 +29,8 @@ def torsion_share(ratio: Floats) -> Floats:
 
 
 class RibShape(NamedTuple):
-    """widths : (m,) metres of the ribs around the middle of each face; inf on a closed sheet without openings.
+    """Ribs at the faces. widths : (m,) metres, of the rib around each face's middle; inf on a closed sheet without
+    openings.
     along : (m, 3) unit vectors in the face, along the border next to it."""
 
     widths: Floats
@@ -90,10 +91,10 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
     """Return the negative part of K, over the unknowns of `elements`, that ribs lose because they twist as bars.
 
-    Of each face D loses (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab along and across the rib.
+    For each face D loses (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab along and across the rib.
     Raises ValueError for bending that is neither `hhj` nor `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
-        raise ValueError(f"{elements}: torsion of ribs is lessened for hhj and midedge alone")
+        raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
     share = torsion_share(ribs.widths / sheet.thickness)
     a = np.einsum("mx,max->ma", ribs.along, tangents(sheet.surface))
     t = voigt(a, np.stack([-a[:, 1], a[:, 0]], axis=1)) * np.array([2.0, 2.0, 1.0])

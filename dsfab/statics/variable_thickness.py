@@ -1,6 +1,6 @@
-"""The stiffest sheet of varying thickness, of which no face is thicker than the whole sheet.
+"""The stiffest sheet of varying thickness, in which no face is thicker than the whole sheet.
 
-Its stiffness is proportional to the thickness, so the problem is convex: the result does not depend on the start
+The stiffness is proportional to the thickness, so the problem is convex: the result does not depend on the start
 [Cheng, Olhoff 1981; Petersson 1999]. No sheet of the same area with openings is stiffer on the same mesh."""
 
 from typing import NamedTuple
@@ -16,14 +16,16 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4  # Least thickness over that of the sheet, so that omitted faces still have a direction of force.
+"""Least thickness as a share of the sheet's thickness, so that omitted faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Largest change of a face in the last step and in any step, over the thickness, and largest number of steps."""
+"""Largest change of a face in the last step and in any step, as shares of the thickness, and largest number of
+steps."""
 
 
 class VaryingSheet(NamedTuple):
     """A sheet of varying thickness.
 
-    thickness  : (m,) over that of the whole sheet, 0 to 1.
+    thickness  : (m,) ratio to the thickness of the whole sheet, 0 to 1.
     compliance : joules, summed with the weights of the loads; constant strain and mid-edge bending.
     forces     : for each load (m, 3, 3) membrane forces, N/m, symmetric and tangent to each face."""
 
@@ -33,9 +35,9 @@ class VaryingSheet(NamedTuple):
 
 
 def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats, share: float) -> VaryingSheet:
-    """Return the stiffest sheet with a mean thickness of `share` over the area.
+    """Return the stiffest sheet whose mean thickness over the area is `share` of the whole thickness.
     weights : (k,) of the loads' compliances in the sum to minimise.
-    Raises StaticsError for a sheet that is not held, or a load that acts on nothing."""
+    Raises StaticsError for a sheet without sufficient supports, or a load on a vertex without faces."""
     surface = sheet.surface
     K = FaceStiffness.from_sheet(sheet, loads)
     x, factor = np.full(surface.m, share), None
@@ -65,7 +67,8 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return x sqrt(gain / multiplier) (m,), moved by at most `move`; the multiplier meets the area [Bendsoe 1995].
+    """Return x sqrt(gain / multiplier) (m,), moved by at most `move`, for a multiplier that gives the area [Bendsoe
+    1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
     solid : (m,) faces that stay at 1."""
@@ -73,7 +76,7 @@ def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: 
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
     while upper - lower > 1e-6 * upper:
-        middle = (lower + upper) / 2  # this is the root of the multiplier
+        middle = (lower + upper) / 2  # the square root of the multiplier
         thickness = np.where(solid, 1.0, np.clip(root / middle, low, high))
         if areas @ thickness > area:
             lower = middle

@@ -267,7 +267,7 @@ def test_compare_prints_the_competitors_and_the_gain_and_writes_them(capsys, tmp
     assert rows["design"]["compliance_J"] > rows["full"]["compliance_J"]
     assert rows["thinner"]["mass_kg"] == pytest.approx(rows["design"]["mass_kg"])
     assert "full swings at" in out
-    assert "hold it out of its plane too" in out
+    assert "hold it out of its plane, too" in out
     assert told["preset"].startswith('name = "cantilever"')
     with open(folder / "results.csv", newline="") as file:
         table = list(csv.DictReader(file))

@@ -277,8 +277,8 @@ def test_a_load_that_the_supports_take_is_told():
 
 
 @pytest.mark.parametrize(("indices", "says"), [
-    ((0,), r"can turn about .*: the supports hold only 1 vertex of it, at \[0\.0, 0\.0, 0\.0\] m; let them pick more"),
-    ((0, 24), r"can turn about .*: the supports hold only 2 vertices of it, at \[0\.0, 0\.0, 0\.0\] and \[2\.0, "),
+    ((0,), r"can turn about .*: the supports hold only 1 vertex, at \[0\.0, 0\.0, 0\.0\] m; pick more vertices"),
+    ((0, 24), r"can turn about .*: the supports hold only 2 vertices, at \[0\.0, 0\.0, 0\.0\] and \[2\.0, "),
 ])  # fmt: skip
 def test_what_hangs_on_a_point_or_two_is_told_to_hold_more(indices, says):
     with pytest.raises(StaticsError, match=says) as caught:

@@ -252,7 +252,7 @@ SHAPES = sorted(set(shipped_presets()) - {"figurine", "roof"} - ALIKE)
 def test_beams_of_a_preset_are_within_a_tenth_where_they_are_slender_and_told_otherwise(name):
     design = coarse_design(name)
     if name in LOOSE:
-        with pytest.raises(StaticsError, match="the supports do not stop it"):
+        with pytest.raises(StaticsError, match="its supports do not prevent this"):
             design.frame_agreement()
         return
     agreed = design.frame_agreement()

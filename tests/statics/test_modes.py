@@ -288,9 +288,9 @@ def test_what_has_no_modes_is_refused():
         frequencies(SheetModel(s, Material(1e9, 0.3), H), fixed)
     with pytest.raises(StaticsError, match="can move along x"):
         frequencies(SheetModel(s, STEEL, H), fixed & [False, True, True])
-    with pytest.raises(StaticsError, match="10000 modes are asked for, but the sheet has"):
+    with pytest.raises(StaticsError, match="so 10000 modes are impossible"):
         frequencies(SheetModel(s, STEEL, H), fixed, 10_000)
-    with pytest.raises(StaticsError, match="0 modes are asked for"):
+    with pytest.raises(StaticsError, match="so 0 modes are impossible"):
         frequencies(SheetModel(s, STEEL, H), fixed, 0)
     with pytest.raises(StaticsError, match="edges are clamped, but `hinge`"):
         frequencies(SheetModel(s, STEEL, H, clamped=s.edges.boundary), fixed, 1, elements=PAIRS[0])

@@ -200,7 +200,12 @@ def test_a_closed_surface_has_no_boundary_to_pick():
         ([FEET], [Pressure(float("inf"))], 0.0, "not a finite number"),
         ([FEET], [Force(All(), (0, 0, 0))], 0.0, "kind 'force' is zero"),
         ([FEET], [Force(Side("z", "min"), (0, 0, -1.0))], 0.0, "all loads act on fixed vertices"),
-        ([FEET], [Force(Side("z", "max"), (0, 0, -1.0)), Force(Side("z", "max"), (0, 0, 1.0))], 0.0, "cancel each other"),
+        (
+            [FEET],
+            [Force(Side("z", "max"), (0, 0, -1.0)), Force(Side("z", "max"), (0, 0, 1.0))],
+            0.0,
+            "cancel each other",
+        ),
     ],
 )
 def test_impossible_load_cases_are_refused(supports, loads, weight, says):

@@ -40,26 +40,7 @@ SHAPES: dict[str, Callable[..., Surface]] = {
 """Shapes by their names in a preset: `shape = "dome"`."""
 
 __all__ = [
-    "FIGURES",
-    "SHAPES",
-    "barrel_vault",
-    "boys_surface",
-    "bridge",
-    "camel_head",
-    "catenoid",
-    "climbing_hold",
-    "cylinder",
-    "dome",
-    "duck_ring",
-    "elliptic_paraboloid",
-    "hypar",
-    "mouse",
-    "pavilion",
-    "pirate",
-    "plate",
-    "sphere",
-    "torus",
-    "tower",
-    "turkey",
-    "twisty_tower",
-]
+    "FIGURES", "SHAPES", "barrel_vault", "boys_surface", "bridge", "camel_head", "catenoid", "climbing_hold",
+    "cylinder", "dome", "duck_ring", "elliptic_paraboloid", "hypar", "mouse", "pavilion", "pirate", "plate", "sphere",
+    "torus", "tower", "turkey", "twisty_tower",
+]  # fmt: skip
