@@ -19,7 +19,6 @@ from dsfab.surface.fields import CornerField, DividedField
 @dataclass(frozen=True, eq=False)
 class CaseResult:
     """Load, equilibrium and stress of a load case or a combination.
-
     sigma   : (m, 3, 3) Pa, stress of the middle surface, or of the lower side of a flat sheet that only bends.
     answers : further results of the sheet; elements other than those of `equilibrium` may compute them (see `Ask`).
     factors : of the cases in a combination; None for a case.
@@ -72,7 +71,6 @@ class DiffusionResult:
 @dataclass(frozen=True, eq=False)
 class StripeSteering:
     """Directions of stripes that guides or symmetry change.
-
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
     guided : (m,) weight of guides; at 1 they count as much as a clear direction of stress.
     over   : (m,) faces with exchanged families: the major stripes run along the second principal stress.

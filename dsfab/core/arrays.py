@@ -128,8 +128,8 @@ def sorted_order(keys: Ints) -> Ints:
 
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return `sorted_order` of integers (k,), the start of each group of equal keys in it, and each key's group
-    (k,)."""
+    """Return `sorted_order` of integers (k,), the starts of groups of equal keys in it, and the group (k,) of each
+    key."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)

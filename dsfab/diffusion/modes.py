@@ -17,7 +17,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CLEAR_MOMENT = 1e-2
-"""Moments under this share of their natural size count as zero; inertias that differ by a smaller share count as
+"""A moment below this share of its natural size counts as zero; inertias that differ by a smaller share count as
 equal."""
 
 
@@ -28,9 +28,9 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     vectors : (3,) each, such as the resultant of the loads.
 
     These directions decide in turn: the vectors; from the surface's centroid to that of every weight; the skew of the
-    area; principal axes of inertia of the area and of the weights, pointed to where the third moment is positive. The
-    coordinates x, y, z decide the rest: a dome under its own weight leaves a whole plane open, and any rotation of its
-    pattern is as good."""
+    area; principal axes of inertia of the area and of the weights, towards positive third moments. The coordinates x,
+    y, z decide the rest. A dome under its own weight determines only its axis, and any rotation of its pattern about
+    this axis is equally good."""
     with one_blas_thread():
         return _axes(surface, weights, vectors)
 
@@ -71,8 +71,7 @@ def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Fl
 
 
 def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
-    """Return the sign that turns an axis in a repeatable direction: by its third moment, else by its first large
-    coordinate."""
+    """Return the sign of an axis's third moment, or of its first large coordinate if that moment is about zero."""
     if abs(third_moment) > CLEAR_MOMENT * largest**1.5:
         return float(np.sign(third_moment))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
@@ -81,6 +80,7 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 REPEATED = 1e-6  # Eigenvalues that differ by less than this share are repeated.
 VISIBLE = 1e-2  # A reference field fixes a basis or a sign only if it has at least this share in an eigenspace.
 SPARE = 2  # Number of pairs computed beyond the requested pairs, so that a repeated last eigenvalue is mostly complete.
+"""Number of eigenpairs computed beyond the requested number, so that a repeated last eigenvalue is mostly complete."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +114,12 @@ def diffusion_modes(
 ) -> Modes:
     """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
 
-    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi, so that frequencies
-    mean the same at any size: on the unit sphere modes are M-normalised. Signs and bases of repeated eigenvalues do not
-    depend on the solver (`_canonical`), and rotate with the surface if the axes do.
+    The method is shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi, so
+    that frequencies mean the same at any size: on the unit sphere modes are M-normalised. Signs and bases of repeated
+    eigenvalues do not depend on the solver (`_canonical`), and rotate with the surface if the axes do.
 
     axes     : (3, 3) rows, for signs and bases; by default those of the surface alone (`reference_axes`).
-    symmetry : only modes that are equal at all of its images: more pairs are computed until k such modes exist.
+    symmetry : if set, only modes that are equal at all images count; more pairs are computed until k such modes exist.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
@@ -167,12 +167,12 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """Return the root of the mass (n,); a vertex of no face has mass 0, and keeps a unit row of the scaled matrix."""
+    """Return the root of the mass (n,). A vertex without faces has mass 0 and gets a unit row of the scaled matrix."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
 def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
-    """Return M^-1/2 (L + s M) M^-1/2, s = 1 / area; a vertex of no face gets a large eigenvalue."""
+    """Return M^-1/2 (L + s M) M^-1/2, s = 1 / area; a vertex without faces gets a large eigenvalue."""
     root = _root(surface, mass)
     unused = np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2)
     A = csr_array((L.data / np.repeat(root, np.diff(L.indptr)) / root[L.indices], L.indices, L.indptr), shape=L.shape)
@@ -180,8 +180,8 @@ def _scaled_operator(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """Factorise with PARDISO if installed, which takes half of SuperLU's time with one unknown per point. Both are
-    faster than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a surface."""
+    """Factorise with PARDISO if installed, which takes half of SuperLU's time with one unknown per point.
+    Both are faster than the multifrontal factor at 30 to 50 single solves."""
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
     results = derived_results(surface)  # one order of elimination serves all operators of a surface
@@ -192,8 +192,8 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
     """Return the smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b.
-    Four vectors for each pair give few restarts: 33 solves for five simple modes, 52 for pairs. The tolerance is 0,
-    because copies of a repeated eigenvalue grow from rounding."""
+    Four vectors for each pair give few restarts: 33 solves for five simple modes, 52 for pairs of equal modes. The
+    tolerance is 0, because copies of a repeated eigenvalue grow from rounding errors."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # a fixed start gives repeatable modes
     try:
@@ -208,11 +208,10 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
     """Return the same eigenspaces in a basis that does not depend on the solver.
-
-    Symmetric surfaces repeat eigenvalues, and any rotation within such a space solves the equations. In each space the
-    reference fields (x, y, z along the axes, then their products) are projected in turn and orthonormalised: the first
-    vector is the part of the space most like x, and so on. The sign of a single mode follows from its third moment if
-    that is clear, because the moment needs no axes; else from these fields."""
+    Symmetric surfaces repeat eigenvalues, and any rotation within such an eigenspace solves the equations. In each
+    space the reference fields (x, y, z along the axes, then their products) are projected in turn and orthonormalised:
+    the first vector is the part of the space most like x, and so on. The sign of a single mode follows from its third
+    moment if that is clear, because the moment needs no axes; else from these fields."""
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0

@@ -29,21 +29,23 @@ from dsfab.surface import (
 )
 
 IMAGE_OFF_SURFACE = 0.25  # Largest distance of images of vertices from the surface, as a share of the mean edge.
+"""Largest distance of images of vertices from the surface, as a share of the mean edge."""
 OFF_SUPPORT = 1.0
-"""Largest distance of images of held vertices from held vertices, in mean edges: a pick is accurate to one edge."""
+"""Largest distance between images of supported vertices and supported vertices, in mean edges, the accuracy of a
+picker."""
 
 OFF_LOAD = (0.3, 0.02)
 """Largest difference of loads from their images, as shares of the load: of smoothed forces, then of resultants."""
 
 SAMPLE_POINTS = 100  # Size of the sample of points that is checked before all points.
+"""Number of points in the sample that is checked before all points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
     """A finite group of rotations and mirrors about a surface's centroid, and the images of its points.
-
-    R     : (g, 3, 3) orthogonal, the first the identity.
-    maps  : g sparse (n, n); maps[i] @ x reads a field x at the images R[i] V of the vertices.
+    R     : (g, 3, 3) orthogonal matrices, the identity first.
+    maps  : g sparse (n, n) matrices; maps[i] @ x reads a field x at the images R[i] V of the vertices.
     faces : (g, m) the face that contains the image of each face's centroid."""
 
     R: Floats
@@ -73,7 +75,7 @@ class Symmetry:
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest difference of a field (n,) from its images, over its own size, RMS over the area."""
+        """Return the largest difference of a field (n,) from its images, relative to the field, RMS over the area."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
@@ -92,12 +94,11 @@ class Symmetry:
 
 def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Symmetry:
     """Return the group that words generate: `x` mirrors x, `rot:6:z` rotates by a sixth about z, through the centroid.
-    Raises PatternError for other words, and if the surface, its supports or one of the loads have another symmetry."""
+    Raises PatternError for unknown words, and if the surface, its supports or one of the loads lack this symmetry."""
     return checked_symmetry(surface, symmetry_group(words), loads, str(list(words)))
 
 
 def face_tree(surface: Surface) -> igl.AABB:
-    """Return the faces of a surface in a tree, for fast searches of the nearest face."""
     tree = igl.AABB()
     tree.init(surface.V, surface.F)
     return tree
@@ -107,7 +108,7 @@ def checked_symmetry(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
     """Return the symmetry of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
-    tree : `face_tree` of the surface, if it exists.
+    tree : `face_tree` of the surface, if the caller has it.
     Raises PatternError, with the name `words`, if the surface, its supports or one of the loads lack this symmetry."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
@@ -132,7 +133,7 @@ def checked_symmetry(
 
 
 def _symmetry_error(words: str, finding: str) -> PatternError:
-    return PatternError(f"diffusion.symmetry = {words}, but {finding}; correct it, or ask for less symmetry")
+    return PatternError(f"diffusion.symmetry = {words}, but {finding}; correct this, or request less symmetry")
 
 
 def _generator(word: str) -> Floats:
@@ -147,18 +148,18 @@ def _generator(word: str) -> Floats:
             R[[i, j, i, j], [i, j, j, i]] = np.array([np.cos(angle)] * 2 + [-np.sin(angle), np.sin(angle)])
             return R
     raise PatternError(
-        f"{word!r} is no symmetry; write x, y or z for a mirror, or rot:6:z for a sixth of a turn "
+        f"{word!r} is not a symmetry; write x, y or z for a mirror, or rot:6:z for a sixth of a turn "
         f"about z (2 to {LARGEST_GROUP} parts)"
     )
 
 
 def symmetry_group(words: Sequence[str]) -> Floats:
-    """Return all products (g, 3, 3) of mirrors and rotations, the identity first; raise PatternError for other
+    """Return all products (g, 3, 3) of mirrors and rotations, the identity first; raises PatternError for other
     words."""
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
-        raise PatternError(f"symmetry = {list(words)} makes over {LARGEST_GROUP} images; ask for fewer") from None
+        raise PatternError(f"symmetry = {list(words)} gives over {LARGEST_GROUP} images; use fewer words") from None
 
 
 def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
@@ -183,7 +184,7 @@ def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float,
 
 
 def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: LoadCase, centre: Floats) -> None:
-    """Raise PatternError unless the supports hold the images of held vertices, along the same directions."""
+    """Raise PatternError unless the images of supported vertices are also supported, along the same directions."""
     kinds, kind = np.unique(load.fixed, axis=0, return_inverse=True)
     for R in symmetry.R[1:]:
         for i, holds in enumerate(kinds):
@@ -198,13 +199,13 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
             ]
             if not alike:
                 raise _symmetry_error(
-                    words, f"the supports are not: they hold {_axis_letters(holds)} only, which turns with it"
+                    words, f"the supports are not: they hold only {_axis_letters(holds)}, which the symmetry rotates"
                 )
             image = (surface.V[of_kind] - centre) @ R.T + centre
             distance = _distance_to_marked(image, surface, np.isin(kind.ravel(), alike))
             if distance > OFF_SUPPORT * surface.mean_edge:
                 raise _symmetry_error(
-                    words, f"the supports are not: the image of one is {distance:.3g} m from any support like it"
+                    words, f"the supports are not: the image of a support is {distance:.3g} m from any equal support"
                 )
 
 
@@ -213,14 +214,13 @@ def _axis_letters(holds: Bools) -> str:
 
 
 def _distance_to_marked(points: Floats, surface: Surface, marked: Bools) -> float:
-    """Return the largest distance of points (p, 3) from the nearest of the marked vertices."""
     if not marked.any():
         return float("inf")
     return float(nearest_places(points, surface.V, np.flatnonzero(marked)[:, None]).distance.max())
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Raise PatternError unless forces equal their images: smoothed (meshes are irregular), and in resultants."""
+    """Raise PatternError unless forces equal their images, both smoothed (meshes are irregular) and in resultants."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
@@ -230,7 +230,7 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
         if (share := max(sum_off, moment_off) / total) > OFF_LOAD[1]:
             raise _symmetry_error(words, f"the loads are not: their resultants differ by {share:.0%}")
         if (share := float(np.linalg.norm(_smoothed_forces(surface, change), axis=1).sum()) / total) > OFF_LOAD[0]:
-            raise _symmetry_error(words, f"the loads are not: {min(share / 2, 1):.0%} of them lie elsewhere")
+            raise _symmetry_error(words, f"the loads are not: {min(share / 2, 1):.0%} of them have no image")
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
@@ -256,8 +256,8 @@ def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) 
 
     axes : (3, 3) orthonormal rows that rotate with the surface, its supports and its loads.
 
-    A sample of points checks all candidates. The remaining candidates are checked at all points together, and after a
-    fault one by one."""
+    A sample of points checks all candidates. The remaining candidates are checked together at all points, or one by one
+    if that check fails."""
     glance = _QuickCheck(surface, tuple(loads))
     generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:
@@ -281,7 +281,6 @@ class _QuickCheck:
 
     @cached_property
     def centre(self) -> Floats:
-        """Centroid (3,), metres."""
         return centroid(self.surface)
 
     @cached_property
@@ -294,7 +293,7 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """For every load case a sample of the held points, and a tree of all held points, relative to the centroid."""
+        """For every load case a sample of the supported points, and a tree of them all, relative to the centroid."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
@@ -306,7 +305,6 @@ class _QuickCheck:
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
 
     def allows(self, R: Floats) -> bool:
-        """Return whether R passes all quick checks."""
         edge = self.surface.mean_edge
         for force, moment, total in self._moments:
             limit = LENIENT * OFF_LOAD[1] * total
@@ -322,8 +320,6 @@ class _QuickCheck:
         return all(float(np.max(tree.query(P @ R.T)[0])) < reach for P, tree in self._held_points)
 
     def checked(self, group: Floats) -> Symmetry:
-        """Return the group after checks at all points. Raises PatternError if the surface does not have this
-        symmetry."""
         return checked_symmetry(self.surface, group, self.loads, "found", self._tree)
 
 
@@ -346,8 +342,8 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the mirror, through one of the farthest points or across it, that suits the mesh best.
-    The surface is round but its mesh is not, and this choice does not depend on the numbering. The best mirror maps
-    vertices best on vertices, judged by at least `samples` outermost points."""
+    The surface is round but its mesh is not, and this choice does not depend on the numbering. The images of at least
+    `samples` outermost points by the best mirror are nearest to vertices."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]
@@ -363,7 +359,7 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
 
 
 def _turn(axis: Floats, parts: int) -> Floats:
-    """Return the rotation (3, 3) by 1 / n of a full turn [Rodrigues 1840]."""
+    """Return the rotation (3, 3) by 1 / parts of a full turn [Rodrigues 1840]."""
     angle = 2 * np.pi / parts
     x, y, z = axis
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

@@ -13,14 +13,14 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
-    """Return the root mean square of the layers' stress along two axes of least shear: (m, 3, 3) Pa, symmetric and
+    """Return the root mean square of the layers' stress along two axes of least shear: (m, 3, 3) Pa, symmetric,
     tangent.
 
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom, the side that normals point away from, Pa.
 
-    It rotates with the surface, scales with the stress and changes sign with it. Reversed normals change only its sign,
-    and only if the middle surface is unstressed. Faces without bending keep their membrane stress exactly."""
+    The result rotates with the surface, scales with the stress and changes sign with it. Reversed normals change only
+    its sign, and only if the middle surface is unstressed. Faces without bending keep their membrane stress exactly."""
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
     square = _deviator(flat) ** 2 + _deviator(bent) ** 2 / 3
@@ -37,24 +37,22 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:
-    """Return whether the middle surface has less than a thousandth of the sides' stress; any shape, Pa."""
+    """Return whether the middle surface has less than a thousandth of the stress on its sides; any shape, Pa."""
     return float(np.abs(membrane).max()) < 1e-3 * float(np.abs(bending).max())
 
 
 def _deviator(planar: Floats) -> Floats:
-    """Return half the difference of the normal stresses, and i times the shear stress, (m,) complex."""
+    """Return half the difference of the normal stresses, plus i times the shear stress, (m,) complex."""
     return np.asarray((planar[:, 0, 0] - planar[:, 1, 1]) / 2 + 1j * planar[:, 0, 1])
 
 
 Labelling = Literal["signed", "magnitude"]
-ISOTROPY = 0.02
-"""A face with a smaller relative difference of its principal stresses is isotropic: it has no direction."""
+ISOTROPY = 0.02  # A face whose principal stresses differ by a smaller share is isotropic: it has no direction.
 
 
 @dataclass(frozen=True, eq=False)
 class DiffusionTensors:
     """Two symmetric tensors per face, acting on gradients in the face's plane; eigenvalues r and 1, or 1 and 1.
-
     major     : (m, 3, 3) r along the primary direction: the major stripes run along it.
     minor     : (m, 3, 3) r along the secondary direction.
     isotropic : (m,) faces without a preferred direction.
@@ -84,7 +82,7 @@ def diffusion_tensors(
 
     sigma     : (m, 3, 3) stress, Pa, tangent to the faces.
     r         : anisotropy, >= 1; 1 gives the Laplacian.
-    gamma     : the paper's force magnitude: scales the stress before it is classified (statics are linear).
+    gamma     : the paper's force magnitude, a factor on the stress before classification (statics are linear).
     labelling : `signed`, primary = algebraically larger (tension); `magnitude`, primary = larger absolute value (the
                 paper). On a sphere pressed at its pole, meridian compression and hoop tension have almost equal
                 magnitudes, so that rounding decides the labels of `magnitude`, and the structure falls apart. For a
@@ -112,10 +110,10 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
     stresses : (m, 3, 3) each, Pa, tangent to the faces.     weights : 0 or more for each case.
 
     A direction counts by its stress in any case, tension or compression: cases of opposite sign (wind from two sides)
-    add up, whereas a sum of the stresses would cancel. Cases are not normalised, so that a larger load counts more
-    unless weights differ. Both principal values are 0 or more, so that `signed` and `magnitude` order them alike. In
-    pure shear tension and compression are equal: |sigma| prefers no direction, and faces around it change their label.
-    A single case is therefore better followed by its own stress."""
+    add up, while they would cancel in a sum of the stresses. Cases are not normalised, so that a larger load counts
+    more unless weights differ. Both principal values are 0 or more, so that `signed` and `magnitude` order them alike.
+    In pure shear tension and compression are equal: |sigma| has no preferred direction, and faces around such a place
+    change their label. For a single case, its own stress is therefore better."""
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
         stress, direction = principal_stresses(surface, sigma)
@@ -124,7 +122,7 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
 
 
 def principal_stresses(surface: Surface, sigma: Floats) -> tuple[Floats, Floats]:
-    """Return principal stresses (m, 2) in each face's plane, larger first, and directions (m, 2, 3): Mohr's circle."""
+    """Return principal stresses (m, 2) in each face's plane, larger first, and directions (m, 2, 3) [Mohr 1882]."""
     t = tangents(surface)
     planar = np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True)
     xx, yy, xy = planar[:, 0, 0], planar[:, 1, 1], planar[:, 0, 1]

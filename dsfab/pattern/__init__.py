@@ -1,4 +1,4 @@
-"""Stage 4, pattern: stripes of material, their widths, and the regions kept besides them."""
+"""Stage 4, pattern: stripes of material, their widths, and regions that stay material."""
 
 from dsfab.pattern.direction_field import (
     StressDirections,

@@ -1,4 +1,4 @@
-"""Direction field of stripes: along principal stresses and the boundary, with signs that agree except at seams."""
+"""Direction field of stripes along principal stresses and the boundary; neighbours agree in sign except at seams."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ ALONG = 0.3
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
     """Return vertices (n,) of the boundary along which stripes run, for gradients along g (n, 3).
-    shortest : metres; shorter runs do not count, for example across the corner of a plate."""
+    shortest : metres; shorter parts of the boundary do not count, for example across the corner of a plate."""
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     moment = np.zeros((surface.n, 3, 3))
@@ -58,7 +58,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # so small an area must not decide
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # smaller differences are rounding errors
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():
@@ -67,7 +67,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
 
 
 def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
-    """Return signs (n,) by which to multiply tangents along (n, 3), so that few neighbours point against each other."""
+    """Return signs (n,) for tangents along (n, 3), so that few neighbours point in opposite directions."""
     surface, (i, j) = frames.surface, frames.ends.T
     against = frames.sides(along, i, j) < 0
     singular = np.logical_xor.reduce(against[surface.edges.of], axis=1)
@@ -155,6 +155,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
 
 
 FLOOR = 1e-6  # Least weight of the stress, so that the field is unique on an unstressed surface.
+"""Least weight of the stress, so that the field is unique on an unstressed surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,27 +168,27 @@ class StressDirections:
     direction: Floats
 
     def confidence(self, areas: Floats) -> Floats:
-        """Return D / (D + 0.3 reference) (m,), 0 to 1: D the difference of the stresses, the reference their RMS.
+        """Return D / (D + 0.3 reference) (m,), 0 to 1: D is the difference of the stresses, the reference their RMS.
         Raises PatternError if the stress is zero."""
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
         if not reference > 0:
-            raise PatternError("nothing is stressed, so stripes have nothing to follow; check the loads")
+            raise PatternError("the surface has no stress that stripes could follow; check the loads")
         return np.asarray(differ / (differ + 0.3 * reference))
 
 
 def cross_field(
     frames: Frames, directions: StressDirections, length: float, turn: float = 0.0, guidance: Sequence[Guidance] = ()
 ) -> Floats:
-    """Return unit directions (n, 3) at the vertices, along the major stripes, without a meaning of their sign.
+    """Return unit directions (n, 3) at the vertices, along the major stripes; their sign has no meaning.
 
     length   : metres over which unclear stress is smoothed.
     turn     : rotation from the stress, radians, counter-clockwise as seen from the side that normals point to.
     guidance : guides, which are not rotated.
 
     In each frame the direction is the square z^2 of a complex number, which a half turn does not change. The field
-    minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2, e the first principal direction, c its confidence; and see
-    `Guidance`. Raises PatternError if the stress is zero."""
+    minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2, with e the first principal direction and c its confidence; see
+    also `Guidance`. Raises PatternError if the stress is zero."""
     surface = frames.surface
     share = (surface.areas * directions.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
     e = directions.direction[:, 0]
@@ -201,7 +202,7 @@ def cross_field(
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # these vertices have no face
     x = frames.twisted_factors.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
-    # a smaller number is rounding, as at the pole of a symmetric mesh: there an edge of the mesh gives the direction
+    # a smaller number is a rounding error, as at the pole of a symmetric mesh: an edge gives the direction instead
     angle = np.where(size > 1e-6 * size.max(), np.angle(x) / 2, _first_edge_angles(frames))
     return frames.direction(angle)
 
@@ -218,5 +219,4 @@ def _first_edge_angles(frames: Frames) -> Floats:
 
 
 def _frame_numbers(frames: Frames, vertex: Ints, e: Floats) -> Floats:
-    """Return directions e (m, 3) as complex numbers in the frames of vertices (m,)."""
     return np.asarray(dots(e, frames.t1[vertex]) + 1j * dots(e, frames.t2[vertex]))

@@ -14,8 +14,8 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Most vertices at reversed edges that are eliminated separately, because each costs one solve for every factor.
-At 10,000 points, twice as many take as long as the real matrix of twice the size."""
+"""Largest number of vertices at reversed edges that are eliminated separately, because each costs one solve for every
+factor. At 10,000 points, twice as many take as long as the real matrix of twice the size."""
 
 Solve = Callable[[Complexes], Complexes]
 
@@ -42,7 +42,7 @@ class TwistedFactors:
         return _corrected_solver(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
-        """Return the solver for a matrix with coupling (e,) from each edge's second end to the first, and diagonal
+        """Return the solver of a matrix with coupling (e,) from each edge's second end to the first, and diagonal
         (n,)."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
@@ -50,7 +50,6 @@ class TwistedFactors:
         return lambda b: np.asarray(solve(b))
 
     def _sizes(self, coupling: Complexes) -> Floats:
-        """Return the sum of the weights of all edges at each vertex (n,)."""
         return np.bincount(self._ends.ravel(), np.repeat(np.abs(coupling), 2), len(self._V)).astype(np.float64)
 
     @cached_property
@@ -60,7 +59,7 @@ class TwistedFactors:
         return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """Return the factor of the real matrix, real and imaginary parts side by side: solvers use blocks of two."""
+        """Return the factor of the real matrix, with both parts of a number side by side: solvers use blocks of two."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern
@@ -89,7 +88,6 @@ class _EntryPositions:
         self._place, self._indices, self._indptr, self._N = place.data - 1, place.indices, place.indptr, N
 
     def matrix(self, values: Floats | Complexes) -> csr_array:
-        """Return the matrix (N, N) of values (k,)."""
         return csr_array((values[self._place], self._indices, self._indptr), shape=(self._N, self._N))
 
 
@@ -147,9 +145,8 @@ class Frames:
         return np.arctan2(dots(y, self.t2[i]), dots(y, self.t1[i]))
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
-        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point the same way, -1 if one of them is
-        reversed. If they are perpendicular, the surface's sense of rotation decides, because rounding would depend on
-        the coordinates."""
+        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point to one side, -1 if one of them is reversed.
+        If they are perpendicular, the surface's sense of rotation decides, because rounding depends on coordinates."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 
@@ -182,5 +179,5 @@ def _cotangents(surface: Surface) -> Floats:
     after, before = np.roll(g, -1, axis=1), np.roll(g, -2, axis=1)
     opposite = -np.einsum("mci,mci->mc", after, before) * surface.areas[:, None]  # edge from corner c + 1
     per_edge = np.bincount(np.roll(surface.edges.of, -1, axis=1).ravel(), opposite.ravel(), len(surface.edges.ends))
-    # negative weights of obtuse triangles would reverse phases
+    # the negative weights of obtuse triangles would reverse phases
     return np.asarray(np.maximum(per_edge, 0.05 * np.median(per_edge)))

@@ -1,4 +1,4 @@
-"""Guides of a preset: directions of stripes from the user, and curves that become members."""
+"""Guides of a preset: directions of stripes from the user, and curves that members follow."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from dsfab.surface.mesh import Surface
 
 
 class GuideError(PatternError, ValueError):
-    """A guide that contradicts itself; the error is a ValueError, so that pydantic reports it with its key."""
+    """A guide that contradicts itself. Because it is a ValueError, pydantic reports it with its key."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class Guide:
     curve     : points of a polyline on the surface or near it, metres.
     reach     : metres to both sides of the curve, straight through space, at which its weight falls to 0; by default
                 the smaller spacing of the stripes.
-    at        : the region, instead of a curve.    direction : of the stripes in it; its tangential part counts.
+    at        : the region, instead of a curve.    direction : of the stripes in the region; its tangential part counts.
     weight    : 1 counts as much as clear stress; 0 not at all; 100 and more overrules stress.
     family    : the family whose stripes run along the guide; stripes of the second family run across it.
-    member    : whether a member runs on the curve itself, whatever the weight.
-    Raises GuideError unless there is either a curve or a region, for either without a direction, and for a member in a
+    member    : true for a member on the curve itself, whatever the weight.
+    Raises GuideError unless either a curve or a region is set, for a region without a direction, and for a member in a
     region."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -50,9 +50,9 @@ class Guide:
         if self.at is not None and self.reach is not None:
             raise GuideError("reach is for a curve; a region ends where its pick does")
         if self.at is not None and self.member:
-            raise GuideError("member is for a curve, which becomes one; leave it out of a region")
+            raise GuideError("member is for a curve; leave it out of a region")
         if self.curve is not None and self.direction is not None:
-            raise GuideError("a curve has directions of its own; leave direction out")
+            raise GuideError("a curve has its own directions; leave direction out")
         if self.curve is not None and len(set(self.curve)) < 2:
             raise GuideError("curve needs two different points or more")
         if self.at is not None and not any(self.direction or ()):
@@ -76,14 +76,14 @@ class Guidance:
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
         """Return the guidance of each guide with a weight.
-        spacing : default reach of curves, metres. Raises PatternError for a guide that acts nowhere."""
+        spacing : default reach of curves, metres. Raises PatternError for a guide without an effect."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
-        """Return symmetric tensors (n, 3, 3) in space, of trace 0, to compare vertices that lie apart.
-        Their size is 1 for a guide that overrules stress: doubling the weight then changes the field little."""
+        """Return symmetric tensors (n, 3, 3) in space, of trace 0, which are comparable between distant vertices.
+        Their size is 1 for a guide that overrules stress, because doubling its weight then changes the field little."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
@@ -106,16 +106,15 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
     if np.abs(square).max() < 0.1**2:  # the sine of 6 degrees from the normal
         subject = "the direction is" if guide.at is not None else "the curve is"
         raise PatternError(
-            f"pattern.guide.{number}: {subject} square to the surface wherever the guide acts, so it says nothing "
-            "about "
-            "where stripes run; give one that lies along the surface"
+            f"pattern.guide.{number}: {subject} perpendicular to the surface, so stripes cannot follow the guide; "
+            "choose a guide along the surface"
         )
     return np.asarray(square)
 
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
     """Return the square (n,), complex, of the nearest piece's direction, less with the distance from the curve.
-    Pieces count if they are farther than the nearest by less than a tenth of the reach."""
+    A further piece counts if its distance exceeds that of the nearest piece by less than a tenth of the reach."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -137,8 +136,8 @@ def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> C
 
 def _too_far_error(surface: Surface, number: int, nearest: float, reach: float) -> PatternError:
     return PatternError(
-        f"pattern.guide.{number}: the curve is {nearest:.3g} m from the nearest vertex of the surface, and acts up to "
-        f"{reach:.3g} m from it only; move it onto the surface, or raise reach (edges are {surface.mean_edge:.3g} m)"
+        f"pattern.guide.{number}: the curve is {nearest:.3g} m from the nearest vertex of the surface, but its reach "
+        f"is {reach:.3g} m; move it onto the surface, or raise reach (edges are {surface.mean_edge:.3g} m)"
     )
 
 
@@ -171,7 +170,7 @@ class GuideLine:
             points, faces = _points_on_surface(surface, np.array(guide.curve))
             if len(points) < 2:
                 raise PatternError(
-                    f"pattern.guide.{k}: the curve lies beyond the edge of the surface and cannot be a member; move it "
+                    f"pattern.guide.{k}: the curve is outside the surface's edge and cannot be a member; move it "
                     "onto the surface, or leave member out"
                 )
             lines.append(cls(k, guide.family, points, faces))
@@ -179,8 +178,8 @@ class GuideLine:
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
         """Return vertices (v,) of faces that the curve passes, and target phases (v,) there, in periods, -1/2 to 1/2.
-        g : (n, 3) unit direction of the phase's gradient at the vertices, up to sign.    density : (n,) periods per
-            metre."""
+        g : (n, 3) unit direction of the phase's gradient at the vertices, up to sign.
+        density : (n,) periods per metre."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
         begin = np.arange(len(self.points) - 1)
@@ -195,7 +194,7 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the share of the curve within 5 % of a spacing of a centre line, for a line at every `step`."""
+        """Return the share of the curve within 5 % of a spacing of a centre line; every `step`-th line exists."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))
@@ -217,8 +216,7 @@ def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density:
 
 
 def _points_on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
-    """Return points (k, 3) along a polyline, moved onto the surface, and their faces."""
-    step = surface.mean_edge / 8  # such steps miss few faces, at corners only
+    step = surface.mean_edge / 8  # such steps miss few faces, and only at corners
     points = [curve[:1]]
     for begin, end in pairwise(curve):
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)

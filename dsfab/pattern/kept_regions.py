@@ -13,36 +13,36 @@ from dsfab.surface.fields import DividedField, DividedSurface
 from dsfab.surface.topology import link_components
 
 EVEN = 0.01  # Largest error of a region's edge by linear distances on faces, as a share of its reach.
+"""Largest error of a region's edge by linear distances on faces, as a share of its reach."""
 SNAP = 0.05
-"""The usual `slicing.snap`: a cut moves vertices onto the edge of a region if they are nearer than this share. It is a
-share of the growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are halved."""
+"""The usual `slicing.snap`: a cut moves a vertex onto the edge of a region if it is nearer than this share of the
+growth of the distance along one of its edges. dsfab halves these edges if that exceeds twice `EVEN`."""
 
 SHORT = 1 / 16
-"""Shorter edges, as a share of the reach, are not halved, because they are equally near to two parts of the
-boundary."""
+"""Shorter edges, as a share of the reach, are not halved: they lie between two equally near parts of the boundary."""
 
 FINEST = 1 / 16
 """Edges shorter than this share of their face's longest side are not halved.
 Much smaller parts make the cut sheet hard to solve. Corners of a region are blunt by at most half of this share."""
 
 NEAR = 0.3
-"""Values near the edge of a region move onto it, unless by more than `EVEN`, because lines close to a vertex leave
-needles.
+"""Values near the edge of a region move onto it, because lines close to a vertex leave very flat triangles.
 
-Near means: less than this share of the growth of the distance along one of the vertex's edges."""
+A value is near if its distance from that edge is less than this share of the growth of the distance along one of the
+vertex's edges. The value moves by at most `EVEN`."""
 
 ASIDE = 0.1
-"""An edge is divided where the edge of a region crosses it, if that is less than this share off its middle.
-Otherwise the edge of the region would pass close by the new vertex."""
+"""A new vertex on an edge is at its crossing with a region's edge, if this is less than this share off the edge's
+middle. Otherwise the edge of the region would pass close by the new vertex."""
 
 
 def curve_fields(
     surface: Surface, regions: Sequence[tuple[Origins, float]], rounds: int = 16, most_parts: int = 300_000
 ) -> list[Floats | DividedField]:
-    """Return minus the distance (n,) along the surface, metres, from the origins of each region, to cut at minus its
+    """Return, for each region, minus the distance (n,) from its origins along the surface, metres, to cut at minus its
     reach.
 
-    The edge of a region divides faces where the distance is not linear; all fields share one division, after at most
+    The edge of a region divides faces where the distance is not linear. All fields share one division, after at most
     `rounds` of halving and `most_parts` additional parts. Beyond the reach and the longest edge, values are bounds: too
     low, and finite."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
@@ -131,7 +131,7 @@ def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    deviation[farthest == 0] = reach  # if all sides are on the boundary, the middle has no distance
+    deviation[farthest == 0] = reach  # the middle of a face with all sides on the boundary has no distance
     is_uneven = np.zeros(len(ends), dtype=bool)
     is_uneven[sides[(deviation > EVEN * reach) & (farthest + deviation.max(axis=1) >= reach)[:, None]]] = True
     finite = _finite_distances(vertex, reach)
@@ -162,8 +162,8 @@ class RegionBand:
 
     def layer(self, field: Floats | DividedField) -> Layer:
         """Return the layer of minus the distance (n,) from the outline, metres: the region without its middle. The
-        layer has two fields with a level at 0. Material is where the first field exceeds the level and the second does
-        not (see `dsfab.slicing.cutting.cut`)."""
+        layer has two fields with a level at 0. Material is where the first field exceeds the level and the second field
+        does not (see `dsfab.slicing.cutting.cut`)."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -173,8 +173,7 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return solid regions, each as a field (n,), 0 along its outline. Raises PatternError for a region off the
-    surface."""
+    """Return solid regions, each as a field (n,), 0 along its outline. Raises PatternError off the surface."""
     half_width = np.full(surface.n, np.inf)
     return [
         Layer("keep", region_sides(surface, faces), np.zeros(1), half_width)
@@ -184,13 +183,13 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
     """Return the bands of regions, by default as wide as the `rim`, metres, or a quarter of half the region's width.
-    Raises PatternError for a region off the surface, and for a region that covers a piece of the surface wholly."""
+    Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
         edges = outline_edges(surface, faces)
         if not edges.any():
-            raise PatternError(f"{region_key(regions, k)} has no edge on the surface that a band could follow")
+            raise PatternError(f"{region_key(regions, k)} has no edge on the surface for a band; move the region")
         ends = np.zeros(surface.n, dtype=bool)
         ends[surface.edges.ends[edges]] = True
         length = float(surface.edge_lengths[edges].sum())
@@ -233,8 +232,8 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """Return the distance (n,), metres, to the span of marked vertices.
-    To patches it is straight. To points and curves it is measured along the surface, as in `distance_to_boundary`."""
+    """Return the distance (n,), metres, to the span of marked vertices. The distance to patches is straight. The
+    distance to points and curves is along the surface, as in `distance_to_boundary`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
@@ -285,12 +284,10 @@ def _edge_ends(surface: Surface, edges: Bools) -> Bools:
 def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
-    """Return the layers of kept material: user regions, `keep` metres around marked vertices (n,), `rim` metres at the
-    boundary.
-
+    """Return the layers of kept material: user regions, `keep` metres around marked vertices (n,), a `rim` in metres.
     Around patches the edge of a region is straight on each face; the patch itself is ragged. Around points and along
-    curves it is smooth: see `curve_fields`. Regions of the user end at edges of the surface, because it was cut for
-    them."""
+    curves the edge is smooth: see `curve_fields`. Regions of the user end at edges of the surface, because dsfab has
+    cut the surface along their outlines."""
     patch = patches(surface, marked)
     regions = []
     if keep and (marked & ~patch).any():

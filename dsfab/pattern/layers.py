@@ -1,4 +1,4 @@
-"""Layers: a field and the levels to cut it at, for stripes on modes and on even phases; the material share."""
+"""Layers: a field and its levels to cut, for stripes on modes and on even phases; the share of material."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +23,8 @@ class Layer(NamedTuple):
     The field may be at corners, or on parts of faces.
 
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) openings with a mean over 0 are material, whatever their own width; None closes none."""
+    closed     : (n,) an opening whose mean exceeds 0 becomes material, whatever its own width; None closes no opening.
+    """
 
     name: str
     field: Floats | CornerField | DividedField
@@ -59,8 +60,7 @@ class ModeFamily:
         """Return d (n,), in periods."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
-    adds = 0
-    """See `DrawableFamily`."""
+    adds = 0  # see `DrawableFamily`
 
     @property
     def density(self) -> Floats:
@@ -78,7 +78,7 @@ class ModeFamily:
 class DrawableFamily(Protocol):
     """A family of stripes, on a mode or evenly spaced.
     density : (n,) stripes per metre. stress : (n,) size of the stress along the stripes; any unit.
-    adds : order of families in which finer stripes are added."""
+    adds : rank of the family when dsfab adds finer stripes."""
 
     @property
     def adds(self) -> int: ...
@@ -105,8 +105,7 @@ class DrawableFamily(Protocol):
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
         """Return the layers: first stripes that run everywhere, then finer stripes in the openings between them.
-
-        closing : factor that decides which openings close as a whole, by default `factor`: with a fixed `closing` the
+        closing : factor that decides which openings close as a whole, by default `factor`. With a fixed `closing` the
                   share of material does not jump as `factor` grows."""
         ...
 
@@ -122,9 +121,9 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the factor at which families of graded width keep the mean duty of their thresholds.
-    All families have the same factor: the family with the larger stress gets the larger share. Bounds in metres apply
-    afterwards. Raises PatternError if too little of the surface is stressed for that."""
+    """Return the factor at which families of graded width preserve the mean duty (share of material) of their
+    thresholds. All families have one factor: the family with the larger stress gets the larger share. Bounds in metres
+    apply afterwards. Raises PatternError if too little of the surface is stressed for that."""
     free = Widths(widths.rule, widths.member, widths.q)
 
     def duty(factor: float) -> float:
@@ -135,15 +134,16 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 
 CLOSING_WIDTHS = (1.45, 1.55)
-"""Widths over the crowded width between which an opening closes gradually, because members crowd around a load.
-Up to the first width, members become thinner; from the second on they merge. The limits apply only to openings that do
-not close as a whole (`Layer.closed`)."""
+"""Ratios to the crowded width between which an opening closes gradually, because members crowd around a load.
+Up to the first ratio, members become thinner; from the second ratio on they merge. The limits apply only to openings
+that do not close as a whole (`Layer.closed`)."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""`CLOSING_WIDTHS` for widths that follow the stress, which needs material there.
+"""`CLOSING_WIDTHS` for widths that follow the stress, because stressed places need material.
 With `CLOSING_WIDTHS` a dome at half of its material is 5 % softer."""
 WHOLE = 1.3
-"""Mean width over the crowded width at which an opening closes as a whole. If widths follow the stress, it is the mean
-of `FOLLOWING_WIDTHS`. With 1.5 the crown of a dome under a point load stays open, and the dome is 2 % softer."""
+"""Ratio of the mean width to the crowded width at which an opening closes as a whole.
+If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces it. With 1.5 the crown of a dome under a point load
+stays open, and the dome is 2 % softer."""
 
 WIDTH_RULES = {
     "solid": SOLID,
@@ -152,7 +152,7 @@ WIDTH_RULES = {
     "closing": CLOSING_WIDTHS,
     "following": FOLLOWING_WIDTHS,
 }
-"""The same limits for the editor's page, which shows widths while a slider moves."""
+"""The limits above for the editor's page, which shows widths while a slider moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ class EvenFamily:
               multiples of 2^len(wanted) run everywhere.
     slope   : (n,) lines per metre of the phase.    density : (n,) drawn lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
-    whole   : whether an opening between crowded members closes as a whole, or at each vertex."""
+    whole   : true if an opening between crowded members closes as a whole, false if each vertex decides."""
 
     name: str
     stripes: Stripes
@@ -181,8 +181,8 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return d (n,), in periods of the drawn lines. Except by the rule `plain`, members that would leave a slit are
-        thinner, or merge if they crowd more or have more stress."""
+        """Return d (n,), in periods of the drawn lines. Members that would leave a slit become thinner, or merge if
+        they crowd more or have more stress. The rule `plain` has no such changes."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
@@ -219,7 +219,6 @@ class EvenFamily:
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
     def _closed_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return half-widths (n,) with crowded members merged."""
         if widths.rule == "plain":
             return requested
         crowded = self._crowded_half_width(requested)
@@ -249,7 +248,6 @@ def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: 
 
 def face_points(side: int = 3) -> Floats:
     r"""Return barycentric coordinates (side^2, 3): the centroids of equal triangles that divide a face.
-
     side = 2:    .         three upright triangles and one upside down
                 /_\
                /_\/_\
@@ -268,7 +266,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # single points, as only the cut knows whole openings
+            if layer.closed is not None:  # for single points, because only the cut knows whole openings
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -276,14 +274,12 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
 
 
 def _point_values(surface: Surface, field: Floats | CornerField | DividedField, points: Floats) -> list[Floats]:
-    """Return the one or two fields of a layer at points of the faces, (m, p) each."""
     if isinstance(field, DividedField):
         return [column.at_points(points) for column in field.columns]
     return [np.asarray(x @ points.T) for x in _corner_values(surface, field)]
 
 
 def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats]:
-    """Return the one or two fields of a layer at the corners of the faces, (m, 3) each."""
     if isinstance(field, CornerField):
         seen = field.corners(surface.F)
         return [seen[..., k] for k in range(seen.shape[2])]
@@ -291,14 +287,13 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return faces (m,) where a field is drawn, exact to one face; the cut is more accurate."""
+    """Return faces (m,) on which a field is drawn, exact to one face; the cut is more accurate."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 
 def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
     """Return a function that estimates, by counting points, the share of the surface that layers cover. Layers begin
-    with the kept layers, which are counted once. The estimate is off by a few thousandths, and takes a tenth of the
-    time of a cut."""
+    with the kept layers, which are counted once. The error is a few thousandths; a cut takes ten times as long."""
     points = face_points(side)
     kept_points = material_points(surface, kept_layers, points)
 

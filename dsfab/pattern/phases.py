@@ -18,8 +18,10 @@ from dsfab.surface.mesh import Surface
 SHIFT = 1e-3
 """Shift of the inverse iteration, over the squared spacing: it makes the matrix definite and changes no eigenvector."""
 FLOW = 0.25  # Length 1 / tau of a round of diffusion, where tau is this share of (2 pi / spacing)^2.
+"""A round of diffusion has the length 1 / tau, with tau this share of (2 pi / spacing)^2."""
 LOCKED_PHASE = 0.05
-"""Largest miss, in periods, of a locked phase that is rounded to its target, so that edges get straight members."""
+"""A locked phase that misses its target by less (in periods) is set to the target, so that edges get straight
+members."""
 LOCK = 3.0  # Weight of a locked phase, over (2 pi / spacing)^2.
 
 
@@ -34,14 +36,13 @@ class Flow:
 
     @cached_property
     def sign(self) -> Floats:
-        """1 (e,) if g points the same way at both ends of an edge, -1 if it is reversed."""
+        """Sign (e,): 1 if g points to one side at both ends of an edge, -1 if it is reversed."""
         i, j = self.frames.ends.T
         return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:
-        """Growth of the phase (e,), periods, from the first end of an edge to the second, in the sign of the first
-        end."""
+        """Growth of the phase (e,), periods, from the first end of an edge to the second, in the first end's sign."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -63,14 +64,15 @@ class Flow:
     ) -> Floats:
         """Return phases (n,) at the vertices, in periods, -1/2 to 1/2, each in the sign that g has at its vertex.
 
-        They minimise the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated if g is reversed:
-        first over all psi of one size, then, by diffusion and normalisation in turns, over all of size 1 everywhere
-        [Merriman, Bence, Osher 1992; on phases Viertel, Osting 2019].
+        They minimise the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated if g is reversed.
+        The first minimum is over all psi with a common norm, the second over psi of size 1 everywhere, by diffusion and
+        normalisation in turns [Merriman, Bence, Osher 1992; on phases Viertel, Osting 2019].
 
-        start : (n,) begin of the iteration; a line runs through its peak if nothing else decides.
+        start : (n,) start of the iteration; a line runs through its peak if nothing else decides.
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; 0 by default.
-        free  : begin without locked vertices, because phases that start from them may meet out of step in between.
+        free  : true to begin without locked vertices, because phases that start from these may meet out of step in
+                between.
         rounds : of diffusion and normalisation, in which pairs of dislocations meet and vanish."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
@@ -105,7 +107,6 @@ def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) ->
 
 
 def _real_pairs(x: Complexes) -> Floats:
-    """Return real and imaginary part (2 n,) of each number (n,), side by side."""
     return np.ascontiguousarray(x).view(np.float64)
 
 
@@ -117,7 +118,7 @@ def _complex_numbers(x: Floats) -> Complexes:
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """Return B^power x, of length 1 in the mass (N,), from the Krylov space of `products` products with a linear B.
     Arnoldi's method [Saad 1992] writes B as a small matrix H on an orthonormal basis of B x, B B x, ..., and takes
-    powers of H. With as many products as powers it is exact."""
+    powers of H. With as many products as powers the result is exact."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
@@ -145,7 +146,7 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), in periods, shifted by half a period if more weight (n,) is then on lines.
+    """Return phases (n,), in periods, shifted by half a period if this brings more weight (n,) onto lines.
     `Flow.solve` does not distinguish the two phases, nor do signs and images of phases: 1/2 and -1/2 are equal. A mean
     cosine within 2 % of 0 does not decide."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
@@ -160,10 +161,9 @@ def _unit_numbers(x: Complexes) -> Complexes:
 @dataclass(frozen=True, eq=False)
 class CornerPhase:
     """A phase of stripes on a surface, with centre lines at its integers.
-
     value    : (n,) at the vertices, periods.
-    sign     : (m, 3) 1 or -1, and shift : (m, 3) integers: how a face sees the value at each of its corners.
-    singular : (m,) faces in which a stripe ends or the direction reverses: there the phase is meaningless.
+    sign     : (m, 3) 1 or -1, and shift : (m, 3) integers: the phase of a face at its corner is sign * value + shift.
+    singular : (m,) faces in which a stripe ends or the direction reverses, so that the phase is meaningless.
     broken   : number of faces in which a stripe ends."""
 
     value: Floats
@@ -203,9 +203,8 @@ class CornerPhase:
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,), in periods, of `Flow.solve` as the faces see them.
-    alternative : makes other phases (n,), which replace the first phases if they break off on fewer faces. The
-                  function is
-    called only if the first phases break off."""
+    alternative : function that makes a second set of phases (n,). It is called only if the first set breaks off, and
+                  replaces this set if it breaks off on fewer faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -238,12 +237,12 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
     """Return the phase with signs and periods of the faces carried from neighbour to neighbour, beginning at one face.
-    Seen by the corner where its half-edge starts, the phase of face g is s times that of face f plus q."""
+    Seen by the corner where its half-edge starts, the phase of face f is s times that of face g plus q."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
     starts_at_h0 = surface.F.ravel()[h0] != surface.F.ravel()[h1]
-    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # this is the corner of g where h0 starts
+    corner_g = np.where(starts_at_h0, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # the corner of g at which h0 starts
     s = sign[h0] * sign[corner_g]  # z_f = s z_g + q
     q = shift[h0] - s * shift[corner_g]
     is_regular = ~(phase.singular[f] | phase.singular[g])
@@ -264,9 +263,9 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set signs and shifts (m,) of the faces in the order of a search, each from the face before it.
-    Each face has a step from an earlier face. Every round puts the step of the earlier face before it, so that paths to
-    the first face are halved."""
+    """Set signs and shifts (m,) of the faces in the order of a search, each from the face before it. Each face has a
+    step from an earlier face. Every round joins to it the step of that earlier face, so that the paths to the first
+    face are halved."""
     child = order[1:]
     if not len(child):
         return

@@ -1,7 +1,7 @@
 """Stripes per metre, as even as possible for stripes with a given direction.
 
 Stripes with the direction of their gradient g have a density e^u with curl(e^u g) = 0, or they must end. They spread
-where directions fan out, and crowd where directions meet. This determines only the derivative of u along the stripes
+where directions diverge, and crowd where directions meet. This determines only the derivative of u along the stripes
 [cf. the curl-free frame fields of Diamanti et al. 2015; least squares here]."""
 
 from typing import NamedTuple
@@ -14,9 +14,13 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 SMOOTH = 0.02  # Weight of |grad u|^2, which fills regions of unclear direction.
+"""Weight of |grad u|^2, which determines u in regions of unclear direction."""
 EVEN = 0.3  # Weight of u^2, over the area of the surface, to select the constant nearest to an even spacing.
+"""Weight of u^2, divided by the area of the surface, which selects the constant nearest to an even spacing."""
 RANGE = (-2.0, 1.5)  # Bounds of u without halving, because u diverges at singular points of the field.
+"""Bounds of u without halving, because u diverges at singular points of the field."""
 COARSE_RANGE = (-1.0, 3.0)  # Bounds of u with halving, because halving takes up all but the last power of two.
+"""Bounds of u with halving, which covers all but the last power of two."""
 MOST_HALVINGS = 3
 
 
@@ -67,12 +71,11 @@ class Halving(NamedTuple):
 
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
-    """Return where stripes are halved, from the logarithm u (n,) of their density, for the most even remaining spacing.
-
+    """Return the places of halving of stripes, from the logarithm u (n,) of their density, for the most even spacing.
     The search for the least density of halved stripes has steps of 1/20 of a power of two, up to two powers under the
-    median. The best density has the smallest ratio of the spacings that 5 % of the surface exceed and fall below. Each
-    halving must lower this ratio by 5 %, because it ends members; halvings on the densest 2 % of the surface do not
-    count."""
+    median. The best density has the smallest ratio of two spacings, one that 5 % of the surface exceed and one that 5 %
+    fall below. Each halving must lower this ratio by 5 %, because it ends members; halvings on the densest 2 % of the
+    surface do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
 

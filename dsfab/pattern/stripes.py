@@ -10,6 +10,7 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"  # `wave` for shaders.
+"""The function `wave` for shaders."""
 
 
 def wave(t: Floats) -> Floats:
@@ -25,7 +26,6 @@ def half_width(threshold: float) -> float:
 @dataclass(frozen=True)
 class Stripes:
     """Material where p(frequency x + phase) > threshold, p the triangle wave.
-
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
     threshold : -1 (everything is material) to 1 (everything is void); 0 makes half of a gradient line material.
@@ -45,7 +45,7 @@ class Stripes:
 
     @property
     def half_width(self) -> float:
-        """d in periods: 0 (no material) to 0.5 (all material)."""
+        """Half-width d in periods: 0 (no material) to 0.5 (all material)."""
         return half_width(self.threshold)
 
     def with_width_factor(self, factor: float) -> "Stripes":
@@ -59,7 +59,7 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d and z - d (n, 2) for half-widths d (n,): material has more integers below the first."""
+        """Return z + d and z - d (n, 2) for half-widths d (n,): in material, more integers are below z + d."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
@@ -80,7 +80,7 @@ class Stripes:
         if d == 0:
             return np.empty(0)
         z = self.frequency * x + self.phase
-        if d >= 0.5:  # if stripes touch, the only edge lies below all values
+        if d >= 0.5:  # stripes touch, so the only edge is below all values
             return np.array([x.min() - 1.0 / self.frequency])
         k = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
@@ -88,10 +88,9 @@ class Stripes:
 
 def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
     """Return the frequency at which centre lines of stripes on a mode x (n,) are `spacing` metres apart on average.
-
-    The mean distance is the area over the length of the centre lines, z = k for integers k; their mean length over all
-    phases is the integral of |grad z| (the co-area formula [Federer 1959]), so it grows with the frequency. Raises
-    PatternError for a constant mode."""
+    The mean distance is the area over the length of the centre lines, z = k for integers k. The mean of this length
+    over all phases is the integral of |grad z| (the co-area formula [Federer 1959]), so it grows with the frequency.
+    Raises PatternError for a constant mode."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
     lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres of lines per unit of frequency
     if not lines * spacing > 0:

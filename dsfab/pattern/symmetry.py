@@ -1,4 +1,4 @@
-"""`Images`: symmetric stripes, by averages of directions, densities and phases over the images of each point."""
+"""`Images`: symmetric stripes, by means of directions, densities and phases over the images of each point."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,16 +11,15 @@ from dsfab.core.arrays import Bools, Complexes, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
 
 Projection = Callable[[Complexes], Complexes]
-"""Maps complex numbers (n,) at the vertices to the nearest symmetric field."""
+"""Function from complex numbers (n,) at the vertices to the nearest symmetric field."""
 
 
 @dataclass(frozen=True, eq=False)
 class Images:
     """A group of rotations and mirrors of a surface, and the images of its vertices.
-
-    R     : (g, 3, 3) orthogonal, the first the identity.
-    maps  : g sparse (n, n); maps[i] @ x reads a field x at the images of the vertices.
-    faces : (g, m) the face that contains the image of each face's centroid; None if not needed."""
+    R     : (g, 3, 3) orthogonal matrices, the identity first.
+    maps  : g sparse (n, n) matrices; maps[i] @ x reads a field x at the images of the vertices.
+    faces : (g, m) the face that contains the image of each face's centroid; None if unused."""
 
     R: Floats
     maps: tuple[csr_array, ...]
@@ -36,9 +35,7 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return faces (m,) with a marked image, because chance decides in which face a singular point at a vertex
-        lies.
-
+        """Return faces (m,) with a marked image, because rounding decides which face at a vertex has a singular point.
         On a mesh that is less symmetric than its surface, images of faces are not faces, and marks stay unchanged."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
@@ -62,8 +59,8 @@ class Images:
         """Return the projection of phases at vertices V (n, 3) that grow along g (n, 3) by density (n,) periods per
         metre.
 
-        An image that sees g reversed has the conjugate. An image of a vertex may lie between other vertices. Their
-        phases first grow along the way to the image, because the plain mean would lag with few edges in a period."""
+        An image with reversed g has the conjugate phase. An image of a vertex may lie between other vertices. Their
+        phases first grow along the way to the image, because the plain mean would lag if a period has few edges."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g

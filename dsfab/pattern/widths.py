@@ -1,4 +1,4 @@
-"""Widths of stripes: by threshold, equal in metres, by stress, or evened by strain energy."""
+"""Widths of stripes: by threshold, equal in metres, by stress, or adjusted to even strain energy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,11 +14,13 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 _End = tuple[float, float]  # End of an interval: a factor, and its share minus the wanted share.
+"""End of an interval: a factor, and its share minus the wanted share."""
 Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half-width, in periods, at which neighbouring stripes touch.
 ROUNDS = (2, 60)  # Fewest and most rounds of averaging.
+"""Smallest and largest number of rounds of averaging."""
 JUMP = 5e-3
-"""Largest accepted jump of a share past its target when tidied ends appear and vanish; the nearest share suffices."""
+"""Largest accepted jump of a share past its target when loose ends appear and vanish; the nearest share suffices."""
 
 
 class ShareJumpError(PatternError):
@@ -35,7 +37,7 @@ class Widths:
                 "stressed"  begins as "graded", then widens where the cut sheet has most energy, see `evened_grading`.
     member    : metres, for "constant".    q : 0 to 4, for "graded" and the beginning of "stressed".
     min_width, max_width : metres, bounds on the width at every vertex under any rule; 0 sets none.
-    min_gap   : metres; a narrower gap to the next stripe is filled. 0 fills none.
+    min_gap   : metres; a narrower gap to the next stripe becomes material. 0 fills no gap.
 
     Raises PatternError for other values, and for "constant" without `member`."""
 
@@ -80,7 +82,6 @@ class Widths:
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
         """Return d (n,) in periods, 0 (no material) to 0.5 (no gap); a larger `factor` never gives a smaller d.
-
         base   : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
         stress : (n,) for "graded" the size of the stress along the stripes, any unit; for "stressed" the relative
                  half-widths themselves.
@@ -99,19 +100,16 @@ def vertex_means(surface: Surface, x: Floats) -> Floats:
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
-
     The length of the mean gradient would vanish on ridges of z, and open a slit along the middle of a member. Half the
     range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2 on a ridge, equal to the mean of |grad
-    z| over the disc. So means extend over `radius`, metres, half the width of a member, and at least over two rings of
-    faces, because otherwise members would fray on ridges."""
+    z| over the disc. So means extend over `radius`, metres, half the width of a member. They extend over at least two
+    rings of faces, because otherwise members would have ragged edges on ridges."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
-    """Return means (n, ...) of values x (m, ...) of the faces over about a disc of that radius, metres, around each
-    vertex.
-
+    """Return means (n, ...) of values x (m, ...) of the faces in about a disc around each vertex. radius : metres.
     They extend over at least two rings of faces, and along the surface, not through a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
@@ -122,7 +120,7 @@ def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
 
 
 def _averaging(surface: Surface) -> csr_array:
-    """Return area-weighted means (n, m) over the faces around each vertex."""
+    """Return the matrix (n, m) of area-weighted means over the faces around each vertex."""
     area = np.maximum(surface.vertex_areas, np.finfo(float).tiny)
     weights = np.repeat(surface.areas / 3, 3) / area[surface.F.ravel()]
     faces = np.repeat(np.arange(surface.m), 3)
@@ -135,7 +133,7 @@ def relative_stresses(surface: Surface, principal: Floats) -> Floats:
     size = vertex_means(surface, np.abs(principal))
     mean = float(surface.vertex_areas @ size.mean(axis=1)) / surface.area
     if not mean > 0:
-        raise PatternError("nothing is stressed, so the width rule graded has nothing to follow; use another rule")
+        raise PatternError("the surface has no stress for the width rule graded; use another rule, or check the loads")
     return np.asarray(size / mean)
 
 
@@ -151,15 +149,15 @@ def solved_factor(
     """Return the factor at which share(factor), which never falls, is `target` to `tolerance`.
 
     slope    : approximate derivative, if the factor may be about 1: the search then begins with the factor 1 and one
-               step of Newton's.
-    near_one : whether the factor is about 1: then secants start there.
+               step of Newton's method.
+    near_one : true if the factor is about 1: then secants start there.
     jump     : accepted miss if the share jumps past the target: the function then returns the factor of the nearest
                share.
     steepest : no share without jumps grows faster than this, relative to its factor.
 
-    Secants of an interval around the solution, with the value at an end halved after it stays twice (Illinois rule of
-    regula falsi [Dowell, Jarratt 1971]). Raises PatternError if no factor gives that share (ShareJumpError for a larger
-    jump)."""
+    The method draws secants over an interval around the solution, and halves the value at an end that stays twice
+    (Illinois rule of regula falsi [Dowell, Jarratt 1971]). Raises PatternError if no factor gives that share
+    (ShareJumpError for a larger jump)."""
 
     @cache
     def evaluate(factor: float) -> _End:

@@ -58,7 +58,6 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
     """Pairs of vertices that a stiffness couples, once for a mesh, and the positions of their blocks in the matrix.
-
     ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
                vertices of all hinges if the elements have hinges.
     of_edge  : (e,) the pair of each edge.

@@ -32,7 +32,6 @@ def rigid_motions(points: Floats) -> Floats:
 
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
-
     fixed   : (n, 3) fixed freedoms, from supports and from a solution in the sheet's plane; the springs of `load` also
               count.
     clamped : (e,) edges that do not rotate."""

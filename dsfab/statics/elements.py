@@ -71,6 +71,7 @@ class Elements:
 
 
 PAPER = Elements("constant", "hinge")  # The elements of the paper; `USES` selects a pair for each result.
+INVERSE_MASS = 12 * (np.eye(3) - 0.25)  # A times the inverse mass matrix of the hats on a triangle of area A.
 
 
 def half_edge_signs(surface: Surface) -> Floats:
@@ -80,8 +81,7 @@ def half_edge_signs(surface: Surface) -> Floats:
 
 @derived
 def edge_frames(surface: Surface) -> Floats:
-    """Return unit vectors t, m, n (e, 3, 3) of each edge by rows, computed once per surface
-    (`_computed_edge_frames`)."""
+    """Return unit vectors t, m, n (e, 3, 3) of each edge by rows, computed once: see `_computed_edge_frames`."""
     frames = _computed_edge_frames(surface)
     frames.flags.writeable = False
     return frames
@@ -89,7 +89,6 @@ def edge_frames(surface: Surface) -> Floats:
 
 def _computed_edge_frames(surface: Surface) -> Floats:
     """Return rows t, m, n (e, 3, 3) of each edge: its direction, across it in the sheet, and normal to the sheet.
-
     n is the mean of the faces' normals weighted by area, after turning the second face so that both normals agree. So
     reversed faces change nothing, and Moebius strips need no exception. Without such a mean (three faces on an edge, or
     two folded by over 145 degrees) n is the line nearest to all normals: the first eigenvector of sum A n n^T."""
@@ -121,7 +120,6 @@ def voigt(a: Floats, b: Floats) -> Floats:
 
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
-
     The sum is one product S^T Z: Z has the rows of all blocks, and S selects the unknowns. The product adds each entry
     once, without sorting the 100 to 300 triplets of every face. S^T becomes row-major first; otherwise the product
     would convert the much larger Z."""
@@ -155,7 +153,6 @@ Aid = Literal["needles", "spread", "ranking", "directions"]
 @dataclass(frozen=True)
 class Use:
     """The purpose of a pair of elements.
-
     pair      : the elements (without bending for a sheet that is solved in its plane).
     tolerance : largest relative error on the finest mesh of a verification test; None if no report or test uses the
                 pair.
@@ -216,8 +213,7 @@ def heights(surface: Surface) -> Floats:
 
 
 def flatness(surface: Surface) -> Floats:
-    """Return the ratio (m,) of each triangle's smallest height to its longest edge: 0.87 if equilateral, 0 if
-    collapsed."""
+    """Return the ratio (m,) of each triangle's smallest height to its longest edge; 0.87 if it is equilateral."""
     return np.asarray(2 * surface.areas / _longest_edges(surface) ** 2)
 
 

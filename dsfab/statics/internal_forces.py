@@ -23,7 +23,6 @@ A shorter distance removes less of these errors, a longer distance misses shear 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
     """The recovery of shear forces q from moments, by a potential M; all load cases of a sheet share it.
-
     columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) only the corners.
     sign    : (m, 6) -1 if the normal of the face is opposite to that of the face which defines the sign of M there.
     rim     : (m, 3) 1 on half-edges of free edges and of folds, which shear does not pass; else 0.
@@ -80,14 +79,12 @@ class ShearRecovery:
 
 
 def _smooth_pairs(surface: Surface) -> tuple[Ints, Ints]:
-    """Return both half-edges (i,) of each edge whose faces lean by less than 30 degrees from each other."""
     side_a, side_b = surface.edges.pairs.T
     lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
     return side_a[lean > SMOOTH], side_b[lean > SMOOTH]
 
 
 def _shared_unknowns(surface: Surface, side_a: Ints, side_b: Ints) -> tuple[Ints, Floats]:
-    """Return `columns` and `sign` (m, 6) of faces that share unknowns across smooth edges, with half-edges (i,)."""
     begins = surface.F.ravel()
     alike = begins[side_a] == begins[side_b]  # both faces run along the edge in one direction
     next_one, next_other = next_half_edge(side_a), next_half_edge(side_b)

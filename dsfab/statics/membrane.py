@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Floats
 from dsfab.statics.assembly import PairBlocks, ascending_pairs, hinges, vertex_pairs
-from dsfab.statics.elements import PAPER, Elements, assemble_blocks, edge_frames, voigt, zero_padded
+from dsfab.statics.elements import INVERSE_MASS, PAPER, Elements, assemble_blocks, edge_frames, voigt, zero_padded
 from dsfab.statics.model import Law, Material
 from dsfab.surface.fields import hat_gradients, tangents
 from dsfab.surface.mesh import Surface
@@ -30,8 +30,6 @@ SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
 POINTS = np.concatenate([np.full((3, 3), (1 - x) / 2) + (3 * x - 1) / 2 * np.eye(3) for x in (_NEAR, _FAR)])
 """Barycentric coordinates of six points, whose weights are `SHARES` of the area: exact for degree 4 [Dunavant 1985]."""
-
-UNMIXED = 12 * (np.eye(3) - 0.25)  # Inverse of the mass matrix of the hats on a triangle of area 1.
 
 
 def _airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
@@ -72,19 +70,17 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
     """Return the stress (m, 3 corners, 3), (xx, yy, xy), of each face: the linear part of the quadratic stress.
-
     strain : (m, 3 corners, 3) of the quadratic triangle. The projection preserves the element's mean stress, and its
              energy as half the mean product of the linear stress and strain. On the edge of a hole it is more accurate
              than the quadratic stress."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
-    return np.asarray(UNMIXED @ work / surface.areas[:, None, None])
+    return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
 
 
 def membrane_stiffness(
     surface: Surface, material: Material, thickness: float, law: Law = "plane_stress", elements: Elements = PAPER
 ) -> csr_array:
     """Return K_m, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
-
     `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact). Its edge bubbles
     move only within the sheet, so flat triangles that meet at an angle stay closed without drilling unknowns.

@@ -32,7 +32,6 @@ class Material:
 
     def membrane(self, law: Law) -> Floats:
         """Return the matrix (3, 3), Pa, from strains in the sheet's plane to stresses, for (xx, yy, 2 xy).
-
         `plane_stress`: the thickness is free to change, as in a thin sheet.
         `stvk`: exactly the paper's law (St. Venant-Kirchhoff, linearised). Its deformation gradient F leaves the normal
         unstretched, so the law is one of plane strain."""

@@ -24,8 +24,7 @@ UPRIGHT = f"{HELD_ACROSS}, and supported edges not to turn: on hinges it would f
 
 @dataclass(frozen=True, eq=False)
 class ModeSupports:
-    """Supports for vibration and buckling. load : the load case with these supports. told : assumptions in words,
-    or ''."""
+    """Supports for vibration and buckling. load : with these supports. told : assumptions in words, or ''."""
 
     load: LoadCase
     told: str = ""

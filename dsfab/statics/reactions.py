@@ -15,8 +15,7 @@ from dsfab.surface.mesh import Surface
 
 @dataclass(frozen=True, eq=False)
 class Resultant:
-    """Resultant of forces. force : (3,) their sum, newtons. moment : (3,) sum of moments about the origin, newton
-    metres."""
+    """Resultant. force : (3,) sum of forces, newtons. moment : (3,) sum of moments about the origin, newton metres."""
 
     force: Floats
     moment: Floats
@@ -60,7 +59,6 @@ def support_forces(surface: Surface, supports: Sequence[Support], answer: Equili
 
 
 def _shares(parts: Floats) -> Floats:
-    """Return non-negative parts (s, ...) over their sum along the first axis; 0 if the sum is 0."""
     total = parts.sum(axis=0)
     return np.asarray(parts / np.where(total > 0, total, 1.0))
 

@@ -40,7 +40,6 @@ class ResultRequest:
 
     def elements_for(self, elements: Elements) -> Elements:
         """Return the elements for the results: the input if it is verified (`REPORTED`), else the pair for stress.
-
         Without a request, the input elements also give stress and energy."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
@@ -72,7 +71,6 @@ class Answers:
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
     """A load case and its equilibrium.
-
     equilibrium : under `load` and `spread`, by `elements` or, without bending, `elements.in_plane`.
     elements    : the chosen pair (with bending, even if the sheet was solved in its plane).
     factor_of   : the function that factorised K (`ResultRequest.factor_for`), to save a second factorisation.

@@ -112,7 +112,6 @@ def equilibria(
     factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
     """Return the `equilibrium` of each load on the same supports, then of combinations, from one factorisation.
-
     K    : (u, u), see `equilibrium`.
     sums : factors of the k loads in each combination. A combination is summed, not solved; its residual is the bound
            that follows from the residuals of its parts.
@@ -144,7 +143,6 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
 
 
 def _held_freedoms(surface: Surface, loads: Sequence[LoadCase], elements: Elements) -> tuple[Bools, Bools | None]:
-    """Return held directions (n, 3) and clamped edges (e,), None without rotations. Raises StaticsError."""
     reference = loads[0]
     clamped = all_clamped(reference)
     require_clampable(surface, elements, clamped)
@@ -220,8 +218,7 @@ def _require_solved(surface: Surface, imbalance: float, residual: float) -> None
 def _solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
-    """Return unknowns (N, k) under forces F (N, k), 0 without stiffness, and relative residuals (k,), from one
-    factorisation."""
+    """Return unknowns (N, k) under forces F (N, k), 0 without stiffness, and relative residuals (k,)."""
     U = np.zeros(F.shape)
     if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])
@@ -233,8 +230,7 @@ def _solution(
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
-    """Return moments (e,), N m, of clamped edges on the sheet; only the unknown `rotation` takes part in rigid
-    motions."""
+    """Return moments (e,), N m, of clamped edges on the sheet, the forces on the unknown `rotation`."""
     if "rotation" not in elements.on_edges:
         return np.zeros(0)
     return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])

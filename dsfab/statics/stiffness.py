@@ -26,7 +26,6 @@ Row = Callable[[str], AbstractContextManager[object]]
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
     """Return K (N, N), N/m, over the unknowns of `elements`: membrane and, if they have it, bending.
-
     row : opens the timing rows "membrane", then "bending". Both of the paper's elements use the same vertex pairs:
           their blocks are added, and the time of the resulting matrix counts as bending."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
@@ -46,7 +45,6 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
     """K = sum over the faces of s_f K_f on the free unknowns: constant strain and, out of the plane, mid-edge bending.
-
     blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` if it is fixed.
     places : (nnz, m) matrix from factors s (m,) to the values of K.     indices, indptr : its sparse pattern.
     springs : (nnz,) values of the supports.    points, node : positions, and the point of each free unknown.
@@ -65,8 +63,8 @@ class FaceStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
-        """Return K of a sheet. Raises StaticsError if supports leave a motion free or a load acts on a vertex
-        without faces."""
+        """Return K of a sheet. Raises StaticsError for a free motion of the sheet or a load on a vertex without
+        faces."""
         surface = sheet.surface
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")

@@ -22,7 +22,6 @@ def stress(
     surface: Surface, material: Material, u: Floats, law: Law = "plane_stress", bubbles: Floats | None = None
 ) -> Floats:
     """Return the membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent, of displacements u (n, 3), metres.
-
     bubbles : (e, 2) metres, `Equilibrium.bubbles`. With bubbles the result is the mean on each face of the linear
               stress of `quadratic` elements; None for constant strain."""
     return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
@@ -120,8 +119,7 @@ _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
 
 
 class Principal(NamedTuple):
-    """Principal stresses. values : (m, 2) Pa, the larger first. directions : (m, 2, 3) unit vectors in the face's
-    plane."""
+    """Principal stresses. values : (m, 2) Pa, the larger first. directions : (m, 2, 3) unit vectors in the plane."""
 
     values: Floats
     directions: Floats
@@ -206,8 +204,7 @@ class SheetStress:
 
     @cached_property
     def peak(self) -> Peak:
-        """Largest von Mises stress with its face and layer. Under point loads and in fixed corners it grows with
-        refinement."""
+        """Largest von Mises stress with its face and layer; under point loads it grows with refinement."""
         face = int(self.largest.argmax())
         row = self.von_mises[face]
         layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"

@@ -58,7 +58,6 @@ def rib_shape(surface: Surface) -> RibShape:
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
     """Return radii (k,) of the largest empty discs that touch the border in points (k, 3) from the inner side.
-
     Small discs grow until they contain another point, and shrink until they are empty [Ma, Bae and Choi 2012]. Discs
     that begin as large as the surface have far centres: the search for their nearest points takes ten times longer."""
 
@@ -90,7 +89,6 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
     """Return the negative part of K, over the unknowns of `elements`, that ribs lose because they twist as bars.
-
     For each face D loses (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab along and across the rib.
     Raises ValueError for bending that is neither `hhj` nor `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
@@ -104,7 +102,6 @@ def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_a
 
 
 def _border_points(surface: Surface, border: Ints, points_per_edge: int = 12) -> tuple[Floats, Ints]:
-    """Return evenly spaced points (k, 3) on half-edges (b,), and the index of each point's half-edge in `border`."""
     begin, end = (surface.V[vertices[border]] for vertices in half_edges(surface.F))
     step = float(np.median(surface.edge_lengths)) / points_per_edge
     count = np.maximum(1, np.ceil(np.linalg.norm(end - begin, axis=1) / step)).astype(np.int64)

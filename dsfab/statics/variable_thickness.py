@@ -24,7 +24,6 @@ steps."""
 
 class VaryingSheet(NamedTuple):
     """A sheet of varying thickness.
-
     thickness  : (m,) ratio to the thickness of the whole sheet, 0 to 1.
     compliance : joules, summed with the weights of the loads; constant strain and mid-edge bending.
     forces     : for each load (m, 3, 3) membrane forces, N/m, symmetric and tangent to each face."""
@@ -57,7 +56,6 @@ def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats,
 
 
 def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness, solution: Floats) -> list[Floats]:
-    """Return membrane forces (m, 3, 3), N/m, for each load, of faces as thick as the sheet."""
     surface, axis = sheet.surface, flat_axis(sheet.surface, *loads)
     moved = np.concatenate([solution, np.zeros((1, len(loads)))])[K.unknown]
     moving = [column for column in range(9) if axis is None or column % 3 != axis]

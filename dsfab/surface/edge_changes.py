@@ -234,8 +234,8 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Return the quads (k, 4), with faces (k, 2), that may exchange edge a-b for c-d.
-    Edge c-d must be new and within `tolerance` of the surface, and no face may turn over."""
+    """Return the quads (k, 4), with faces (k, 2), whose edge c-d is new and near the surface, and turns no face
+    over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

@@ -56,8 +56,7 @@ class Windows:
 
     @property
     def parallel(self) -> Bools:
-        """True (k,) if the source is the line y = 0, so that all rays are parallel; otherwise the source is the
-        point (0, 0)."""
+        """True (k,) for parallel rays from the line y = 0; otherwise rays come from the point (0, 0)."""
         return np.asarray(self.names[:, 4] > 0)
 
     @property
@@ -145,8 +144,8 @@ def dot2(a: Floats, b: Floats) -> Floats:
 
 
 class Origins(NamedTuple):
-    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,). Edges of marked faces and ends of marked
-    edges are also marked."""
+    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,), with the sides of faces and ends of
+    edges."""
 
     vertices: Bools
     edges: Bools
@@ -155,7 +154,6 @@ class Origins(NamedTuple):
 
 class Distances(NamedTuple):
     """Distances (metres) at the vertices (n,) and the edge middles (e,), and the faces (m,) partly within reach.
-
     Distances are exact on these faces. Elsewhere they are upper bounds, or infinite."""
 
     vertex: Floats
@@ -165,7 +163,6 @@ class Distances(NamedTuple):
 
 def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf) -> Distances:
     """Return the lengths of the shortest paths along a surface to the nearest origin; infinite if there is no path.
-
     reach : metres; distances are exact on faces that are partly nearer than this, and the search skips all further
             faces."""
     front = _Front(surface, origins, reach)
@@ -200,7 +197,6 @@ class _Bends(NamedTuple):
 
 class _Front:
     """Distances computed so far; see `Distances`.
-
     size    : (e,) lengths of the edges.    reached : (m,) faces that are partly within reach.
     bending : (n,) vertices at which paths may bend.  bent : (n,) the distance at which each vertex last sent out rays.
     waiting : vertices that still have to send out rays."""
@@ -239,8 +235,7 @@ class _Front:
         return Windows.from_columns((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
 
     def advance(self, windows: list[Windows], limit: float) -> list[Windows]:
-        """Propagate windows until all remaining windows are farther away than the limit (metres); return the
-        remaining windows."""
+        """Propagate windows until all remaining windows are farther than the limit (metres); return these windows."""
         beyond: list[Windows] = []
         while windows:
             current = Windows.concatenate(windows)

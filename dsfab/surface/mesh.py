@@ -37,8 +37,7 @@ def signed_volume(V: Floats, F: Ints) -> float:
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """Return the signed volume (count,) of each closed shell, negative for voids; shell : (m,) the shell of each
-    face."""
+    """Return the signed volume (count,) of each closed shell, negative for voids; shell : (m,) of each face."""
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 
@@ -55,8 +54,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of k faces: slice, first corners (3, k) relative to the box's middle, twice the area vectors (3,
-    k)."""
+    """Yield blocks of k faces: slice, first corners (3, k) from the box's middle, twice the area vectors (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -68,8 +66,7 @@ def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
 
 
 class NearestPlaces(NamedTuple):
-    """Nearest points of a mesh for points (k,): squared distance, index of the nearest simplex, and the nearest
-    point (k, 3)."""
+    """Places of a mesh nearest to points (k,): squared distance, index of the simplex, and place (k, 3)."""
 
     squared: Floats
     simplex: Ints
@@ -159,8 +156,7 @@ class Surface:
 
     @classmethod
     def of(cls, mesh: Any, unit: str | None = None) -> "Surface":
-        """Return a surface from a mesh of trimesh, pyvista, compas or a similar library; see
-        `surface.files.other_libraries`."""
+        """Return a surface from a mesh of trimesh, pyvista, compas and others; see `surface.files.other_libraries`."""
         from dsfab.surface.files.other_libraries import surface_of
 
         return surface_of(mesh, unit)

@@ -4,12 +4,12 @@ from typing import Literal
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import breadth_first_order
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import EdgeTable, half_edges, misoriented_edges, next_half_edge
+from dsfab.surface.topology import EdgeTable, half_edges, link_components, misoriented_edges, next_half_edge
 
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]  # Axis of a file that points to the sky.
 
@@ -25,8 +25,7 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
 
 
 def upright_vertices(V: Floats, up: Up) -> Floats:
-    """Return the vertices V (n, 3), rotated so that the axis `up` becomes z. With y up, as in glTF, (x, y, z) becomes
-    (x, -z, y)."""
+    """Rotate vertices V (n, 3) so that the axis `up` becomes z; with y up (glTF), (x, y, z) becomes (x, -z, y)."""
     axes, signs = _TURNS[up]
     return V if up == "z" else np.asarray(V[:, list(axes)] * np.array(signs, dtype=float) + 0.0)
 
@@ -43,7 +42,7 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     i = 2 * np.concatenate([h0, next_half_edge(h0)])
     j, turn = 2 * np.concatenate([at_start, at_end]), np.tile(clash, 2)
     i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
-    side = _components(i, j, 6 * len(F)).reshape(-1, 2)
+    side = link_components(6 * len(F), i, j)[1].reshape(-1, 2)
     fan, reference = np.unique(side.min(axis=1), return_index=True)  # every corner of a fan has both of its sides
     reference_corner = reference[np.searchsorted(fan, side.min(axis=1))]
     sides: Ints = np.where(side[:, 0] == side[reference_corner, 0], 1, -1).reshape(-1, 3)
@@ -57,7 +56,7 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
         return np.zeros(m, dtype=bool)
     f, g, clash = _neighbours(F, edges)
     i, j = np.concatenate([f, f + m]), np.concatenate([g + clash * m, g + m - clash * m])
-    copy = _components(i, j, 2 * m)
+    copy = link_components(2 * m, i, j)[1]
     return np.asarray(copy[:m] == copy[m:])
 
 
@@ -67,7 +66,7 @@ def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()
-    label = _components(f, g, m)
+    label = link_components(m, f, g)[1]
     flips = np.zeros(m, dtype=bool)
     for root in np.unique(label, return_index=True)[1]:
         order, before = breadth_first_order(steps, root, directed=False)
@@ -91,8 +90,3 @@ def _neighbours(F: Ints, edges: EdgeTable) -> tuple[Ints, Ints, Ints]:
     h0, h1 = edges.pairs.T
     a, _ = half_edges(F)
     return h0 // 3, h1 // 3, (a[h0] == a[h1]).astype(np.int64)
-
-
-def _components(i: Ints, j: Ints, n: int) -> Ints:
-    links = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(n, n))
-    return np.asarray(connected_components(links, directed=False)[1].astype(np.int64))

@@ -61,8 +61,7 @@ def half_edges(F: Ints) -> tuple[Ints, Ints]:
 
 
 def next_half_edge(h: Ints, steps: int | Ints = 1) -> Ints:
-    """Return the half-edges (...) that follow h (...) around their faces after `steps` steps, a number or an array
-    (...)."""
+    """Return the half-edges (...) that follow h (...) around their faces after `steps` steps, an integer or (...)."""
     return h - h % 3 + (h + steps) % 3
 
 
@@ -160,8 +159,7 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
-    """Return the vertices (k,) at which the sheet F (m, 3) touches itself in a point: vertices with several fans of
-    faces."""
+    """Return the vertices (k,) with several fans of faces, at which the sheet F (m, 3) touches itself in a point."""
     if _walks_meet_all_corners(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)

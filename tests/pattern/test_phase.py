@@ -444,7 +444,7 @@ def test_unstressed_parts_are_filled_in_from_around():
 
 def test_without_stress_there_is_nothing_to_follow():
     plate = grid(3, 3, 1.0, 1.0)
-    with pytest.raises(PatternError, match="nothing is stressed"):
+    with pytest.raises(PatternError, match="the surface has no stress"):
         cross_field(
             Frames.for_surface(plate), uniaxial(plate, np.tile([1.0, 0, 0], (plate.m, 1)), np.zeros(plate.m)), 0.1
         )

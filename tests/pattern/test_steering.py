@@ -329,11 +329,11 @@ def test_what_symmetry_is_left_is_told_and_kept(more, order, told):
             {"guide": [{"curve": [[0, 0, 9], [1, 0, 9]]}]},
             r"pattern\.guide\.0: the curve is 5 m from the nearest vertex",
         ),
-        ({"guide": [{"curve": [[0, 0, 3], [0, 0, 5]], "reach": 0.6}]}, "the curve is square to the surface"),
+        ({"guide": [{"curve": [[0, 0, 3], [0, 0, 5]], "reach": 0.6}]}, "the curve is perpendicular to the surface"),
         ({"guide": [{"curve": [[0, 0, float("nan")], [1, 0, 4]]}]}, r"guide\.0\.curve\.0\.2 = nan: .* finite number"),
         (
             {"guide": [{"at": {"pick": "ball", "center": [0, 0, 4], "radius": 0.5}, "direction": [0, 0, 1]}]},
-            "the direction is square to the surface",
+            "the direction is perpendicular to the surface",
         ),
         (
             {"guide": [{"at": {"pick": "ball", "center": [0, 0, 9], "radius": 0.5}, "direction": [1, 0, 0]}]},
@@ -342,7 +342,7 @@ def test_what_symmetry_is_left_is_told_and_kept(more, order, told):
         ({"guide": [{"at": {"pick": "all"}}]}, "needs a direction that is not zero"),
         ({"guide": [{"at": {"pick": "all"}, "direction": [0, 0, 0]}]}, "needs a direction that is not zero"),
         ({"guide": [{"at": {"pick": "all"}, "direction": [1, 0, 0], "reach": 1.0}]}, "reach is for a curve"),
-        ({"guide": [{"curve": [[0, 0, 4], [1, 0, 4]], "direction": [1, 0, 0]}]}, "directions of its own"),
+        ({"guide": [{"curve": [[0, 0, 4], [1, 0, 4]], "direction": [1, 0, 0]}]}, "its own directions"),
         ({"guide": [{"weight": 2.0}]}, "give either curve"),
         ({"guide": [{"curve": [[0, 0, 4], [1, 0, 4]], "wieght": 1}]}, "did you mean weight"),
         ({"guide": [{"curve": [[0, 0, 4], [1, 0, 4]], "weight": -1}]}, r"weight = -1: .* greater than or equal to 0"),

@@ -168,7 +168,7 @@ def test_families_share_the_material_as_their_stresses_and_thresholds_ask():
 
 def test_stress_that_is_nowhere_cannot_be_followed():
     plate = grid(3, 3, 1.0, 1.0)
-    with pytest.raises(PatternError, match="nothing is stressed"):
+    with pytest.raises(PatternError, match="the surface has no stress"):
         relative_stresses(plate, np.zeros((plate.m, 2)))
     corner = np.zeros(plate.n)
     corner[0] = 1

@@ -203,8 +203,7 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse K (N, N) by points, because the unknowns of a point share rows; unknown i belongs to point
-        node[i]."""
+        """Analyse K (N, N) by points, because the unknowns of a point share rows; unknown i is on point node[i]."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)

@@ -22,8 +22,7 @@ face."""
 
 @dataclass(frozen=True, eq=False)
 class EvenEdges:
-    """A mesh V (n, 3), F (m, 3) with straightened borders, the number of moved vertices, and the largest move, in
-    its unit."""
+    """A mesh V (n, 3), F (m, 3) with straight borders, the number of moved vertices, and their largest move."""
 
     V: Floats
     F: Ints
@@ -58,8 +57,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
-    """Return the turn (n,) of the border at its vertices, radians, positive towards the sheet; 0 away from the
-    border."""
+    """Return the turn (n,) of the border at its vertices, radians, positive towards the sheet; 0 elsewhere."""
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
     at_edge[edges.ends[edges.boundary].ravel()] = True
@@ -67,7 +65,8 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Return the indices (k,) of each ragged run of a closed line with turns (j,), and whether it is the whole line."""
+    """Return the indices (k,) of each ragged part of a closed line with turns (j,), and whether it is the whole
+    line."""
     large = np.flatnonzero(np.abs(turn) > RAGGED_TURN)
     if len(large) < LEAST_TURNS:
         return []
@@ -143,7 +142,6 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 
 
 def _triangle_costs(a: Floats, X: Floats, b: Floats) -> Floats:
-    """Return the area (k,) of the triangles a, X, b, with a small addition for the lengths of their edges."""
     area = lengths(np.cross(X - a, b - a)) / 2
     return np.asarray(area + 1e-3 * (((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)))
 

@@ -29,8 +29,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that coincide with further faces after `became` (n,) has replaced each
-    vertex."""
+    """Return the vertices (n,) of faces that coincide with further faces after `became` (n,) replaces vertices."""
     _, group, count = np.unique(np.sort(became[F], axis=1), axis=0, return_inverse=True, return_counts=True)
     twice = np.zeros(len(became), dtype=bool)
     twice[F[(count > 1)[group.ravel()]]] = True
@@ -149,7 +148,6 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
     """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does.
-
     A steep face of an extruded slab is thinner than its translation, for example 20 mm of 100 mm at the foot of a half
     barrel. The method is the registration of scans [Chen and Medioni 1992]: it removes the distance across the faces in
     rounds."""

@@ -43,8 +43,7 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,); the text of the repair describes the removed faces by
-        `which`."""
+        """Return the mesh with only the faces `keep` (k,); the text of the repair calls all removed faces `which`."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -209,8 +208,7 @@ bends also tilt high faces."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: fine, with small holes, edges of many faces or folded
-    faces."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: fine, with small holes, or crowded or folded faces."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = F[finite[F].all(axis=1)]
     if not len(F):
@@ -257,7 +255,7 @@ def _split_junctions(mesh: MendedMesh) -> MendedMesh:
 
 
 def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
-    """Return the two half-edges (k, 2) of each crowded edge (k,) whose faces have the smallest turn between them."""
+    """Return the two half-edges (k, 2) of each crowded edge (k,) with the smallest turn between their faces."""
     smoothest_pairs = []
     for edge in crowded.tolist():
         h = edges.order[edges.start[edge] : edges.start[edge + 1]]
@@ -312,8 +310,7 @@ def _fill_holes(mesh: MendedMesh) -> MendedMesh:
 
 
 def _folded_faces(V: Floats, F: Ints) -> Bools:
-    """Return the faces (m,) whose normals oppose the normals around them, unlike those at a crease between two
-    sides."""
+    """Return the faces (m,) whose normals oppose the normals around them; a crease has no such faces."""
     return _cosines(V, F) < 0
 
 
@@ -349,7 +346,6 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
     """Collapse the shortest edges of crumpled faces (m,); return the vertices (n, 3), and the target (n,) of each.
-
     The target is the middle of the edge, or its end on the boundary. Edges that would join two boundaries or change
     the topology stay."""
     edges, n = edge_table(F), len(V)

@@ -54,7 +54,6 @@ def merged_vertices(
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
     """Return the target (n,) of each vertex: the first vertex of its group, unless this is farther away than `reach`.
-
     A group may be a chain: without this limit, a finely divided outline would shrink to a point. Along such a chain,
     the target of a vertex is the first remaining vertex within reach."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
@@ -102,8 +101,7 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
-    """Return half-edges (k,) on the boundary, at most one per face, and a vertex (k,) of a further face on each of
-    them."""
+    """Return half-edges (k,) on the boundary, at most one per face, and a vertex (k,) of a further face on each."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = _near_vertices(V, ends, within)
@@ -174,10 +172,8 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Return whether (k,) a boundary edge and a vertex are on two touching strands with common ends.
-
-    A strand is a part of the boundary, edges (b, 2). Its ends are vertices at which the number of boundary edges is
-    not two."""
+    """Return whether (k,) a boundary edge and a vertex are on two touching strands with common ends. A strand is a part
+    of the boundary, edges (b, 2). Its ends are vertices at which the number of boundary edges is not two."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -196,7 +192,6 @@ def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
     """Return the faces (m', 3) with vertices (k,) inserted on half-edges (k,), as fans around the opposite corners.
-
     At most one half-edge of a face gets vertices. The first triangle of a fan replaces the face; the rest is at the
     end."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
@@ -212,7 +207,6 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     """Close the narrowest gap at each vertex in which two parts touch, for example two openings with a common corner.
-
     A new face of F (m, 3) fills the gap. Returns the faces and the number of new faces. The faces stay unchanged if an
     edge would get more than two faces."""
     edges = edge_table(F)

@@ -249,7 +249,6 @@ def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str
 
 @lru_cache(maxsize=16)
 def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: int, size: int) -> tuple[Floats, ...]:
-    """Return the curves of a file. The cache serves pickers, which read the same file repeatedly."""
     budget = DrawingBudget()
     drawing = _drawing(path, size, budget)
     if layer is not None and layer not in drawing.layers:
@@ -272,7 +271,6 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
 
 
 def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
-    """Return the drawing in a file of `size` bytes; raises SurfaceError for an unreadable or too large file."""
     with readable(path, "draw less into it", "it is damaged"):
         budget.require("bytes", size)
         return _READERS[path.suffix.lower()](path, budget)

@@ -25,8 +25,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """Buffers that a file's JSON `tree` names. binary : the buffer in the file. beside : reads a file in the same
-    folder."""
+    """Buffers that a file's JSON `tree` names. binary : the buffer in the file. beside : reads a neighbouring file."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -114,7 +113,6 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
 
 
 def _count(value: Any) -> int:
-    """Return a nonnegative integer of the JSON; raises MalformedFileError for any other value."""
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise MalformedFileError("its JSON has a negative or invalid number")
     return value

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     """Return a surface from vertices V (n, 3), in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
-
     dsfab cuts polygons into triangles and orients faces as in `dsfab.read_surface`. Vertices keep their numbers, so
     coincident vertices stay apart. Raises SurfaceError for invalid meshes, and as `read_surface` does."""
     mesh = _polygons(V, F)

@@ -85,7 +85,6 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
     """Return the properties of an element whose records begin at index `position` of the numbers (c,), and their end.
-
     Raises MalformedFileError for a file that ends too early, or has a word in place of a number."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
@@ -99,8 +98,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return start and count (count, p) of each property in each record, and the records' end; None for unequal
-    lists."""
+    """Return start and count (count, p) of each property in each record, and their end; None for unequal lists."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -297,7 +295,6 @@ def _element_columns(
 
 
 def _require_within(budget: Budget, element: PlyElement) -> None:
-    """Raise SurfaceError for an element with too many records; records without properties need no memory."""
     count = element.count if element.properties else 0
     if element.name == "face":
         budget.require_triangles(count)

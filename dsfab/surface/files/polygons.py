@@ -59,7 +59,6 @@ def _inside(corners: Ints, n: int) -> Ints:
 
 
 def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
-    """Return the largest distance (r,) of unit normals (r, 4, 3) from the neighbours' normals, as chords of angles."""
     has_neighbour = (neighbour_normals != 0).any(axis=2)
     return np.asarray((np.linalg.norm(normals - neighbour_normals, axis=2) * has_neighbour).max(axis=1))
 
@@ -95,7 +94,6 @@ TOGETHER = 1 << 12  # Number of polygons that are cut together, so that their da
 
 def small_polygon_triangles(P: Floats) -> Ints:
     """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3); k is 5 to `MOST_CORNERS_FOR_EARS`.
-
     If no corner is an ear (the polygon crosses itself), the function takes the shortest cut."""
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
@@ -175,8 +173,7 @@ def _earcut(flat: Floats) -> Ints:
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, divided by its size; and the
-    noise of P."""
+    """Return P (k, 3) in the plane of its mean normal, counter-clockwise, over its size, (k, 2); and its noise."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size
@@ -236,8 +233,7 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """A mesh of polygons: V (n, 3) in the file's unit; corners (c,), face after face; sizes (f,), corners of each
-    face."""
+    """Polygons on vertices V (n, 3): corners (c,), face after face, and sizes (f,), the number of corners of each."""
 
     V: Floats
     corners: Ints
@@ -271,7 +267,6 @@ class CutPolygons:
 
 def triangles(mesh: Polygons) -> CutPolygons:
     """Cut polygons into triangles, by `quad_triangles`, `small_polygon_triangles` or `large_polygon_triangles`.
-
     Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or a vertex that is not
     finite, becomes a fan, and the caller must refuse this polygon."""
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
@@ -292,8 +287,7 @@ def triangles(mesh: Polygons) -> CutPolygons:
 
 
 def _polygon_triangles(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
-    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k), and which polygons (q,) cross
-    themselves."""
+    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k), and those (q,) that cross themselves."""
     q, k = corners.shape
     is_valid = (corners >= 0) & (corners < len(V))
     P = V[np.where(is_valid, corners, 0)] if len(V) else np.zeros((q, k, 3))

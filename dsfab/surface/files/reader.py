@@ -79,8 +79,7 @@ def surface_in_file(
 
 
 def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
-    """Mend a raw mesh, or repair a scan; return the mesh with its repairs. unit : of the numbers, by default the
-    file's unit."""
+    """Mend a raw mesh, or repair a scan; return the mesh with its repairs. unit : by default the unit of the file."""
     metres = metres_per(unit) if unit else raw.metres
     better = (repaired_scan if scan else mended_mesh)(raw.V, raw.F, metres)
     if not better.repairs:
@@ -283,7 +282,7 @@ def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, 
 
 
 def unit_guess(raw: RawMesh) -> str:
-    """Return the declared unit. Without one, return metres for a box up to 250 long, because few shells are longer than
-    250 m, else millimetres."""
+    """Return the declared unit; without one, metres for a box up to 250 long (few shells are longer), else
+    millimetres."""
     V = raw.V[in_reach(raw.V)]
     return raw.unit or ("m" if np.ptp(V, axis=0).max() <= 250.0 else "mm")

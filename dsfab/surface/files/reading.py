@@ -27,7 +27,6 @@ class MalformedFileError(ValueError):
 @dataclass(frozen=True)
 class Budget:
     """Limits of reading one file.
-
     triangles : largest number of triangles.
     started   : start of reading, seconds of the process's clock."""
 
@@ -36,8 +35,7 @@ class Budget:
 
     @property
     def bytes(self) -> int:
-        """Largest size of the file, also unpacked; a text file with normals and colours takes 350 bytes per
-        triangle."""
+        """Largest size of the file, also unpacked; text with normals and colours takes 350 bytes per triangle."""
         return 500 * self.triangles
 
     @property
@@ -99,7 +97,6 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 @dataclass(frozen=True)
 class FileRecord:
     """Short texts about the content of one file.
-
     read     : the format and its content; then doubts about the content.
     repaired : differences between the surface and the file.
     dropped  : content of the file that the surface lacks."""
@@ -138,7 +135,6 @@ class PolygonFile:
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
     """Triangles of a file: vertices V (n, 3) in the file's unit, faces F (m, 3), and remarks as in a `PolygonFile`.
-
     unit : the unit that the file declares, or None. metres : metres in this unit."""
 
     V: Floats
@@ -228,8 +224,7 @@ class CommentDeclarations:
 
 
 def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclarations:
-    """Return the unit and the up axis from comments in the first 4096 characters of a file; comments begin with
-    `marks`."""
+    """Return the unit and the up axis from comments in a file's first 4096 characters; comments begin with `marks`."""
     comments = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
     unit, program = _UNIT.search(comments), _PROGRAMS.search(comments)
     return CommentDeclarations(
@@ -282,8 +277,7 @@ class DrawingBudget:
     started: float = field(default_factory=time.monotonic)
 
     def require(self, kind: str, count: int) -> None:
-        """Raise SurfaceError if `count` of a kind ("bytes", "entities", "points") exceeds the limit, or the time is
-        over."""
+        """Raise SurfaceError if `count` of "bytes", "entities" or "points" exceeds the limit, or the time is over."""
         if count > getattr(self, kind):
             raise SurfaceError(f"the drawing has {count:,} {kind}, but {getattr(self, kind):,} is the limit; {_APART}")
         self.require_time()

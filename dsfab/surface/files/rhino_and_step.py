@@ -109,7 +109,6 @@ class _DrawnObjects:
 
     @classmethod
     def of_model(cls, model: Any, budget: DrawingBudget) -> Iterator[tuple[str, Any, Floats]]:
-        """Yield layer, geometry and matrix (4, 4) of all drawn objects; raises SurfaceError beyond the budget."""
         budget.require("entities", len(model.Objects))
         objects = (thing for thing in model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return cls(model, budget).objects(objects, np.eye(4), 0)

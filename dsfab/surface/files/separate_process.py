@@ -89,8 +89,7 @@ def _raise_refusal(answer: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Read a file in this process; the arguments are kind, path and seconds. Print JSON for drawings, .npz for
-    meshes."""
+    """Read a file in this process; the arguments are kind, path and seconds. Print JSON for drawings, else .npz."""
     kind, path, seconds = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])
     if kind == "drawing":

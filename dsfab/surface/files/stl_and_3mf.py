@@ -16,7 +16,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.messages import count_phrase
 from dsfab.core.units import metres_per
 from dsfab.surface.clean.seams import equal_merged
-from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, text_file
+from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, float_of, text_file
 
 HEAD, EACH = 84, 50  # Bytes of the header with the number of triangles, and of each triangle.
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -57,7 +57,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
         if match := _FACET.match(text, position):
             ended = False
             try:
-                numbers.extend(map(_number, match.groups()))
+                numbers.extend(map(float_of, match.groups()))
             except ValueError:
                 raise MalformedFileError(
                     f"line {_line_number(text, position)} or a later line has a word that is not a number"
@@ -74,12 +74,6 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
     return TriangleFile(V, F, doubts=doubts)
-
-
-def _number(word: str) -> float:
-    if "_" in word:
-        raise ValueError
-    return float(word)
 
 
 def _line_number(text: str, position: int) -> int:
@@ -129,8 +123,7 @@ def _meshes(model: Any) -> Iterator[tuple[Floats, Ints]]:
 
 
 class _Plate:
-    """Counts of the content that needs memory: triangles and components of objects, and the items on the build
-    plate."""
+    """Counts of the content that needs memory: triangles and components of objects, and items on the plate."""
 
     def __init__(self, data: bytes, budget: Budget) -> None:
         self.own: dict[Key, int] = {}

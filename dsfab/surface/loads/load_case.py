@@ -184,8 +184,7 @@ class LoadParts:
 
 @dataclass(frozen=True)
 class Force:
-    """A total force in newtons, spread over the picked vertices by their areas; on a single vertex it is a point
-    force."""
+    """A total force in newtons, spread over the picked vertices by their areas; a point force on a single vertex."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker
@@ -436,8 +435,7 @@ class LoadCase:
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """Return the load case of a sheet of which only shares (m,) of the faces exist; loads on missing material
-        vanish."""
+        """Return the load case of a sheet with shares (m,) of its faces; loads on missing material vanish."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

@@ -141,8 +141,7 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 
 def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[OutlinedSurface, int]:
-    """Move each vertex close to the line along one of its edges onto the line; return also the number of these
-    vertices."""
+    """Move each vertex close to the line along one of its edges onto the line; return also their number."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
@@ -278,8 +277,7 @@ def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
 
 
 def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) that the line crosses more than once, and sides of faces in which the line is not
-    straight."""
+    """Return the edges (e,) that the line crosses more than once, and sides of faces with a curved line inside."""
     s, even = outlined.surface, LINE_TOLERANCE * extent.width
     depth, size = outlined.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -318,8 +316,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that the line crosses, and the distance (k,) of the line from its chord's middle in
-    each."""
+    """Return the faces (k,) that the line crosses, and its distance (k,) from the middle of its chord in each face."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place

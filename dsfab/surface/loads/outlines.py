@@ -39,7 +39,6 @@ from dsfab.surface.topology import spanned_edges
 
 def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
     """Return the distance (p,) of points P (p, 2) from polygons (k, 2), in their unit; negative outside.
-
     A point is inside if an odd number of polygons contain it: a polygon inside a second polygon is an island."""
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
@@ -291,8 +290,7 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism through the curves. Its depth to both sides is `depth`, or that of the surface's nearest
-        part."""
+        """Return the prism through the curves, `depth` deep to both sides, or as deep as the surface's nearest part."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:

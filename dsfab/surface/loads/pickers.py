@@ -69,7 +69,6 @@ class Extent:
 
 def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
     """Return the faces (k,) that the segment from a to b (3,) meets, and their positions (k,), 0 to 1, ascending.
-
     Faces parallel to the segment do not count [Moeller and Trumbore 1997]. Lengths are in metres."""
     P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
     ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
@@ -120,7 +119,6 @@ class All:
 @dataclass(frozen=True)
 class Box:
     """The vertices in the box with two opposite corners, metres, its walls included.
-
     relative : true if the corners are shares of the surface's own box, 0 to 1 along each axis.
     boundary : true to pick only vertices of free edges."""
 
@@ -172,7 +170,6 @@ class Ball:
 @dataclass(frozen=True)
 class Side:
     """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 exactly there.
-
     relative : true if the depth is a share of the surface's extent along the axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -281,8 +278,7 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
-    """Picked vertices that remain after the removal of voids. ends : (k, 2) edges between them, the smaller index
-    first."""
+    """Picked vertices that remain after the removal of voids. ends : (k, 2) edges between them, smaller index first."""
 
     ends: tuple[tuple[int, int], ...] = ()
 
@@ -309,8 +305,7 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError if none
-    are."""
+    """Return the vertices (n,) with a distance `away` (n,) up to `reach`, metres; raises SurfaceError without any."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 

@@ -116,7 +116,6 @@ class Net:
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
     """Return the candidates (c,) of less cost than all candidates near them, so that no two results share a vertex.
-
     touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels, because costs that rise along
               a strip would select its end only. A hash orders each level [Knuth 1973, multiplicative hashing].
     edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbouring vertices either."""
@@ -158,8 +157,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Halve marked edges (e,); edges along curves at positions (l,) of the axis, or at the middle if the position
-    is nan."""
+    """Halve marked edges (e,); edges along curves at positions (l,) of the axis, or at the middle if nan."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])

@@ -18,8 +18,7 @@ FINE = 1 / 80  # A mesh with longer edges, as a share of its box's diagonal, is 
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) with exactly two edges, the edges (k, 2), their turn (k,), radians, and the shorter edge (k,),
-    metres."""
+    """Vertices (k,) with exactly two edges, the edges (k, 2), their turn (k,), radians, and the shorter length (k,)."""
 
     vertex: Ints
     edges: Ints

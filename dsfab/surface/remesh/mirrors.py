@@ -92,7 +92,6 @@ class Mirrors:
     @classmethod
     def from_surface(cls, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
         """Return the mirrors of a surface; None if it has none, or if it is not oriented.
-
         edge   : metres, of the new mesh; a share of it is the tolerance.
         smooth : true to compare the smooth surface through the vertices, false to compare the facets."""
         if len(misoriented_edges(nearest_on.surface.F, nearest_on.surface.edges)):

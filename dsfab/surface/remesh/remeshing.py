@@ -76,8 +76,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Remesh one side of all mirrors and copy it; None without mirrors, or for a side that is small or changes
-    topology."""
+    """Remesh one side of all mirrors and copy it; None without mirrors, for a small side, and for changed topology."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -150,8 +149,7 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until no long edge remains, with flips and collapses after each round against needle-shaped
-    faces."""
+    """Halve long edges until none remains, with flips and collapses after each round against needle-shaped faces."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
@@ -209,7 +207,6 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
 
 
 def _check_count(sizes: SizeField, finest: float) -> None:
-    """Raise SurfaceError for too many equilateral triangles; finest : metres, for the message."""
     surface = sizes.surface
     count = (surface.areas / (np.sqrt(3) / 4 * sizes.length[surface.F].mean(axis=1) ** 2)).sum()
     if count > LARGEST:

@@ -26,7 +26,6 @@ class SizeField(NamedTuple):
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
     """Return lengths (n,) of edges over which the surface turns by `TURN_PER_EDGE`, at least `finest`, at most `edge`.
-
     The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
     2003], over the faces around its neighbours. Creases do not count. Lengths are in metres."""
     two = surface.edges.count == 2
@@ -83,8 +82,7 @@ def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
 
 
 def _transported_tensors(tensors: Floats, normal: Floats, onto: Floats) -> Floats:
-    """Rotate symmetric tensors (k, 3, 3) from planes with unit normals (k, 3) into planes with normals `onto` (k,
-    3)."""
+    """Rotate symmetric tensors (k, 3, 3) from planes with unit normals (k, 3) into planes with normals `onto`."""
     normal, onto = np.repeat(normal, 3, axis=0), np.repeat(onto, 3, axis=0)
     rows = transported_vectors(onto, normal, tensors.reshape(-1, 3)).reshape(-1, 3, 3)
     return transported_vectors(onto, normal, rows.transpose(0, 2, 1).reshape(-1, 3)).reshape(-1, 3, 3)
@@ -134,7 +132,6 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
     """Return groups of fixed and curve vertices (k,), the width (k,) of the surface there, metres, and its slope (k,).
-
     The width is an edge from curve to curve, the height of a face between them, or an edge between corners. The face
     in the angle of a corner does not count, because it is narrow at any size. The slope is that of `_slopes`."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
@@ -179,7 +176,6 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
     """Return the corners (n, 2) at both ends of each vertex's curve, -1 off curves, and the distances (n, 2) along it.
-
     The distances are in metres. A vertex that is a corner has itself twice."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1

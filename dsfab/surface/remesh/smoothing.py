@@ -62,8 +62,7 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return unit normals (m, 3 corners, 3): mean face normals by angle around a vertex, up to the next features
-    (e,)."""
+    """Return unit normals (m, 3 corners, 3): mean face normals by angle around a vertex, up to features (e,)."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -124,8 +123,7 @@ def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
 
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
-    """Return positions (k,) of nodes with even steps in wanted lengths near the curve; every second node moves at a
-    time."""
+    """Return positions (k,) of nodes with even steps in wanted lengths; every second node moves at a time."""
     places = net.at.copy()
     for parity in (0, 1):
         k = np.arange(1 + parity, max(len(places) - 1, 1 + parity), 2)

@@ -87,7 +87,6 @@ def _ear(wide: float) -> Field:
 @shape
 def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
     """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up.
-
     length : from beak to tail, metres. The shape resembles Bob of Keenan Crane's 3D Model Repository, in its size by
              default."""
 
@@ -283,7 +282,6 @@ LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of the lowest points and of the pea
 @shape
 def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
     """The parametrisation of Bryant and Kusner [Kusner 1987] over the unit disc, its peak up, standing on z = 0.
-
     Opposite points of the unit circle have the same image. With these points joined, the surface would be closed and
     one-sided. It stays open along that seam, so it is a disc with two sides. It crosses itself, as the projective plane
     must: three sheets meet in a triple point, and no solid of constant thickness exists around this point."""

@@ -203,8 +203,7 @@ def ball(centre: Point, radius: float) -> Field:
 
 
 def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
-    """Return the field of an ellipsoid, its approximate distance. axes : (3, 3) directions of the radii, by default
-    x, y, z."""
+    """Return the field of an ellipsoid, its approximate distance. axes : (3, 3) directions of the radii, or x, y, z."""
     c, r, R = np.array(centre), np.array(radii), np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:

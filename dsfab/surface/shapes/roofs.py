@@ -144,7 +144,6 @@ def _check(span: float, rise: float, opening: float, feet: int, foot: float) -> 
 
 class _Wedge:
     """Half a foot and half an arch in the stereographic plane, from angle 0 (foot) to angle `half` (middle of an arch).
-
                       x top      the arch is part of a circle, centre outside the shell when it bends inward
                   /    \\
         crown x----------x ground"""
@@ -162,8 +161,8 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return points around the wedge, and the points on the rays at angle 0 and `half`; point 0, the crown, is
-        on both rays."""
+        """Return points around the wedge, and the points on its two straight sides; both sides begin at point 0,
+        the crown."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

@@ -22,7 +22,6 @@ def cylinder(radius: Length = 2.0, height: Length = 6.0, edge: Length = 0.2) -> 
 @shape
 def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)] = 0.0, edge: Length = 0.2) -> Surface:
     """A spherical cap: `span` across at z = 0, `rise` at the crown, with an opening of radius `oculus`, 0 for none.
-
     Area 2 pi R h for R = (span^2 / 4 + rise^2) / (2 rise), with h the height from springing to oculus. A rise of half
     the span is a hemisphere; a larger rise bulges."""
     if oculus > 0.45 * span:
@@ -41,7 +40,6 @@ def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)
 @shape
 def catenoid(waist: Length = 1.5, rim: Length = 6.0, edge: Length = 0.2) -> Surface:
     """A trumpet canopy on a waist: the catenoid r = a cosh(z / a), the minimal surface of revolution.
-
     It rises upright from a ring of radius a = waist at z = 0 and flares to radius `rim` at the height
     a arccosh(rim / a); normals up. Area pi a (z + a/2 sinh(2 z / a)) at that height z."""
     if rim < 1.05 * waist:
@@ -64,7 +62,6 @@ def tower(
     edge: Length = 0.6,
 ) -> Surface:
     """A twisting tube with a rounded square plan, standing on z = 0, open at foot and top, normals outward.
-
     width      : width of the plan at the foot; the width at the top is `taper` times this width.
     twist      : degrees by which the plan has turned at the top.
     squareness : exponent p of the plan |x|^p + |y|^p = 1: 2 is a circle, 4 a rounded square."""
@@ -96,7 +93,6 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
 
 def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
     """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, with a ring per point.
-
     Radius 0 is a pole. Each ring has a multiple of six vertices about `edge` apart. A profile away from the axis has
     normals up. `outward` flips the normals, so that they point away from the axis of a rising tube."""
     counts: Ints = np.array([pieces_of(2 * np.pi * x, edge, multiple=6, least=6) if x else 1 for x in r])
@@ -134,8 +130,7 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 
 def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
-    """Divide every face into f^2 flat triangles; vertices with equal integer weights on the corners become one
-    vertex."""
+    """Divide every face into f^2 flat triangles; vertices with equal integer weights on the corners are one vertex."""
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
     index = np.full((f + 1, f + 1), -1)
