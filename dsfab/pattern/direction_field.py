@@ -128,7 +128,6 @@ def _path_ends(surface: Surface, singular: Bools) -> Ints:
 
 
 def _propagated_signs(surface: Surface, against: Bools, crossed: Bools) -> Floats:
-    """Return signs (n,) that spread from vertex to vertex along uncut edges, and change where edges are `against`."""
     i, j = surface.edges.ends[~crossed].T
     link = csr_array((np.where(against[~crossed], -1, 1), (i, j)), shape=(surface.n, surface.n))
     link = csr_array(link + link.T)
@@ -208,7 +207,6 @@ def cross_field(
 
 
 def _first_edge_angles(frames: Frames) -> Floats:
-    """Return the angle (n,) of the edge from each vertex to its lowest neighbour; 0 without neighbours."""
     ends = np.concatenate([frames.ends, frames.ends[:, ::-1]])
     ends = ends[np.lexsort((ends[:, 1], ends[:, 0]))]
     vertices, begins = np.unique(ends[:, 0], return_index=True)

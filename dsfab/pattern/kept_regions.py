@@ -92,7 +92,6 @@ def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches:
 
 
 def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats]:
-    """Return the growth of a distance along each edge (e,), and the largest along the edges at each vertex (n,)."""
     ends, vertex_growth = surface.edges.ends, np.zeros(surface.n)
     growth = np.abs(np.diff(distance[ends], axis=1)[:, 0])
     np.maximum.at(vertex_growth, ends.ravel(), np.repeat(growth, 2))
@@ -268,7 +267,6 @@ def curve_origins(surface: Surface, vertices: Bools) -> Origins:
 
 
 def _spanned_parts(surface: Surface, vertices: Bools) -> tuple[Bools, Bools]:
-    """Return edges (e,) and faces (m,) between marked vertices; see `patches`."""
     F, ends, boundary = surface.F, surface.edges.ends, surface.edges.boundary
     border = _edge_ends(surface, boundary)
     edges = vertices[ends].all(axis=1) & (boundary | ~border[ends].all(axis=1))

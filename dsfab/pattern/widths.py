@@ -120,7 +120,6 @@ def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
 
 
 def _averaging(surface: Surface) -> csr_array:
-    """Return the matrix (n, m) of area-weighted means over the faces around each vertex."""
     area = np.maximum(surface.vertex_areas, np.finfo(float).tiny)
     weights = np.repeat(surface.areas / 3, 3) / area[surface.F.ravel()]
     faces = np.repeat(np.arange(surface.m), 3)

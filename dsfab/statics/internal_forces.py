@@ -101,7 +101,6 @@ def _shared_unknowns(surface: Surface, side_a: Ints, side_b: Ints) -> tuple[Ints
 
 
 def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
-    """Return integrals (m, 6, 6) or (m, 3, 3) of grad v . grad v, exact by the middles of the edges."""
     slope = hat_gradients(surface)
     if not linear:
         return np.asarray(np.einsum("m,mix,mjx->mij", surface.areas, slope, slope))

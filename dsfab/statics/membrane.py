@@ -187,7 +187,6 @@ def _hybrid(surface: Surface, C: Floats, elements: Elements) -> csr_array:
 
 
 def _point_strains(surface: Surface, points: Floats) -> Floats:
-    """Return strains (m, 3 points, 3, 15) at barycentric coordinates (3, 3), of corners, then of bubbles."""
     B = np.empty((surface.m, 3, 3, 15))
     B[..., :9] = corner_strains(surface)[:, None]
     for k, weights in enumerate(points):

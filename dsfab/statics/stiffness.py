@@ -145,7 +145,6 @@ def _held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elemen
 
 
 def _sparse_pattern(blocks: Floats, unknown: Ints, count: int) -> tuple[csr_array, Ints, Ints, Ints]:
-    """Return the matrix from face factors to values of K, K's columns and row pointers, and its diagonal."""
     m, c = unknown.shape
     row, column = np.repeat(unknown, c, axis=1).ravel(), np.tile(unknown, (1, c)).ravel()
     free_entries = np.flatnonzero((row < count) & (column < count))

@@ -62,7 +62,6 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
     that begin as large as the surface have far centres: the search for their nearest points takes ten times longer."""
 
     def blocked(discs: Ints) -> tuple[Bools, Floats]:
-        """Return which discs contain another point, and the radii of discs that touch this point as well."""
         p, n, r = points[discs], inward[discs], radius[discs]
         away, hit = tree.query(p + r[:, None] * n)
         offset = points[hit] - p

@@ -342,7 +342,6 @@ class DividedSurface:
 
 
 def _interpolation(ends: Ints, positions: Floats, n: int) -> csr_array:
-    """Return the matrix (k, n) from values at n vertices to places (k,) on edges (k, 2); a position is 0 to 1."""
     rows = np.repeat(np.arange(len(ends)), 2)
     return csr_array((np.stack([1 - positions, positions], axis=1).ravel(), (rows, ends.ravel())), shape=(len(ends), n))
 

@@ -362,6 +362,5 @@ def _range_values(begins: Ints, ends: Ints, values: Ints) -> tuple[Ints, Ints]:
 
 
 def _ray_positions(A: Floats, B: Floats, angle: Floats) -> Floats:
-    """Return the positions (k,) at which rays from (0, 0) meet lines from A to B (k, 2), as shares of these lines."""
     ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return np.clip(zero_share(cross2(ray, A), cross2(ray, B)), 0, 1)

@@ -158,7 +158,7 @@ def test_loads_whose_resultants_agree_but_that_lie_elsewhere_are_refused():
 def test_supports_are_compared_by_place_and_by_direction():
     plate, load = square()
     one_side = LoadCase(load.fixed & (plate.V[:, :1] < 0), load.force, load.loaded)
-    with pytest.raises(PatternError, match=r"the supports are not: the image of one is [\d.]+ m from any"):
+    with pytest.raises(PatternError, match=r"the supports are not: the image of a support is [\d.]+ m from any"):
         symmetry_of(plate, ["x"], one_side)
     assert symmetry_of(plate, ["y"], one_side).order == 2
     rollers = LoadCase(load.fixed & [True, False, True], load.force, load.loaded)

@@ -26,9 +26,9 @@ from dsfab.statics import (
     stress,
     von_mises,
 )
-from dsfab.statics.bending import CONDENSED, curvatures, moment_loads
+from dsfab.statics.bending import curvatures, moment_loads
 from dsfab.statics.bending_moments import face_moments, facet_number
-from dsfab.statics.elements import edge_frames
+from dsfab.statics.elements import INVERSE_MASS, edge_frames
 from dsfab.statics.stress import vertex_averages
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import tangents
@@ -271,7 +271,7 @@ def test_moments_are_those_of_the_operators_that_the_stiffness_is_made_of():
     lean = np.einsum("mcx,mx->mc", edge_frames(s)[s.edges.of, 2], s.normals)
     edges = [answer.on_edges[name][s.edges.of] for name in ("normal", "rotation", "slope")]
     x = np.concatenate([w, edges[0] * lean, *edges[1:]], axis=1)
-    slow = np.einsum("ab,mbik,mk->mai", CONDENSED, moment_loads(s), x) @ D / s.areas[:, None, None]
+    slow = np.einsum("ab,mbik,mk->mai", INVERSE_MASS, moment_loads(s), x) @ D / s.areas[:, None, None]
     assert_allclose(face_moments(s, STEEL, 0.05, BEST, answer), slow, atol=1e-9 * np.abs(slow).max())
 
 

@@ -255,7 +255,6 @@ def _split_junctions(mesh: MendedMesh) -> MendedMesh:
 
 
 def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
-    """Return the two half-edges (k, 2) of each crowded edge (k,) with the smallest turn between their faces."""
     smoothest_pairs = []
     for edge in crowded.tolist():
         h = edges.order[edges.start[edge] : edges.start[edge + 1]]

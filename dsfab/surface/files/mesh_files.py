@@ -49,10 +49,9 @@ def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...
 
 
 def _some_places_twice(V: Floats) -> bool:
-    """Return whether vertices may coincide. A single number per vertex decides, because such numbers sort quickly."""
     if not np.isfinite(V).all():
         return False
-    numbers = V[:, 0] * 0.5298 + V[:, 1] * 0.6741 + V[:, 2] * 0.5144
+    numbers = V[:, 0] * 0.5298 + V[:, 1] * 0.6741 + V[:, 2] * 0.5144  # single numbers sort faster than rows of three
     numbers.sort()
     return bool((numbers[1:] == numbers[:-1]).any())
 

@@ -116,7 +116,6 @@ def _ear_triangles(P: Floats) -> Ints:
 
 
 def _are_ears(P: Floats, normal: Floats) -> Bools:
-    """Return the corners (q, k) of P (q, k, 3) that are convex with an empty triangle, seen along normal (q, 3)."""
     k = P.shape[1]
     a, b, c = np.roll(P, 1, axis=1), P, np.roll(P, -1, axis=1)
     convex = np.einsum("qki,qi->qk", np.cross(b - a, c - b), normal) > 0

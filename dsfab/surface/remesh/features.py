@@ -61,7 +61,6 @@ def _crease_lengths(surface: Surface, crease: Ints) -> Floats:
 
 
 def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
-    """Return the angles (c,) between the mean normals of the faces on both sides of each crease (c,), radians."""
     if not len(crease):
         return np.zeros(0)
     start = surface.edges.start[crease]

@@ -180,7 +180,6 @@ def _on_smooth_surface(net: Net, nearest_on: NearestOnSurface) -> Net:
 
 
 def _places(points: Floats, nearest_on: NearestOnSurface, smooth: bool) -> Floats:
-    """Return the places (k, 3) nearest to points (k, 3) on the facets, or above them on the smooth surface, metres."""
     face, place = nearest_on(points)
     return SmoothPatches(nearest_on.surface).points(face, place) if smooth else place
 

@@ -57,7 +57,6 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
 
 
 def _at_vertices(surface: Surface, field: Floats) -> Floats:
-    """Return the means (n, 3, 3) by area around each vertex of tensors (m, 3, 3), rotated into its plane."""
     corner = surface.F.ravel()
     weighted = np.repeat(surface.areas[:, None, None] / 3 * field, 3, axis=0)
     carried = _transported_tensors(
