@@ -88,7 +88,7 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     ),
     "a load on what is held": (
         ["--set", "surface.load=[{kind='force', at={pick='boundary'}, force=[0, 0, -1]}]"],
-        "nothing is left for the surface to carry",
+        "so the surface carries nothing",
     ),
     "a soft material": (["--set", "statics.young=0"], "greater than 0"),
     "a material lighter than nothing": (["--set", "statics.density=-1"], "greater than or equal to 0"),

@@ -327,7 +327,7 @@ def test_other_materials_are_compared_with_their_strength_and_no_standard():
     assert found.largest[0] == pytest.approx(sqrt(stress**2 + 3 * (1.5 * 1e3 / 1e-3) ** 2) / 20e6)
     assert found.standard.startswith("no standard: PLA")
     assert "no standard: the preset names no material" in utilisation(bays, rules("", 20e6)).standard
-    with pytest.raises(StaticsError, match="names no material and gives no strength"):
+    with pytest.raises(StaticsError, match="gives neither a material nor a strength"):
         utilisation(bays, rules(""))
 
 

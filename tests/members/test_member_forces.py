@@ -293,7 +293,7 @@ def test_the_table_of_utilisation_reads_back_worst_first(vault, tmp_path):
 
 
 def test_what_no_strength_is_known_of_is_refused_before_a_file_is_there(vault, tmp_path):
-    with pytest.raises(StaticsError, match="names no material and gives no strength"):
+    with pytest.raises(StaticsError, match="gives neither a material nor a strength"):
         vault.write(tmp_path / "vault.member_utilisation.csv")
     with pytest.raises(ExportError, match="has no members to check"):
         dsfab.write(grid(2, 2, 1.0, 1.0), tmp_path / "x.member_utilisation.csv")

@@ -157,7 +157,7 @@ def test_the_command_writes_a_report_and_its_tables(tmp_path, capsys):
 
 
 def test_a_preset_without_a_strength_is_answered_in_a_sentence_and_nothing_is_written(tmp_path, capsys):
-    asked = "names no material and gives no strength; set statics.material"
+    asked = "neither a material nor a strength, so dsfab cannot check the members; set statics.material"
     assert main(["report", "barrel_vault", "-o", str(tmp_path / "out")]) == 1
     assert asked in capsys.readouterr().err
     name = tmp_path / "x.member_utilisation.csv"

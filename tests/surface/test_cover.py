@@ -86,7 +86,7 @@ def test_a_strip_is_read_from_a_file_as_it_is(tmp_path):
 
 @pytest.mark.parametrize("load", [Pressure(1.0), Wind(1.0, (1, 0, 0))], ids=["pressure", "wind"])
 def test_what_needs_an_outside_is_refused(load):
-    with pytest.raises(SurfaceError, match=r"needs an outside, and 320 of its faces .* one side only"):
+    with pytest.raises(SurfaceError, match=r"needs an outside, but 320 of its faces .* one side only"):
         load.forces(moebius(), 1.0)
 
 
