@@ -95,7 +95,7 @@ def direction_phrase(direction: Sequence[float]) -> str:
     norm = sum(x * x for x in direction) ** 0.5
     unit = [x / norm for x in direction]
     largest = max(range(3), key=lambda k: abs(unit[k]))
-    if abs(unit[largest]) < 0.99985:  # the cosine of one degree from the axis
+    if abs(unit[largest]) < 0.99985:  # cosine of one degree: the direction is not along an axis
         return f"({', '.join(f'{round(x, 2) + 0.0:.2g}' for x in unit)})"
     up = unit[largest] > 0
     return ("up" if up else "down") if largest == 2 else f"{'+' if up else '-'}{'xyz'[largest]}"

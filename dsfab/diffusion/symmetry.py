@@ -353,7 +353,7 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
     images = np.concatenate([outer @ mirror(normal).T for normal in N])
     misfit = np.square(outer_tree.query(images)[0]).reshape(len(N), -1).sum(axis=1) / edge**2
     on_mirror = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (N, np.cross(axis, N)))
-    # rank by distance of images from vertices, then by the number of vertices on the mirror
+    # the distance of images from vertices decides, then the number of vertices on the mirror
     ranks = zip(np.round(misfit, 6).tolist(), (-np.round(on_mirror, 6)).tolist(), range(len(N)), strict=True)
     return np.asarray(N[min(ranks)[2]])
 

@@ -177,7 +177,7 @@ def corner_sums(surface: Surface, x: Floats) -> Floats:
 def _cotangents(surface: Surface) -> Floats:
     g = hat_gradients(surface)
     after, before = np.roll(g, -1, axis=1), np.roll(g, -2, axis=1)
-    opposite = -np.einsum("mci,mci->mc", after, before) * surface.areas[:, None]  # edge from corner c + 1
+    opposite = -np.einsum("mci,mci->mc", after, before) * surface.areas[:, None]  # of the edge opposite corner c
     per_edge = np.bincount(np.roll(surface.edges.of, -1, axis=1).ravel(), opposite.ravel(), len(surface.edges.ends))
     # the negative weights of obtuse triangles would reverse phases
     return np.asarray(np.maximum(per_edge, 0.05 * np.median(per_edge)))

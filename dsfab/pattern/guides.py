@@ -103,7 +103,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
         square = np.where(inside, _tangent(frames, unit_vectors(np.array(guide.direction))) ** 2, 0.0)
     else:
         square = _curve_squares(frames, number, guide, guide.reach or spacing)
-    if np.abs(square).max() < 0.1**2:  # the sine of 6 degrees from the normal
+    if np.abs(square).max() < 0.1**2:  # the direction is within 6 degrees of the normal
         subject = "the direction is" if guide.at is not None else "the curve is"
         raise PatternError(
             f"pattern.guide.{number}: {subject} perpendicular to the surface, so stripes cannot follow the guide; "
@@ -119,7 +119,7 @@ def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> C
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
     square, nearest = np.zeros(surface.n, dtype=np.complex128), np.inf
-    chunk = max(1_000_000 // len(step), 1)  # chunks bound the memory
+    chunk = max(1_000_000 // len(step), 1)  # chunks limit the memory
     for start_row in range(0, surface.n, chunk):
         rows = np.arange(start_row, min(start_row + chunk, surface.n))
         distances = distances_from_segments(surface.V[rows, None], start, start + step)
@@ -222,7 +222,7 @@ def _points_on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)
         points.append(begin + np.linspace(0, 1, count + 1)[1:, None] * (end - begin))
     projection = nearest_places(np.concatenate(points), surface.V, surface.F)
-    edge = np.zeros((surface.m, 3), dtype=bool)  # column c: opposite corner c
+    edge = np.zeros((surface.m, 3), dtype=bool)  # column c is the edge opposite to corner c
     edge[:, [2, 0, 1]] = surface.edges.boundary[surface.edges.of]
     beyond = (
         (_barycentric(surface.V[surface.F[projection.simplex]], projection.place) < ON_EDGE) & edge[projection.simplex]

@@ -266,7 +266,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # for single points, because only the cut knows whole openings
+            if layer.closed is not None:  # each point decides alone, because only the cut knows whole openings
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -298,7 +298,7 @@ def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3)
     kept_points = material_points(surface, kept_layers, points)
 
     def share(layers: Sequence[Layer]) -> float:
-        with one_blas_thread():  # with thin products two threads took sixty times as long
+        with one_blas_thread():  # with products of narrow matrices two threads took sixty times as long
             stripes = material_points(surface, layers[len(kept_layers) :], points)
         return float((kept_points | stripes).mean(axis=1) @ surface.areas / surface.area)
 

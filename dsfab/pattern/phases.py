@@ -129,7 +129,7 @@ def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: 
                 H[j, k] += share
                 rest = rest - share * q
         H[k + 1, k] = np.sqrt(rest @ (mass * rest))
-        if H[k + 1, k] <= 1e-12 * H[k, k]:  # the space is complete
+        if H[k + 1, k] <= 1e-12 * H[k, k]:  # the basis spans the whole space
             H = H[: k + 1, : k + 1]
             break
         basis.append(rest / H[k + 1, k])
@@ -220,7 +220,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
     forward = i[edge] == F  # these half-edges run along their edge
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # at the starting corner
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # growth in the sign of the starting corner
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]

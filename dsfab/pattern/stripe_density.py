@@ -79,7 +79,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
 
-    ascending = np.argsort(u, kind="stable")  # sorted values merge fast for each limit
+    ascending = np.argsort(u, kind="stable")  # sorted values make the sorting for each limit fast
     sorted_u, sorted_mass = u[ascending], mass[ascending]
 
     def ratio(limit: float) -> float:

@@ -50,7 +50,7 @@ class Stripes:
 
     def with_width_factor(self, factor: float) -> "Stripes":
         """Return stripes whose half-width is `factor` times as large, up to 0.5."""
-        if factor == 1:  # equal to the last bit
+        if factor == 1:  # the same stripes, to the last bit
             return self
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 

@@ -79,7 +79,7 @@ class Images:
         turned = dots(growth_there, growth_here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # mean growth of both ends
+        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # the mean of the growth at both ends
         value = T.data * np.exp(1j * turn)
         direct, conjugate = (
             csr_array((value * selected, column, T.indptr), shape=T.shape) for selected in (~turned, turned)

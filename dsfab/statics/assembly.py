@@ -87,7 +87,7 @@ class VertexPairs:
         h0, h1 = surface.edges.pairs.T
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
         last0, last1 = (next_half_edge(h, 2) for h in (h0, h1))
-        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # both faces run along the edge in one direction
+        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # true if both faces pass the edge in one direction
         second_face = np.where(from0, last1, next1), np.where(from0, next1, last1)
         return np.stack([edge[h0], edge[last0], edge[next0], edge[second_face[0]], edge[second_face[1]], self.opposite])
 
@@ -107,7 +107,7 @@ class VertexPairs:
     def matrix(self, blocks: "PairBlocks") -> csr_array:
         """Return the stiffness (3 n, 3 n) of these blocks; the columns of each row ascend."""
         begin, column, number = self._block_positions
-        # block by block: positions of single entries would take a third of the memory of the matrix
+        # blocks save memory: positions of single entries would take a third of the memory of the matrix
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())

@@ -99,7 +99,7 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     after = np.roll(slope, -1, axis=1)
     w = _deflection(surface, answer)
     bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
-    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the corners' hats on each half-edge
+    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # slope dw/dm of the corners' hats on each half-edge
     turn = half_edge_signs(surface) * unknowns["rotation"][edge]
     # with m at corner c: d(4 phi_c phi_c+1)/dm on half-edge c; other bubbles' slopes there are linear too
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)

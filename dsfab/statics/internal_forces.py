@@ -50,7 +50,7 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :nodes]
         blocks = _gradient_stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assemble_blocks(blocks, columns, size)
-        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # this fixes a free constant on each smooth part
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # M is unknown up to a constant on each smooth part
         spread = _spread_matrix(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
@@ -60,7 +60,7 @@ class ShearRecovery:
         twist   : moments (m, 3 corners, 3), whose m_nt counts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
-        if nodes == 6:  # from hats and bubbles to functions that are 1 at one node
+        if nodes == 6:  # convert hats and bubbles to functions that are 1 at one node
             work[:, :3] -= (work[:, 3:] + np.roll(work[:, 3:], 1, axis=1)) / 2
         load = np.bincount(self.columns.ravel(), (self.sign * work[:, :nodes]).ravel(), self.spread.shape[0])
         M = self.sign * self.factor(self.spread @ load)[self.columns]
@@ -86,7 +86,7 @@ def _smooth_pairs(surface: Surface) -> tuple[Ints, Ints]:
 
 def _shared_unknowns(surface: Surface, side_a: Ints, side_b: Ints) -> tuple[Ints, Floats]:
     begins = surface.F.ravel()
-    alike = begins[side_a] == begins[side_b]  # both faces run along the edge in one direction
+    alike = begins[side_a] == begins[side_b]  # true if both faces pass the edge in one direction
     next_one, next_other = next_half_edge(side_a), next_half_edge(side_b)
     i = np.concatenate([side_a, next_one])
     j = np.concatenate([np.where(alike, side_b, next_other), np.where(alike, next_other, side_b)])

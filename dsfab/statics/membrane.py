@@ -103,7 +103,7 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
     pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
     lam, mu = C[0, 1], C[2, 2]
     face = surface.F.T
-    across = _doubled_area_gradients(surface)  # gradients times 2 A
+    across = _doubled_area_gradients(surface)  # gradients times twice the area
     ascending = (face < np.roll(face, -1, axis=0)).ravel()
     u, v = (x.transpose(1, 0, 2).reshape(3, -1) for x in (across, np.roll(across, -1, axis=0)))
     u, v = ascending_pairs(u, v, ascending)
@@ -172,7 +172,7 @@ def bubble_strains(surface: Surface, weights: Floats) -> Floats:
 
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    # stack the three quadrature points, with B^T C B as R^T R: one product of 9 x 15 a face
+    # B^T C B is R^T R, and one product of 9 x 15 per face serves all three quadrature points
     B = _point_strains(surface, (1 - np.eye(3)) / 2)
     R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
     blocks = R.transpose(0, 2, 1) @ R

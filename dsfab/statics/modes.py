@@ -170,7 +170,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
     planar = np.einsum("mai,mij,mbj->mab", t, resultant, t)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     shapes = np.zeros((surface.m, 6, 6))
-    for opposite in range(3):  # points in the middles of edges are exact for linear gradients
+    for opposite in range(3):  # the middles of edges integrate products of linear gradients exactly
         weights = np.where(np.arange(3) == opposite, 0.0, 0.5)
         bubble = 4 * (weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope)
         gradient = np.concatenate([slope, bubble], axis=1)

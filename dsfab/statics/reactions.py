@@ -44,7 +44,7 @@ def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equ
     torques = np.zeros((len(supports), 0))
     if len(answer.torque):
         clamped = np.array([support.clamped_edges(surface) for support in supports])  # (s, e)
-        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # number of held ends
+        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # number of supported ends of each edge
         torques = answer.torque * _shares(np.where(clamped.any(axis=0), clamped, ends))
     return tuple(resultant(surface, force, torque) for force, torque in zip(forces, torques, strict=True))
 

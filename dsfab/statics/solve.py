@@ -170,7 +170,7 @@ def _answer(
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # springs exert -k u; K x - f differs from -k u by the residual, and the imbalance must contain the residual
+    # a spring exerts -k u. K x - f differs from it by the residual, which the imbalance must contain
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))

@@ -22,7 +22,7 @@ def torsion_share(ratio: Floats) -> Floats:
     """Return the ratio of a rectangle's torsional stiffness to G w h^3 / 3, that of a thin strip; ratio : w / h, (...).
     It is 1 - .63 h / w (1 - h^4 / 12 w^4) if the rectangle is wider than thick; else this with w and h exchanged, times
     w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
-    ratio = np.maximum(ratio, 0.01)  # narrower ribs make equations that no solver can solve
+    ratio = np.maximum(ratio, 0.01)  # the equations of narrower ribs have no accurate solution
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
     return np.asarray((1 - lost) * np.minimum(ratio, 1.0) ** 2)
@@ -77,7 +77,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         growing = growing[~blocked(growing)[0] & (radius[growing] < largest)]
         radius[growing] = np.minimum(2 * radius[growing], largest)
     moving = np.arange(len(points))
-    for _ in range(20):  # 5 to 8 steps suffice mostly
+    for _ in range(20):  # mostly 5 to 8 steps suffice
         shrinks, shorter = blocked(moving)
         moving = moving[shrinks]
         radius[moving] = shorter[shrinks]

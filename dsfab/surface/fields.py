@@ -19,7 +19,7 @@ def hat_gradients(surface: Surface) -> Floats:
     """Return the gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre.
     The formula is grad phi_i = n x (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n."""
     P = surface.V[surface.F]
-    u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # the opposite edges
+    u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # edges opposite to the corners
     x, y, z = surface.normals.T[:, :, None]
     gradients = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=2)
     gradients /= (2 * surface.areas)[:, None, None]
@@ -144,7 +144,7 @@ class _Nodes(NamedTuple):
 
 def _nodes(surface: Surface, x: Floats, levels: Floats) -> _Nodes:
     ends = surface.edges.ends
-    below = np.searchsorted(levels, x, side="right")  # a vertex on a level counts as above
+    below = np.searchsorted(levels, x, side="right")  # a vertex on a level counts as above the level
     begin, end = below[ends].min(axis=1), below[ends].max(axis=1)
     offset = np.concatenate([[0], np.cumsum(end - begin)])
     edge = np.repeat(np.arange(len(ends)), end - begin)

@@ -211,7 +211,7 @@ class _Front:
         ab, bc, ca = (np.roll(self.size[self.edges.of], -k, axis=1) for k in range(3))
         along, high = (ab**2 + ca**2 - bc**2) / (2 * ab**2), 2 * surface.areas[:, None] / ab**2
         self.third = np.stack([along, high], axis=2).reshape(-1, 2)  # position of c if a is (0, 0) and b is (1, 0)
-        self.turn = np.arctan2(high, along).ravel()  # the angle at a
+        self.turn = np.arctan2(high, along).ravel()  # the angle of the face at a
         total = np.bincount(self.F.ravel(), self.turn, surface.n)
         full = np.full(surface.n, 2 * np.pi)
         full[self.edges.ends[self.edges.count != 2]] = np.pi
@@ -313,7 +313,7 @@ class _Front:
         vertex = bends.vertex
         i, half = _range_values(self.first_corner[vertex], self.first_corner[vertex + 1], self.corners)
         edge_of, face = self.edges.of.ravel(), half // 3
-        p, q = edge_of[half], edge_of[next_half_edge(half, 2)]  # edges at the vertex
+        p, q = edge_of[half], edge_of[next_half_edge(half, 2)]  # p and q are the two edges at the vertex
         ahead, back = self.F.ravel()[next_half_edge(half, 1)], self.F.ravel()[next_half_edge(half, 2)]
         turn = self.turn[half]
         bearing_p, bearing_q = self._bearings(bends, i, p, q, turn)

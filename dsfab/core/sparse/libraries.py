@@ -50,7 +50,7 @@ class SuperLU:
         try:
             # with one unknown per point, panels of 4 columns are a tenth faster than SuperLU's default
             self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=4, options=SUPERLU_OPTIONS)
-        except RuntimeError as error:  # "Factor is exactly singular"
+        except RuntimeError as error:  # SuperLU reports "Factor is exactly singular"
             raise NotPositiveDefinite(str(error)) from error
         if not self._definite and self._lu.U.diagonal().min() <= 0:
             raise NotPositiveDefinite("a pivot is not positive")
@@ -140,7 +140,7 @@ class Pardiso:
     Raises NotPositiveDefinite for a pivot that is not positive, FactorMemoryError if the factor does not fit."""
 
     def __init__(self, K: Matrix, blocks: bool = False) -> None:
-        os.environ.setdefault("MKL_CBWR", "AUTO")  # bitwise repeatable sums: the same preset gives the same file
+        os.environ.setdefault("MKL_CBWR", "AUTO")  # repeatable sums, so that equal presets give equal files
         # waiting threads sleep at once, because on a shared machine they would take time from busy processes
         os.environ.setdefault("KMP_BLOCKTIME", "0")
         _set_mkl_path()

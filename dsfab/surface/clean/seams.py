@@ -133,7 +133,7 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     while len(edge):
-        # divide a long edge among many vertices, as in a comb, in four; halving takes 1.2 times as long
+        # a long edge near many vertices is divided in four, because halving takes 1.2 times as long
         middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
         radius = size / 2 * long[edge] + reach[edge]
         crowded, k, border_index = _few_within(tree, middle, radius)

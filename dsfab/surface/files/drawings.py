@@ -280,7 +280,7 @@ def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Fl
     """Join runs with common ends; yield closed curves without a repeated point. Raises SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
-    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # 2 k: start of run k, 2 k + 1: its end
+    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # point 2 k starts run k, point 2 k + 1 ends it
     free = np.ones(len(runs), dtype=bool)
     for start in range(len(runs)):
         if not free[start]:

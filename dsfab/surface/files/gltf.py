@@ -228,7 +228,7 @@ class _Scene:
         seen = set[int]()
         while waiting:
             number, above, depth = waiting.pop()
-            if number in seen or depth > 200:  # programs write up to 100 levels
+            if number in seen or depth > 200:  # files of usual programs have up to 100 levels
                 raise MalformedFileError("its nodes form no tree: a node is below itself, or at two places")
             seen.add(number)
             node = nodes[number]
@@ -263,7 +263,7 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # such triangles only connect strips
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # triangles without area only connect strips
         strip: Ints = F[~tied]
         return strip
 

@@ -30,7 +30,7 @@ _IGNORED_WORDS = frozenset(
 """First words of lines that do not change polygons, or that belong to free-form curves and surfaces."""
 _NUMBERS = {3, 4, 6, 7}  # Possible counts of numbers in a vertex: coordinates, also a weight, also a colour.
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
-_DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at a line's end without spaces around.
+_DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at the end of a line, with no space beside it.
 _DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a decimal comma.
 LINES_PER_CHECK = 1 << 14  # Lines between two checks of the numbers of vertices and faces.
 
@@ -101,7 +101,7 @@ def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
         raise ValueError
     V.extend(map(float, words[1:4]))
     if len(words) > 4:
-        list(map(float, words[4:]))  # ValueError for two vertices on one line
+        list(map(float, words[4:]))  # two vertices on one line raise ValueError
 
 
 def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:
@@ -153,7 +153,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
             except (ValueError, IndexError, OverflowError):
                 raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
     extra_lines = sum(1 for _ in lines)
-    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # the face has no colour
+    bare = not extra_lines and m and len(words) == 1 + sizes[-1]  # true if the last face has no colour
     doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     dropped = (f"{count_phrase(extra_lines, 'line')} after the last face",) if extra_lines else ()

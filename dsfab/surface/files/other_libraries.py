@@ -106,7 +106,7 @@ def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
     """Return a pyvista mesh of V (n, 3), metres, and F (m, 3), unchanged."""
     import pyvista
 
-    build: Any = pyvista.PolyData.from_regular_faces  # its types allow Python's own numbers only
+    build: Any = pyvista.PolyData.from_regular_faces  # its annotations forbid numpy arrays
     mesh: pyvista.PolyData = build(np.asarray(V), np.asarray(F))
     return mesh
 

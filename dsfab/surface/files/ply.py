@@ -89,7 +89,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
-        raise element.cut_off()  # before the reader takes memory for the records
+        raise element.cut_off()  # here, before the reader takes memory for the records
     begins, counts, stop = _equal_records(numbers, position, element) or _text_walk(numbers, position, element, budget)
     columns: Columns = {}
     for i, p in enumerate(element.properties):
@@ -146,7 +146,7 @@ def binary_element(body: bytes, position: int, element: PlyElement, order: str, 
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
-        raise element.cut_off()  # before the reader takes memory for the records
+        raise element.cut_off()  # here, before the reader takes memory for the records
     dtype, lists = _first_record(body, position, element, order)
     stop = position + dtype.itemsize * element.count
     if stop <= len(body):
@@ -244,7 +244,7 @@ def read_ply(data: bytes, budget: Budget) -> PolygonFile:
     """Return vertices and faces of a PLY file; the reader ignores colours, normals and all further elements.
     Raises MalformedFileError for a foreign or incomplete file or a missing property. Raises SurfaceError beyond the
     budget, before it allocates memory for the records."""
-    if data[:3] != b"ply":  # the text may have a byte order mark or be UTF-16
+    if data[:3] != b"ply":  # a text file may have a byte order mark or be UTF-16
         file = text_file(data)
         if not file.text.startswith("ply"):
             raise MalformedFileError("there is no PLY header")

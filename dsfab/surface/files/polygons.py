@@ -75,7 +75,7 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     N = unit_vectors(np.stack([np.bincount(owner, x, len(sizes)) for x in turned.T], axis=1))
     _, edge, count = np.unique(np.minimum(a, b) * len(V) + np.maximum(a, b), return_inverse=True, return_counts=True)
     side = starts[:, None] + np.arange(4)
-    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the sum of both half-edges minus the first
+    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # both half-edges' sum minus the first
     beyond = np.where(count[edge[side]] == 2, beyond, side)
     is_flat = (beyond != side) & ~bent[owner[beyond]]
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])

@@ -147,7 +147,7 @@ class TriangleFile:
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, because its mark begins like this mark
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # the mark of UTF-16 begins like this mark
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
@@ -171,7 +171,7 @@ class TextFile:
     def numbered_lines(self, budget: Budget) -> Iterator[tuple[int, str]]:
         """Yield the line numbers from 1, and the lines. Raises SurfaceError if reading takes too long."""
         number, position, text = 0, 0, self.text
-        while position <= len(text):  # in blocks, because a list of all lines needs much memory
+        while position <= len(text):  # blocks save memory, because a list of all lines is large
             end = text.find("\n", position + BLOCK)
             end = len(text) if end < 0 else end
             budget.require_time()

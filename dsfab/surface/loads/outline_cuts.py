@@ -84,7 +84,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
     edge, start, sides = edge[order], start[order], sides[order]
     a, b = s.V[s.edges.ends[edge]].transpose(1, 0, 2)
     low, high = start, np.where(sign[edge, 1] == 0, 0.0, 1.0)
-    for _ in range(48 if len(edge) else 0):  # bisect to the last digit
+    for _ in range(48 if len(edge) else 0):  # 48 halvings reach the last digit
         middle = (low + high) / 2
         is_same_side = np.sign(extent.depth(a + middle[:, None] * (b - a))) == sides
         low, high = np.where(is_same_side, middle, low), np.where(is_same_side, high, middle)

@@ -52,7 +52,7 @@ def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
 
 
 def _inside(start: Floats, end: Floats, P: Floats) -> Bools:
-    odd, block = np.zeros(len(P), dtype=bool), max(4_000_000 // len(start), 1)  # in blocks, to save memory
+    odd, block = np.zeros(len(P), dtype=bool), max(4_000_000 // len(start), 1)  # blocks save memory
     rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
     for k in range(0, len(P), block):
         x, y = P[k : k + block].T[:, :, None]

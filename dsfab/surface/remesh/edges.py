@@ -383,10 +383,10 @@ def with_ears_flipped(surface: Surface) -> Surface:
     alike = surface.F.ravel()[pairs[:, 1]] == b  # true if both faces have the same orientation
     ear = bare[pairs[:, 0] // 3] & ~bare[pairs[:, 1] // 3] & alike & has_new_diagonal(quad, edges, n)
     ear &= angles_at(surface.V, c, a, b) > np.radians(150.0)
-    for start, end in ((a, b), (b, a)):  # neither new face turns over
+    for start, end in ((a, b), (b, a)):  # no new face may turn over
         ear &= angles_at(surface.V, start, end, c) + angles_at(surface.V, start, end, d) < np.pi
     chosen = np.flatnonzero(ear)
-    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # the first of two ears at a face
+    chosen = chosen[np.unique(pairs[chosen, 1] // 3, return_index=True)[1]]  # of two ears at a face, the first counts
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))

@@ -134,7 +134,7 @@ def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
     vertex, curve = np.concatenate(chains), np.repeat(np.arange(len(chains)), [len(chain) for chain in chains])
     points = surface.V[vertex]
     step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
-    step[np.diff(curve, prepend=0) > 0] = surface.size  # a gap between curves on the axis
+    step[np.diff(curve, prepend=0) > 0] = surface.size  # curves are this far apart on the axis
     return FeatureCurves(points, np.cumsum(step), curve, vertex, fixed)
 
 

@@ -309,7 +309,8 @@ def _positive_side(x: Floats, F: Ints, normal: Floats, tolerance: float) -> tupl
     points = (1 - t) * x[crossed[:, 0]] + t * x[crossed[:, 1]]
     points -= np.outer(points @ normal, normal)
     parts = [uncut]
-    corner = np.stack([cut, crossing_vertex.reshape(-1, 3)], axis=2).reshape(-1, 6)  # a, ab, b, bc, c, ca
+    # columns: corner a, edge ab, corner b, edge bc, corner c, edge ca
+    corner = np.stack([cut, crossing_vertex.reshape(-1, 3)], axis=2).reshape(-1, 6)
     stays = (corner >= 0) & (np.concatenate([d, np.zeros(len(points))])[corner] >= 0)
     for k in (3, 4):
         polygon_corners = corner[stays.sum(axis=1) == k][stays[stays.sum(axis=1) == k]].reshape(-1, k)

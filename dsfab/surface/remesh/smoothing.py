@@ -14,7 +14,7 @@ from dsfab.surface.remesh.edges import FIXED, FREE, Net
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import corner_fans
 
-CORNERS = ((0, 1), (1, 2), (2, 0))  # Half-edges of a face, by its corners.
+CORNERS = ((0, 1), (1, 2), (2, 0))  # First and second corner of each half-edge of a face.
 
 
 class SmoothPatches:
@@ -143,7 +143,7 @@ def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
     """Move the vertices to goals (n, 3), metres, and the nodes to positions (k,), unless a face turns by 60 degrees."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # number of rounds that put back single vertices; after these, all vertices go back
+    retreats = 6  # rounds that put single vertices back; after these, all vertices go back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

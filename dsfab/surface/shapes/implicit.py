@@ -68,7 +68,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
 
 
 def _too_long(why: str) -> SurfaceError:
-    # without the length, because dsfab models shapes at size 1 and scales them afterwards
+    # the message omits the length, because dsfab models shapes at size 1 and scales them later
     return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter edge")
 
 

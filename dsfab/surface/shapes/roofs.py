@@ -89,12 +89,12 @@ def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: flo
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
     lattice = edge * np.stack([i + j / 2, j * np.sqrt(3) / 2], axis=1)
-    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # distance: a triangle's height
+    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # the rim and the lattice form good triangles
     F = Delaunay(P).simplices.astype(np.int64)
     u, v = P[F[:, 1]] - P[F[:, 0]], P[F[:, 2]] - P[F[:, 0]]
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     F = np.where((twice < 0)[:, None], F[:, ::-1], F)
-    # Delaunay fills the convex hull, with slivers along straight parts of the rim
+    # Delaunay triangles fill the convex hull, and some along straight parts of the rim are very flat
     return P, np.asarray(F[inside(P[F].mean(axis=1), 0.0) & (np.abs(twice) > 1e-3 * edge**2)])
 
 

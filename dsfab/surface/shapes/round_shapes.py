@@ -45,7 +45,7 @@ def catenoid(waist: Length = 1.5, rim: Length = 6.0, edge: Length = 0.2) -> Surf
     if rim < 1.05 * waist:
         raise SurfaceError(f"catenoid: rim = {rim:g} m must be wider than 1.05 x waist = {waist:g} m")
     height = waist * np.arccosh(rim / waist)
-    # equal steps of the arc length a sinh(z / a)
+    # z has equal steps of the arc length a sinh(z / a)
     arc = waist * np.sinh(height / waist)
     check_density(np.pi * (waist + rim) * arc, edge)
     z = waist * np.arcsinh(np.linspace(0, arc, 1 + pieces_of(arc, ROW * edge, least=3)) / waist)
