@@ -117,11 +117,11 @@ def checked_symmetry(
     for g in R[1:]:  # a sample refuses most surfaces quickly
         distance = largest_distance(surface, tree, (few - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
-            raise _symmetry_error(words, f"the surface is not: its image is up to {distance:.3g} m off it")
+            raise _symmetry_error(words, "the surface is", f"its image is up to {distance:.3g} m away from it")
     for g in R[1:]:
         distance, T = _point_map(surface, tree, (surface.V - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
-            raise _symmetry_error(words, f"the surface is not: its image is up to {distance:.3g} m off it")
+            raise _symmetry_error(words, "the surface is", f"its image is up to {distance:.3g} m away from it")
         maps.append(T)
         image = np.ascontiguousarray((surface.centroids - centre) @ g.T + centre)
         faces.append(tree.squared_distance(surface.V, surface.F, image)[1])
@@ -132,8 +132,10 @@ def checked_symmetry(
     return symmetry
 
 
-def _symmetry_error(words: str, finding: str) -> PatternError:
-    return PatternError(f"diffusion.symmetry = {words}, but {finding}; correct this, or request less symmetry")
+def _symmetry_error(words: str, subject: str, finding: str) -> PatternError:
+    return PatternError(
+        f"diffusion.symmetry = {words}, but {subject} not symmetric: {finding}; correct this, or request less symmetry"
+    )
 
 
 def _generator(word: str) -> Floats:
@@ -199,13 +201,13 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
             ]
             if not alike:
                 raise _symmetry_error(
-                    words, f"the supports are not: they hold only {_axis_letters(holds)}, which the symmetry rotates"
+                    words, "the supports are", f"they hold only {_axis_letters(holds)}, which the symmetry rotates"
                 )
             image = (surface.V[of_kind] - centre) @ R.T + centre
             distance = _distance_to_marked(image, surface, np.isin(kind.ravel(), alike))
             if distance > OFF_SUPPORT * surface.mean_edge:
                 raise _symmetry_error(
-                    words, f"the supports are not: the image of a support is {distance:.3g} m from any equal support"
+                    words, "the supports are", f"the image of a support is {distance:.3g} m from any equal support"
                 )
 
 
@@ -228,9 +230,9 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
         sum_off = float(np.linalg.norm(change.sum(axis=0)))
         moment_off = float(np.abs(arm.T @ change).max()) / (surface.size / 2)
         if (share := max(sum_off, moment_off) / total) > OFF_LOAD[1]:
-            raise _symmetry_error(words, f"the loads are not: their resultants differ by {share:.0%}")
+            raise _symmetry_error(words, "the loads are", f"their resultants differ by {share:.0%}")
         if (share := float(np.linalg.norm(_smoothed_forces(surface, change), axis=1).sum()) / total) > OFF_LOAD[0]:
-            raise _symmetry_error(words, f"the loads are not: {min(share / 2, 1):.0%} of them have no image")
+            raise _symmetry_error(words, "the loads are", f"{min(share / 2, 1):.0%} of them have no image")
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:

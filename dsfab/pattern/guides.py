@@ -50,7 +50,7 @@ class Guide:
         if self.at is not None and self.reach is not None:
             raise GuideError("reach is for a curve; a region ends where its pick does")
         if self.at is not None and self.member:
-            raise GuideError("member is for a curve; leave it out of a region")
+            raise GuideError("member is for a curve; remove member from a region")
         if self.curve is not None and self.direction is not None:
             raise GuideError("a curve has its own directions; leave direction out")
         if self.curve is not None and len(set(self.curve)) < 2:

@@ -207,7 +207,7 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
             raise PatternError(f"{region_key(regions, k)}: {error}") from None
         if not faces.any():
             raise PatternError(
-                f"{region_key(regions, k)} has no face of the surface; make it larger, or pick by a ball"
+                f"{region_key(regions, k)} has no face of the surface; make the region larger, or pick by a ball"
             )
         yield k, faces
 

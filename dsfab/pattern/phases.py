@@ -263,9 +263,8 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set signs and shifts (m,) of the faces in the order of a search, each from the face before it. Each face has a
-    step from an earlier face. Every round joins to it the step of that earlier face, so that the paths to the first
-    face are halved."""
+    """Set signs and shifts (m,) of the faces in the order of a search, each from an earlier face. Each face has a step
+    from an earlier face. Every round adds the step of that earlier face, which halves the paths to the first face."""
     child = order[1:]
     if not len(child):
         return

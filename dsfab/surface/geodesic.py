@@ -21,7 +21,7 @@ SLACK = 1e-10  # Limit of rounding errors, as a share of the compared lengths, a
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Parts of edges that sources see, in the plane of each source. The arrays allow processing all windows together.
+    """Parts of edges that sources see, with coordinates in the plane of each source. The arrays hold k windows.
     names  : (k, 5) columns `edge` to `parallel`.    values : (k, 7) columns `at_a` to `offset`."""
 
     names: Ints

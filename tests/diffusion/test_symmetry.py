@@ -132,9 +132,9 @@ def test_a_bridge_is_the_same_left_and_right():
 @pytest.mark.parametrize(
     ("words", "shift", "says"),
     [
-        (["rot:6:z"], 0.0, r"the surface is not: its image is up to 0\.\d+ m off it"),
-        (["x"], 0.5, r"the loads are not: their resultants differ by \d+%"),
-        (["rot:4:z"], 0.5, "the loads are not: their resultants differ"),
+        (["rot:6:z"], 0.0, r"the surface is not symmetric: its image is up to 0\.\d+ m away from it"),
+        (["x"], 0.5, r"the loads are not symmetric: their resultants differ by \d+%"),
+        (["rot:4:z"], 0.5, "the loads are not symmetric: their resultants differ"),
     ],
 )
 def test_what_is_not_symmetric_is_refused_with_what_is_off(words, shift, says):
@@ -150,7 +150,7 @@ def test_loads_whose_resultants_agree_but_that_lie_elsewhere_are_refused():
     for angle in (0.3, 0.3 + np.pi):
         near = np.linalg.norm(plate.V[:, :2] - 0.6 * np.array([np.cos(angle), np.sin(angle)]), axis=1) < 0.25
         corners = corners + np.outer(near / near.sum(), [0, 0, -1.0])
-    with pytest.raises(PatternError, match=r"the loads are not: \d+% of them have no image"):
+    with pytest.raises(PatternError, match=r"the loads are not symmetric: \d+% of them have no image"):
         symmetry_of(plate, ["rot:4:z"], LoadCase(load.fixed, corners, load.loaded))
     assert symmetry_of(plate, ["rot:2:z"], LoadCase(load.fixed, corners, load.loaded)).order == 2
 
@@ -158,7 +158,9 @@ def test_loads_whose_resultants_agree_but_that_lie_elsewhere_are_refused():
 def test_supports_are_compared_by_place_and_by_direction():
     plate, load = square()
     one_side = LoadCase(load.fixed & (plate.V[:, :1] < 0), load.force, load.loaded)
-    with pytest.raises(PatternError, match=r"the supports are not: the image of a support is [\d.]+ m from any"):
+    with pytest.raises(
+        PatternError, match=r"the supports are not symmetric: the image of a support is [\d.]+ m from any"
+    ):
         symmetry_of(plate, ["x"], one_side)
     assert symmetry_of(plate, ["y"], one_side).order == 2
     rollers = LoadCase(load.fixed & [True, False, True], load.force, load.loaded)

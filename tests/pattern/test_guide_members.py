@@ -98,7 +98,7 @@ def test_a_curve_across_the_stress_names_the_family_that_runs_there():
 
 
 def test_mistakes_with_members_are_told_in_a_sentence():
-    with pytest.raises(GuideError, match="member is for a curve; leave it out"):
+    with pytest.raises(GuideError, match="member is for a curve; remove member"):
         Guide(at={"pick": "all"}, direction=(1.0, 0.0, 0.0), member=True)
     with pytest.raises(PresetError, match=r"guide\.0 is to be a major member, and families = 'minor' draws none"):
         load_preset("dome", {"pattern.families": "minor", "pattern.guide": [{"curve": straight(0), "member": True}]})

@@ -193,7 +193,7 @@ def test_a_closed_surface_has_no_boundary_to_pick():
     [
         ([], [Pressure(1.0)], 0.0, "has no support"),
         ([FEET], [], 0.0, "has no load"),
-        ([FEET], [SelfWeight()], 0.0, "needs a sheet that weighs something"),
+        ([FEET], [SelfWeight()], 0.0, "needs a sheet with weight"),
         ([FEET], [SelfWeight((0.0, 0.0, 0.0))], 1.0, "needs a direction"),
         ([FEET], [Pressure(0.0)], 0.0, "kind 'pressure' is zero"),
         ([FEET], [Pressure(1.0, Vertices((0,)))], 0.0, "is on no face"),

@@ -214,7 +214,7 @@ def test_staggered_rows_cover_the_unit_square():
         ("plate", {"length": -1.0}, "plate: length = -1.0 must be greater than 0"),
         ("plate", {"edge": float("nan")}, "not a finite number"),
         ("plate", {"edge": 1e-5}, "use a longer edge"),
-        ("dome", {"oculus": 6.0}, "wider than the dome"),
+        ("dome", {"oculus": 6.0}, "oculus = 6 m is too wide"),
         ("dome", {"oculus": -0.1}, "must be at least 0"),
         ("hypar", {"rise": 100.0}, "use a lower rise"),
         ("elliptic_paraboloid", {"crown": 1.6}, "must be less than rise"),

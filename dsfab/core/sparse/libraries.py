@@ -291,7 +291,7 @@ class Multigrid:
 def _positions_in_blocks(node: Ints) -> tuple[Ints, int]:
     used, point, count = np.unique(node, return_inverse=True, return_counts=True)
     if count.max() > 3:
-        raise ValueError("multigrid takes up to three unknowns a point")
+        raise ValueError("multigrid takes up to three unknowns per point")
     order = np.argsort(point, kind="stable")
     place = np.empty(len(node), dtype=np.int64)
     place[order] = 3 * point[order] + np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)

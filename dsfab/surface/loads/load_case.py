@@ -246,7 +246,7 @@ class SelfWeight:
         """Return the forces (n, 3), N, of a sheet of `weight` N/m2; their sum is weight times area."""
         if not weight > 0:
             raise SurfaceError(
-                f"a load of kind 'self_weight' needs a sheet that weighs something (it is {weight:g} N/m2); give the "
+                f"a load of kind 'self_weight' needs a sheet with weight, not {weight:g} N/m2; give the "
                 "material a density and a thickness"
             )
         return weight * surface.vertex_areas[:, None] * unit_vector(self.direction, "a load of kind 'self_weight'")

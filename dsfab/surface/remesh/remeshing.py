@@ -186,7 +186,7 @@ def _places(points: Floats, nearest_on: NearestOnSurface, smooth: bool) -> Float
 
 def _check(surface: Surface, edge: float, finest: float) -> None:
     if not (np.isfinite(edge) and edge > 0):
-        raise SurfaceError(f"the edge length {edge} to remesh to must be a positive length in metres")
+        raise SurfaceError(f"the edge length {edge} for remeshing must be a positive length in metres")
     if not (np.isfinite(finest) and 0 <= finest <= edge):
         raise SurfaceError(f"the finest edge, {finest} m, must lie between 0 and the edge, {edge:g} m")
     if edge > surface.size:

@@ -290,7 +290,7 @@ class LevelSet:
     floor: float | None = None
 
     def place(self, X: Floats) -> Floats:
-        """Return X (n, 3) itself, metres."""
+        """Return the points X (n, 3), metres, unchanged."""
         return X
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:

@@ -25,7 +25,7 @@ def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)
     Area 2 pi R h for R = (span^2 / 4 + rise^2) / (2 rise), with h the height from springing to oculus. A rise of half
     the span is a hemisphere; a larger rise bulges."""
     if oculus > 0.45 * span:
-        raise SurfaceError(f"dome: oculus = {oculus:g} m is wider than the dome; keep it under 0.45 x span")
+        raise SurfaceError(f"dome: oculus = {oculus:g} m is too wide; use less than 0.45 x span")
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     top, foot = np.arcsin(oculus / radius), np.arctan2(span / 2, radius - rise)
     check_density(2 * np.pi * radius * rise, edge)
@@ -160,7 +160,7 @@ def torus(major: Length = 3.0, minor: Length = 1.2, edge: Length = 0.22) -> Surf
     """A ring around the z axis: tube of radius `minor` along a circle of radius `major`, normals outward.
     Area 4 pi^2 major minor, volume 2 pi^2 major minor^2. Raises SurfaceError unless major > minor."""
     if minor >= 0.95 * major:
-        raise SurfaceError(f"torus: minor = {minor:g} m leaves no hole; keep it under 0.95 x major = {major:g} m")
+        raise SurfaceError(f"torus: minor = {minor:g} m leaves no hole; use less than 0.95 x major = {major:g} m")
     check_density(4 * np.pi**2 * major * minor, edge)
     rows = pieces_of(2 * np.pi * minor, ROW * edge, multiple=2, least=6)
     phi = 2 * np.pi * np.arange(rows) / rows
