@@ -22,9 +22,7 @@ if TYPE_CHECKING:
     from dsfab.render.view import View
 
 SIZES = (10_000, 60_000, 300_000, 1_000_000)  # Triangles of the surfaces.
-
 PIXELS = (1024, 768)
-
 SECONDS = 4.0  # Seconds of each measurement, which takes at least five pictures of each kind.
 KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 

@@ -22,7 +22,6 @@ from dsfab import __version__
 from dsfab.core.errors import DsfabError
 
 DONE, REFUSED, WRONG_USAGE, MISSING, MISTAKEN, STOPPED = 0, 1, 2, 3, 70, 130
-
 LISTS = ("-f", "--format", "--against")  # Options with several values, separated by commas.
 
 app = App(

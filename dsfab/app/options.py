@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 
 SMALLEST, LARGEST = 64, 8000  # Limits on the sides of a picture, pixels.
-
 Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
 Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Print errors only.")]
@@ -31,7 +30,6 @@ Up = Annotated[
 MaxTriangles = Annotated[
     int | None, Parameter(name="--max-triangles", help="Largest number of triangles of the mesh file [4 million].")
 ]
-
 
 View = Annotated[str, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")]
 Show = Annotated[

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 FINISHED_PICTURES = ("fabrication", "members")  # These pictures show the finished solid and the finished sheet.
 
-
 SHOW_WORDS = {
     "deflection": ("displacement",),
     "modes": ("major_mode", "minor_mode"),

@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104
 """Distances in pixels: between tiles, around the sheet, below a tile for its label, above all tiles for the title."""
 
-MAX_COLUMNS = 8
-"""Largest number of tiles in a row."""
-
+MAX_COLUMNS = 8  # Largest number of tiles in a row.
 PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 

@@ -26,8 +26,7 @@ from dsfab.report.html_pages import (
     escaped_text,
 )
 
-MM = 72 / 25.4
-"""Points per millimetre."""
+MM = 72 / 25.4  # Points per millimetre.
 
 COLOURS: Mapping[str, PageColour] = {
     **PAGE,
@@ -148,11 +147,8 @@ def _styles(regular: str, bold: str, typed: str) -> dict[str, Any]:
     return kinds
 
 
-TEXT_WIDTH = 174.0
-"""Width of the text, millimetres: A4 less its margins."""
-
-FRAME_PADDING = 6.0
-"""Padding of reportlab's frames, points."""
+TEXT_WIDTH = 174.0  # Width of the text, millimetres: A4 less its margins.
+FRAME_PADDING = 6.0  # Padding of reportlab's frames, points.
 
 
 def require_pdf() -> None:

@@ -42,9 +42,7 @@ if TYPE_CHECKING:
 
 
 MEMBERS = np.array(PAPER.members, dtype=np.uint8)
-
-_stages = threading.local()
-"""For each thread: the last surface, its drawer, and its empty stage."""
+_stages = threading.local()  # For each thread: the last surface, its drawer, and its empty stage.
 
 
 def require_view(name: str) -> None:
@@ -95,7 +93,6 @@ class SheetDrawer:
 
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
 """Metrics that the page shows first, if the sweep measures them: stiffness, and weight."""
-
 
 PAGE = "index.html"
 

@@ -11,7 +11,6 @@ from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
 SMALL, LARGE = (560, 420), (1120, 840)  # Sizes (pixels) of the pictures of steps and structure.
-
 LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Lower than for a single picture, higher than for a sweep.
 
 VIEWS = {

@@ -103,7 +103,6 @@ def typical_slope(surface: Surface, value: Floats) -> float:
 
 
 NEAR = 0.5  # A line ends at this distance from another line, over the distance of lines.
-
 End = Literal["boundary", "inside", "round"]
 
 

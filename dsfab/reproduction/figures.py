@@ -20,7 +20,6 @@ from dsfab.results import Piece
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
 """Pictures of every figure beside its structure, in the order of the method."""
 
-
 RUNS = 3  # Number of runs whose median gives the seconds.
 
 RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset", "stripes": "dsfab's stripes"}

@@ -21,7 +21,6 @@ from dsfab.reproduction.renditions import Rendition
 from dsfab.reproduction.volumes import RIVALS
 
 Row = Mapping[str, Any]  # A row of sphere_volumes.json.
-
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
 """Names of the structures whose stiffness is compared with `OURS`."""
@@ -196,7 +195,6 @@ def _bar(bar: ColourBar) -> str:
 
 
 PAGE_NAME = "index.html"
-
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")  # The columns of Table 2 in seconds.
 
 PARAMETERS = (
@@ -369,9 +367,7 @@ section > .why { aspect-ratio: auto; padding: 2rem; }
 """
 """Style of this page: four pictures in a row, the structure as large as four."""
 
-
 SMALL_NAME = "small.html"
-
 LINKED = re.compile(r'<a href="[\w.-]+\.webp">(<img[^>]*>)</a>')
 PICTURE = re.compile(r'src="([\w.-]+\.(?:webp|svg))"')
 

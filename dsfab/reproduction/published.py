@@ -62,7 +62,6 @@ def _row(gamma: float, r: float, a: int, b: int, u: float, w: float, phases: tup
 
 NONE = (0.0, 0.0)
 UNPUBLISHED = "the paper's mesh is not published"
-
 PLANE = Timings(7891, 15855, 0.076, None, 0.085, 0.029, 0.028, 0.231)
 CAMEL = Timings(11717, 23323, 0.175, 0.748, 3.419, 0.003, 0.063, 0.477)
 

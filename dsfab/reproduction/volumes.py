@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from dsfab.study.judges import Judge
 
 NAME = "sphere_volumes"  # Name of the files: .json, .svg and .png.
-
 PRESET = "sphere_graded"
 EDGE = 0.08  # Edge of its mesh in metres; the third verdict mesh of a finer mesh would exceed the memory.
 MEMORY = 9e9  # Bytes that a verdict may take.

@@ -38,9 +38,7 @@ __all__ = [
 ]
 
 FAMILIES = (plates, beams, plane, shells, vessels, vibrations, stability, cut_sheets)
-
 TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # All tests by name.
-
 PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)  # Default pairs: two for comparison.
 
 

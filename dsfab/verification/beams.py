@@ -12,9 +12,7 @@ from dsfab.verification.problems import Mesh, Problem, Test, square, tip_loaded
 
 Shape = Literal["rectangles", "trapezoids", "parallelograms"]
 Vector = tuple[float, float, float]
-
 IN_PLANE, ACROSS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-
 CELLS: tuple[int, ...] = (1, 2, 4)
 PATTERNS: tuple[Mesh, ...] = ("diagonal", "union_jack")
 """Mesh patterns. The pattern `jittered` is missing, because a single cell across has no inner vertices to move."""
@@ -98,7 +96,6 @@ thickness t. The loss comes from shear across the thickness, which theories of t
 """
 
 IN_TORSION = 0.9899  # Share of torsion in the work of the hook as a curved beam; bending and shear do the rest.
-
 
 STRIP = (
     "curved beam theory with a thin strip's torsion constant b t^3 / 3 (MacNeal and Harder's 0.5022 is for the true "

@@ -12,7 +12,6 @@ from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_dire
 CONCRETE = Material(33e9, 0.2, 2500.0)
 THICKNESS = 0.05
 RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Metres, and the angle of the vault.
-
 GRAVITY = np.array([0.0, 0.0, -9.81])
 COARSE = 12  # Cells around the vault before the cut; finer meshes halve the edges of the cut mesh.
 

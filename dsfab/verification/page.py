@@ -30,7 +30,6 @@ COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
 
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
-
 INK, FAINT = "#010203", "#040506"  # Colours that the page replaces by `currentColor` and its `--faint`.
 
 
@@ -159,7 +158,6 @@ def _svg(figure: "Figure", title: str) -> str:
 
 
 WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")  # The worst verdict stands for all patterns.
-
 PAIR = str(elements_of("displacement"))  # Targets and published values are compared with this pair.
 
 STYLE = """

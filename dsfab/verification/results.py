@@ -215,11 +215,8 @@ SIMO = Publication(
 )
 DVORKIN = Publication("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
 FELIPPA = Publication("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
-
 TWELVE_BY_TWO = 12 * 3 * 5  # Free unknowns of the usual mesh of the twisted beam.
-
 Ratios = dict[str, tuple[float, ...]]
-
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
 STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
@@ -310,8 +307,6 @@ def _published_value(
 
 
 PUBLISHED = tuple(_published_values())  # All published values.
-
-
 Outcome = Literal["better", "alike", "worse", "unknown"]
 
 

@@ -124,7 +124,6 @@ _NO_SLITS = (
 )
 _BED = "Metres along x, y and z that fit into the machine, 0.25 x 0.21 x 0.2 for instance; empty checks nothing."
 
-
 _ACCEPT = (
     "Build although nothing carries a load, the sheet is as thin as a film, or a feature under 1 mm fails its limit."
 )

@@ -63,7 +63,6 @@ class EditorJob:
 
 
 log = logging.getLogger(__name__)
-
 CANCEL_SECONDS = 0.5  # Longest seconds from a cancellation to the next progress; the editor abandons a slower thread.
 
 

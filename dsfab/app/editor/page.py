@@ -71,7 +71,6 @@ def _with_absolute_imports(name: str, text: str) -> str:
 
 
 SMALLEST, WIDEST = 64, 2400  # Limits on the sides of a picture, pixels.
-
 RequestFields = Mapping[str, Any]
 
 

@@ -19,9 +19,7 @@ from dsfab.app.editor.session import Session
 from dsfab.core.errors import DsfabError
 
 log = logging.getLogger(__name__)
-
 LOOPBACK = "127.0.0.1"
-
 LARGEST = 96 * 2**20  # Largest number of bytes of a request: a mesh of some million triangles.
 
 

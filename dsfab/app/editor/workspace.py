@@ -239,7 +239,6 @@ def _mesh_file(preset: Preset) -> Path | None:
 
 MAX_VARIANTS = 48  # Largest number of variants in a session.
 LARGEST = 2 * 2**20  # Largest number of characters of a picture.
-
 FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")  # Measures of a variant.
 
 

@@ -33,7 +33,6 @@ INPUTS = (
 )
 NOTES = HopsParameter("notes", "N", "Notes on the design.", "Text", is_list=True)
 LINES = HopsParameter("lines", "L", "Middles of the members.", "Curve", is_list=True)
-
 _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 

@@ -10,13 +10,9 @@ from dsfab.members import Member, MemberGraph
 from dsfab.render import Palette
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers, placed_parts
 
-DRAWN_PIECES = 90
-"""Number of pieces in the drawing of a member as long as the whole structure."""
-
-PLATE_COLOUR = (150, 146, 140)
-"""Colour of the plates of nodes."""
-LEAST_ELEVATION, AZIMUTH = 28.0, -58.0
-"""Direction of the usual view, degrees."""
+DRAWN_PIECES = 90  # Number of pieces in the drawing of a member as long as the whole structure.
+PLATE_COLOUR = (150, 146, 140)  # Colour of the plates of nodes.
+LEAST_ELEVATION, AZIMUTH = 28.0, -58.0  # Direction of the usual view, degrees.
 
 
 @dataclass(frozen=True, eq=False)

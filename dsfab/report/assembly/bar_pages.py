@@ -13,8 +13,7 @@ from dsfab.report.assembly.paper import INK, PAGE, QUIET, RED, DrawingTransform,
 from dsfab.report.assembly.sequence import STEP_PICTURES, AssemblyStep
 from dsfab.workshop import BAR_CLEARANCE, FlatPart, PlateArm, WorkshopPlan, bar_table, half_plane_clip, plate_arms
 
-ROWS, COLUMNS = 58, 2
-"""Rows and columns of bars on a page."""
+ROWS, COLUMNS = 58, 2  # Rows and columns of bars on a page.
 
 BAR_RULE = (
     "Bars go up from the supports upwards, by the height of their middle. Each plate is bolted beneath the first of "
@@ -117,8 +116,7 @@ def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
     )
 
 
-SHOWN = 1.7
-"""Drawn length of the bars on the page of a joint, over the length of an arm beyond the bar's beginning."""
+SHOWN = 1.7  # Drawn length of the bars on the page of a joint, over the length of an arm beyond the bar's beginning.
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:

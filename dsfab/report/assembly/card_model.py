@@ -39,8 +39,7 @@ PANEL_STEPS = (
 )
 """Steps for panels after cutting: head and text."""
 
-TEXT_WIDTH = 150.0
-"""Width of the text, millimetres; the base plate takes the rest of the page."""
+TEXT_WIDTH = 150.0  # Width of the text, millimetres; the base plate takes the rest of the page.
 FAMILY_WORDS = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around supports and loads (ring, band)"}
 
 

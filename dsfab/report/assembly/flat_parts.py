@@ -10,10 +10,8 @@ from dsfab.members import Member
 from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTransform, Paper, PaperBox, usual_scale
 from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_table, stock_cost, stock_words
 
-ACROSS, DOWN = 4, 13
-"""Columns and rows of parts on a page."""
-ROWS, COLUMNS = 62, 3
-"""Rows and columns of nodes on a page."""
+ACROSS, DOWN = 4, 13  # Columns and rows of parts on a page.
+ROWS, COLUMNS = 62, 3  # Rows and columns of nodes on a page.
 LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
 """Least scale at which names of parts are legible, for a structure and for a model: millimetres of paper per metre."""
 PartsPage = tuple[str, Callable[[Paper], None]]
@@ -183,12 +181,9 @@ def _node_page(rows: Sequence[Sequence[str | int | float]], meets: str) -> Calla
     return draw
 
 
-ROW = 24.0
-"""Height of a member's row, millimetres of paper."""
-NAMES = 44.0
-"""Room for a member's name, to the left of its line, millimetres of paper."""
-APART = 2.1
-"""Least millimetres between the names of two nodes; a nearer node has a tick without a name."""
+ROW = 24.0  # Height of a member's row, millimetres of paper.
+NAMES = 44.0  # Room for a member's name, to the left of its line, millimetres of paper.
+APART = 2.1  # Least millimetres between the names of two nodes; a nearer node has a tick without a name.
 SPLICED_NOTE = (
     "Above each line the member that crosses there, below it millimetres along the middle surface from the beginning; "
     "red: splices. Bays of a layer are those of its drawing."

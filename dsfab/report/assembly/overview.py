@@ -12,8 +12,7 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTran
 from dsfab.surface import simplified_line
 from dsfab.workshop import RefoldedStrip, WorkshopPlan, refolded_plan
 
-GRID_PER_MM = 8.0
-"""Cells per millimetre of the grid on which names find their places."""
+GRID_PER_MM = 8.0  # Cells per millimetre of the grid on which names find their places.
 
 
 def draw_cover(

@@ -11,13 +11,9 @@ from dsfab.report.assembly.axonometry import FaceList
 from dsfab.report.html_pages import COLOURS
 from dsfab.report.pdf_pages import MM
 
-PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0
-"""A3, millimetres."""
-MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0
-"""Margins of every page: at the sides, above and below."""
-SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)
-"""Factors of usual scales; a usual scale is a factor times a power of ten."""
-
+PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0  # A3, millimetres.
+MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0  # Margins of every page: at the sides, above and below.
+SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # Factors of usual scales; a usual scale is a factor times a power of ten.
 Colour = tuple[float, float, float]
 
 

@@ -14,8 +14,7 @@ from dsfab.report.assembly.overview import draw_structure
 from dsfab.report.assembly.paper import PAGE, QUIET, Paper, PaperBox
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers
 
-STEP_PICTURES = 12
-"""Approximate number of pictures of steps."""
+STEP_PICTURES = 12  # Approximate number of pictures of steps.
 
 LAYER_RULE = (
     "The lower layer goes up before the one above it: at every node the upper member is bolted on the lower one. "
@@ -96,10 +95,8 @@ def _heights(graph: MemberGraph, up: Floats) -> dict[str, float]:
     return {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
 
 
-ACROSS, DOWN = 3, 2
-"""Columns and rows of steps on a page."""
-STANDING_COLOUR = (0.82, 0.81, 0.79)
-"""Colour of members that stand already."""
+ACROSS, DOWN = 3, 2  # Columns and rows of steps on a page.
+STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of members that stand already.
 
 
 def step_pages(

@@ -19,7 +19,6 @@ from dsfab.report.html_pages import CaptionNumbers, Document, ReportSection, doc
 from dsfab.report.pdf_pages import document_pdf
 
 FILES = ("report.html", "report.pdf")
-
 __all__ = ["FILES", "Findings", "compliance_document", "write_report"]
 
 

@@ -136,11 +136,8 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-ChartImage = tuple[bytes, tuple[int, int]]
-"""PNG file, and its width and height in pixels."""
-
+ChartImage = tuple[bytes, tuple[int, int]]  # PNG file, and its width and height in pixels.
 ChartImages = Mapping[str, ChartImage]
-
 FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans", "DejaVu Sans"], "font.size": 9}
 
 
@@ -204,19 +201,11 @@ def png_with_size(figure: "Figure", dpi: int = 200) -> ChartImage:
     return file.getvalue(), (wide, high)
 
 
-SIZE, SMALL = (1500, 1000), (1050, 760)
-"""Pixels of a large picture and of the picture of a load case."""
-
-BANDS = 10
-"""Largest number of bands of a colour scale."""
-
+SIZE, SMALL = (1500, 1000), (1050, 760)  # Pixels of a large picture and of the picture of a load case.
+BANDS = 10  # Largest number of bands of a colour scale.
 WHITE = replace(PAPER, paper=(255, 255, 255))
-
-RED: Colour = (200, 60, 40)
-"""Colour of material that reaches no support."""
-
-TEXT = 174 / 25.4 * 72
-"""Points on paper of a picture as wide as the text block."""
+RED: Colour = (200, 60, 40)  # Colour of material that reaches no support.
+TEXT = 174 / 25.4 * 72  # Points on paper of a picture as wide as the text block.
 
 
 class FindingsPictures:

@@ -27,11 +27,8 @@ from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-AWAY_FROM_CORNERS = "further than a rib's width from corners"
-"""Region in which the largest stress converges."""
-
-DUST = 5e-5
-"""Share of the largest force below which a force is shown as 0."""
+AWAY_FROM_CORNERS = "further than a rib's width from corners"  # Region in which the largest stress converges.
+DUST = 5e-5  # Share of the largest force below which a force is shown as 0.
 
 
 def checks_table(checks: list[CheckLine], number: CaptionNumbers, caption: str) -> Table:

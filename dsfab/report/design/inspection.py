@@ -154,8 +154,7 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{name} members: {sizes}{ratio}"
 
 
-SHARES = (0.05, 0.5, 0.95)
-"""Shares of the walls whose widths `design.json` lists."""
+SHARES = (0.05, 0.5, 0.95)  # Shares of the walls whose widths `design.json` lists.
 
 MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
 """Key of `design.json` that each limit is compared with."""

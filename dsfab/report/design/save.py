@@ -23,8 +23,7 @@ from dsfab.study import design_alternatives, is_searched, require_fit
 from dsfab.study.fabrication import FabricationMeasures, fabrication
 from dsfab.thickening import SplitBodies, parts
 
-MARKED_PICTURE = (1600, 1200)
-"""Pixels of fabrication.png."""
+MARKED_PICTURE = (1600, 1200)  # Pixels of fabrication.png.
 
 MAY_BE_REFUSED = ("step", "stpz", "brep")
 """Formats with limits of size. If a design exceeds a limit, the remaining formats are written, with a note."""

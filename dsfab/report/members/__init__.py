@@ -54,10 +54,8 @@ if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
 
 
-UNITS = (*["N"] * 3, *["N m"] * 3)
-"""Units of the components: forces, then moments."""
-DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))
-"""Number, name and unit of each component."""
+UNITS = (*["N"] * 3, *["N m"] * 3)  # Units of the components: forces, then moments.
+DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))  # Number, name and unit of each component.
 
 DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68
 """Width and height of a row of diagrams in inches; the axis below takes half a row more."""
@@ -119,8 +117,7 @@ def _draw_component(axes: "Axes", forces: "MemberForces", case: str, component: 
     axes.tick_params(length=2, pad=2)
 
 
-WORST_COUNT = 10
-"""Members with a row, a diagram and a name in the report."""
+WORST_COUNT = 10  # Members with a row, a diagram and a name in the report.
 
 
 def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
@@ -315,8 +312,7 @@ def reproduction_section(
 
 
 FILES = ("report.html", "report.pdf")
-STRUCTURE_FILE = "structure.html"
-"""Interactive page of the structure, for clients."""
+STRUCTURE_FILE = "structure.html"  # Interactive page of the structure, for clients.
 
 
 def member_report(design: Design, command: str) -> Document:
