@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Files:
-    """Folder and formats of a build, and whether it accepts faults."""
+    """Folder and formats of a build, and permission to write a faulty design."""
 
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")] = (
         None
@@ -39,7 +39,7 @@ class Files:
     ] = False
 
     def preset_overrides(self) -> tuple[str, ...]:
-        """Return formats and acceptance as KEY=VALUE of the preset. Raises ExportError for an unknown format."""
+        """Return formats and permission as KEY=VALUE texts for the preset. Raises ExportError for an unknown format."""
         accepted = ("fabrication.accept=true",) * self.accept
         if self.format_ is None:
             return accepted
@@ -51,7 +51,7 @@ class Files:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PictureFlags:
-    """Pictures of a build."""
+    """Pictures that a build draws."""
 
     picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True
     marked: Annotated[
@@ -59,14 +59,14 @@ class PictureFlags:
     ] = False
 
     def check_ahead(self) -> None:
-        """Start a check whether this machine can draw; `possible` has the result."""
+        """Start a check in the background whether this machine can draw."""
         from dsfab.render.opengl import probe_ahead
 
         if self.picture or self.marked:
             probe_ahead()
 
     def drawable(self, reporter: Reporter) -> "PictureFlags":
-        """Return the flags without pictures if this machine cannot draw, so that the build itself continues."""
+        """Return these flags, or flags without pictures if this machine cannot draw."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures() if self.picture or self.marked else ""
@@ -130,7 +130,7 @@ def build(
 def _format(word: str) -> str:
     suffix = format_suffix(word)
     if suffix == CALCULIX_SUFFIX:
-        raise ExportError(f"{word!r} is a check and no file of a build; dsfab export --to {CALCULIX} writes it")
+        raise ExportError(f"format {word!r} is not a file of a build; write it with dsfab export --to {CALCULIX}")
     return ALIASES.get(suffix, suffix)[1:]
 
 
@@ -146,7 +146,7 @@ def _step_is_optional(export: "Export") -> bool:
 
 
 def _report_refusal(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:
-    """Report a missing file. Raise ExportError instead if the user requested this file (`folder` is None)."""
+    """Report a refused file; raise ExportError instead if the user requested this file (`folder` is None)."""
     if folder is None:
         raise ExportError(why)
     quick = preset.export.step == "quick"

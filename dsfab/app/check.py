@@ -1,4 +1,4 @@
-"""The command `dsfab check`: reads the workshop's file again and judges it."""
+"""The command `dsfab check`: read an exported file again and judge it."""
 
 import json
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ QUESTIONS = {
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Expected:
-    """The design that a file should hold."""
+    """The expected design of a file."""
 
     preset: Annotated[
         str | None, Parameter(help="The expected design: a preset, or a built folder [preset.toml beside the file].")
@@ -41,12 +41,12 @@ class Expected:
     set_: Set = ()
 
     def preset_name(self, file: Path) -> str | None:
-        """Return the preset of the command line, or the preset beside the file, if any."""
+        """Return the preset of the command line, or the preset file beside the checked file; None without both."""
         neighbour = file.parent / "preset.toml"
         return self.preset if self.preset is not None else str(neighbour) if neighbour.is_file() else None
 
     def read_preset(self, name: str) -> "Preset":
-        """Return the preset of this name, or the preset of the built folder of this name."""
+        """Return the preset of a name, a file, or a built folder."""
         folder = built_folder(name)
         return Source(self.set_).read_preset(str(folder / "preset.toml") if folder else name)
 
@@ -62,7 +62,7 @@ class Reading:
 
     @property
     def triangle_limit(self) -> int:
-        """Triangles that the file may have."""
+        """Largest number of triangles of the file."""
         from dsfab.surface import DEFAULT_TRIANGLES
 
         return self.max_triangles or DEFAULT_TRIANGLES
@@ -127,7 +127,7 @@ def _read_file(
 
 
 def check_facts(checked: "FileCheck", preset: str | None = None) -> dict[str, Any]:
-    """Return the results as plain data, SI units; null for quantities that could not be measured."""
+    """Return the results for JSON, in SI units; null stands for a quantity that dsfab could not measure."""
     soundness, clearances = checked.soundness, checked.clearances
     return {
         "file": str(checked.path),
@@ -189,7 +189,7 @@ def _clearance_facts(clearance: "Clearance | None") -> dict[str, Any] | None:
 
 
 def check_lines(checked: "FileCheck", preset: str | None = None) -> Iterator[str]:
-    """Yield the results as text: the verdicts first, then the numbers."""
+    """Yield the results as lines of text, the verdicts before the numbers."""
     rows = [(QUESTIONS[f.name], f.verdict, _reason(f, checked)) for f in checked.findings]
     width = max(len(question) for question, _, _ in rows)
     yield f"{checked.path}, read by {checked.found.reader}" + (f", against {preset}" if preset else "")
@@ -265,7 +265,7 @@ def _unit_reason(checked: "FileCheck") -> str:
         distance = checked.distance
         return (
             f"read in {read} it is {distance.scale:.4g} times the design's size: its numbers look like "
-            f"{distance.meant_unit}; scale the file, or give --unit if its receiver will know"
+            f"{distance.meant_unit}; scale the file, or give --unit if its receiver will know the unit"
         )
     wall = checked.clearances.wall if checked.clearances else None
     size = length(wall.size) if wall else "nothing"

@@ -1,4 +1,4 @@
-"""The command `dsfab check DESIGN --nonlinear`: load limit with large displacements, by CalculiX."""
+"""The command `dsfab check DESIGN --nonlinear`: CalculiX finds the load limit, with large displacements."""
 
 import json
 from collections.abc import Iterator
@@ -45,7 +45,7 @@ class Nonlinear:
     minutes: Annotated[float, Parameter(help="Limit of each of the two or three runs of CalculiX.")] = 60.0
 
 
-LINEAR_FILE_CHECK = Nonlinear()  # Options for the check of a file, which is linear.
+LINEAR_FILE_CHECK = Nonlinear()  # Default options: a linear check of a file.
 
 
 def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool, quiet: bool) -> int:
@@ -69,7 +69,7 @@ def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool
 
 
 def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
-    """Return the result as numbers in SI units."""
+    """Return the result for JSON, in SI units."""
     return {
         "case": result.case,
         "linear_factor": result.linear,
@@ -85,7 +85,7 @@ def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
 
 
 def nonlinear_lines(result: "NonlinearCheck") -> Iterator[str]:
-    """Yield the result as text."""
+    """Yield the result as lines of text."""
     yield result.sentence
     situation = "under its load" if result.limit >= 1 or not result.given_way else "where it gives way"
     yield (

@@ -1,4 +1,4 @@
-"""The command `dsfab compare`: designs against competitors of the same mass."""
+"""The command `dsfab compare`: a design beside competitors of the same mass."""
 
 import csv
 import json
@@ -46,7 +46,7 @@ HEAD = (
 
 
 def comparison_text(share: float | None, result: "Comparison") -> str:
-    """Return a table of the structures that carry the loads, then remarks."""
+    """Return a table of the structures that carry the loads, and remarks below it."""
     losing_words = losing_line(result.alternatives)
     lines = [sentence(losing_words)] if losing_words else []
     lines += [] if share is None else [f"{share:.0%} of the material"]
@@ -118,13 +118,13 @@ def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     )
 
 
-ComparisonAtShare = tuple[float | None, "Comparison"]  # A share (None: the design's), and its comparison.
+ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of the surface (None: the design's own), and result.
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Questions:
-    """Options of a comparison."""
+    """Options of a comparison: competitors, shares of the surface, and checks."""
 
     against: Annotated[
         str | None,
@@ -147,7 +147,7 @@ class Questions:
 
     @property
     def competitor_names(self) -> tuple[str, ...]:
-        """Names of the competitors. Raises DsfabError for an unknown one."""
+        """Names of the competitors. Raises DsfabError for an unknown name."""
         from dsfab.study.baselines import DEFAULT, baselines_by_name
 
         words = () if self.against is None else tuple(self.against.split(","))
@@ -157,9 +157,7 @@ class Questions:
 
     @property
     def area_shares(self) -> list[float]:
-        """Shares of the surface for further comparisons; '0.2:0.8:7' gives seven. Raises DsfabError for a different
-        form.
-        """
+        """Further shares of the surface: '0.2:0.8:7' gives seven. Raises DsfabError for a text in another form."""
         if self.volumes is None:
             return []
         try:
@@ -175,7 +173,7 @@ class Questions:
         return shares
 
     def words(self) -> list[str]:
-        """Return the words of a command line with these options."""
+        """Return these options as words of a command line."""
         options = {"against": self.against, "volumes": self.volumes, "level": self.level}
         options |= {"memory": str(self.memory) if self.memory != Questions.memory else None}
         words = [word for name, value in options.items() if value is not None for word in (f"--{name}", value)]
@@ -203,7 +201,7 @@ class Results:
 
 @dataclass(frozen=True)
 class CompareTask:
-    """A comparison: the preset with its changes, the options, and whether to write a report."""
+    """A preset with its changes, the options of its comparison, and whether to write a report."""
 
     source: Source
     questions: Questions
@@ -218,7 +216,9 @@ class CompareTask:
 
 
 def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str, quiet: bool, as_json: bool) -> int:
-    """Compare, write all files and print the result; return 1 if the design does not carry its loads, else 0."""
+    """Compare a design, write all files and print the result; return 1 if the design does not carry its loads, else
+    0.
+    """
     reporter, questions = Reporter(quiet or as_json), task.questions
     files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(questions.area_shares) > 1 else ())]
     with reporter:
@@ -238,8 +238,7 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
 
 
 def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
-    """Compare the design as it is, and compare it again at each share of the surface.
-    Raises DsfabError for a design without equilibrium. At a share, dsfab reports such a design and leaves it out."""
+    """Compare the design as it is, then at each share of the surface. A failure at a share is reported and skipped."""
     from dsfab.design import draft
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
@@ -262,8 +261,8 @@ def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> 
     except DsfabError as error:
         if not shares:
             raise
-        reporter.print_line(f"compare     the design as its preset draws it is left out: {error}")
-    # one solve is enough for a cut sheet, but a whole sheet on its coarse mesh would seem a quarter too soft
+        reporter.print_line(f"compare     the design is left out at its own share of the surface: {error}")
+    # a cut sheet needs one solve, but an uncut sheet on its coarse mesh would seem a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:
 
@@ -315,26 +314,24 @@ def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | N
 FILES = ("summary.html", "summary.csv")
 
 SummaryRow = dict[str, Any]
-"""A line of the summary: `name`, `folder`, `error`; without an error also the results of the design.
-
-The results are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full` and
-`seconds`. For each competitor, `NAME_ratio` is its compliance over the design's. None stands for unknown values.
+"""Row of the summary: `name`, `folder`, `error`, and unless there is an error the design's results, None if unknown.
+The results are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`,
+and for each competitor `NAME_ratio`: the competitor's compliance over the design's.
 """
 
 
 @dataclass(frozen=True)
 class Batch:
     """Comparisons of several presets.
-    output : parent folder of the summary and of a folder for each preset; by default outputs/compare."""
+    output : folder of the summary, with a folder for each preset in it; by default outputs/compare.
+    """
 
     task: CompareTask
     output: Path | None
 
     def run(self, presets: Sequence[str], resume: bool, quiet: bool, as_json: bool) -> int:
-        """Compare all presets and write the summary; return 1 if a preset is invalid or does not carry its loads, else
-        0.
-
-        dsfab reports an invalid preset in a sentence and continues with the next preset.
+        """Compare all presets, also after an invalid preset, and write the summary.
+        Return 1 if a preset is invalid or a design does not carry its loads, else 0.
         """
         reporter = Reporter(quiet or as_json)
         rows: list[SummaryRow] = []
@@ -358,7 +355,7 @@ class Batch:
             loaded = self.task.source.read_preset(preset)
             folder = self.output / loaded.name if self.output else Path("outputs") / loaded.name / "compliance"
             if folder in taken:
-                raise DsfabError(f"a preset before it is called {loaded.name} too; change `name` in one of the files")
+                raise DsfabError(f"two presets have the name {loaded.name}; change `name` in one of the files")
             name = loaded.name
             if not (resume and _is_current(folder, loaded, command, self.task.report)):
                 compare_one(loaded, self.task, folder, command, quiet=True, as_json=False)
@@ -405,7 +402,7 @@ def _write_summary(rows: Sequence[SummaryRow], against: Sequence[str], folder: P
     )
 
 
-DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()  # Default options and files.
+DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()  # Default options.
 
 
 def compare(
@@ -432,7 +429,7 @@ def compare(
     more
         Further presets.
     """
-    _ = questions.competitor_names, questions.area_shares  # report wrong options before reading the preset
+    _ = questions.competitor_names, questions.area_shares  # a wrong option raises its error before the preset is read
     task = CompareTask(source, questions, results.report)
     if more or results.resume:
         return Batch(task, results.output).run((preset, *more), results.resume, quiet, json_)

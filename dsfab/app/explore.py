@@ -1,4 +1,4 @@
-"""The command `dsfab explore`: many variants of a design on a contact sheet or in a film."""
+"""The command `dsfab explore`: pictures of many variants of a design, on a contact sheet or in a film."""
 
 import shlex
 import time
@@ -38,7 +38,7 @@ UNCONFIRMED_VARIANTS = 200  # Largest number of variants without --yes.
 
 
 class Variants:
-    """Every combination of `values` of a preset; `base` is the build command of the unchanged preset."""
+    """All combinations of `values` in a preset; `base` is the command line that builds the unchanged preset."""
 
     def __init__(
         self, preset: Preset, values: Values, base: list[str], view: str, show: str, pixels: tuple[int, int]
@@ -48,7 +48,7 @@ class Variants:
         self.short = short_names(list(values))
 
     def tiles(self, reporter: Reporter, yes: bool) -> list[ContactTile]:
-        """Return all tiles, in the order of the combinations. Raises DsfabError if none has a picture."""
+        """Return a tile for each combination, in order. Raises DsfabError if no variant can be drawn."""
         total = count(self.values)
         if total > UNCONFIRMED_VARIANTS and not yes:
             self._refuse_many(total, reporter)
@@ -59,7 +59,9 @@ class Variants:
             for index in best_order(self.values):
                 tile_by_index[index] = self._tile(index + 1, listed[index], previewers)
         if all(tile.png is None for tile in tile_by_index.values()):
-            raise DsfabError(f"none of the {total} variants can be drawn; the first: {tile_by_index[0].error}")
+            raise DsfabError(
+                f"none of the {total} variants can be drawn; the first fails because: {tile_by_index[0].error}"
+            )
         return [tile_by_index[index] for index in range(total)]
 
     def _previewers(self) -> Previewers:
@@ -79,9 +81,7 @@ class Variants:
         return ContactTile(number, parameters, command, png_bytes(picture))
 
     def _refuse_many(self, total: int, reporter: Reporter) -> None:
-        """Raise DsfabError for too many variants. The message has the expected time, measured on the first valid
-        variant.
-        """
+        """Raise DsfabError because too many variants are requested, with the expected time of all variants."""
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):
@@ -93,7 +93,7 @@ class Variants:
             rows = previewers.design.seconds if previewers.design else {}
         stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
         expected = expected_seconds(self.values, stages, picture)
-        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # pictures take half a byte a pixel
+        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # a pixel takes half a byte in a PNG file
         raise DsfabError(
             f"{total:,} variants would take about {_duration_words(expected)} and {files} of pictures; "
             f"add --yes to draw them all, or vary less (up to {UNCONFIRMED_VARIANTS} are drawn without asking)"
@@ -109,7 +109,7 @@ def _duration_words(seconds: float) -> str:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TileOptions:
-    """Options of the pictures, and their folder."""
+    """Options of the pictures, and the folder for them."""
 
     view: View = "iso"
     show: Show = "structure"
@@ -122,7 +122,7 @@ class TileOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FilmOptions:
-    """Options of a film over the single key with several values."""
+    """Options of a film, whose pictures follow the values of one key."""
 
     animate: Annotated[
         Literal["gif", "webp"] | None, Parameter(help="Also make a film over the one key that is varied: gif or webp.")
@@ -162,7 +162,7 @@ def explore(
         parse_variations(vary),
     )
     for key, listed in values.items():
-        for value in listed:  # check each value alone, so that an error appears before the work begins
+        for value in listed:  # an invalid value raises its error before the work begins
             with_overrides(loaded, {key: value})
     if film.animate:
         check_film(values, film.fps)

@@ -1,4 +1,4 @@
-"""The command `dsfab export`: one file of a preset or of a built folder."""
+"""The command `dsfab export`: writes one file of a preset or of a built folder."""
 
 import difflib
 from dataclasses import dataclass
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 CALCULIX = "calculix"
 CALCULIX_SUFFIX = ".inp"
-ALIASES = {".stp": ".step"}  # Suffixes that mean the format of another suffix.
-SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}  # Suffixes of common names.
+ALIASES = {".stp": ".step"}  # Second suffixes of the same format.
+SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}  # Short words for --to, with the suffix of their format.
 ELSEWHERE = {
     "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
     "html": "`dsfab compare` and `dsfab report` write reports as HTML",
     "png": "`dsfab build` and `dsfab preview` draw pictures",
-    "dwg": "what reads DWG reads dxf, too",
+    "dwg": "write dxf, which programs for DWG can read",
 }
-"""Formats that other commands write."""
+"""Formats that dsfab export does not write, with advice."""
 GROUPS = {
     "solid and lines": "the solid",
     "lines": "lines and drawings",
@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles for groups of formats, by their content; any further content is its own title."""
+"""Titles of groups of formats by their content; other contents are titles themselves."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -58,9 +58,7 @@ SheetName = Literal["uncut", "cut"]
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """A request for a file: suffix, path, and sheet. Without a sheet the file holds the solid; for calculix the
-    uncut sheet.
-    """
+    """A request for a file. Without `sheet` the file holds the solid, or for calculix the uncut sheet."""
 
     suffix: str
     path: Path
@@ -107,8 +105,9 @@ def export(
 
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
-    """Write the requested file of a built or a new design; return lines about the file.
-    Raises DsfabError if a stage refuses the design, and ExportError if dsfab cannot write the file."""
+    """Write the requested file of a built design, or of a new design; return lines about the file. Raises
+    DsfabError.
+    """
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
     return (
@@ -119,7 +118,7 @@ def write_file(preset: "Preset", built: "Design | None", request: ExportRequest,
 
 
 def offered_formats() -> list[dict[str, str]]:
-    """Return all formats by the groups of `dsfab export --help`: suffix, and the reason why it is `missing` or ''."""
+    """Return all formats: suffix, group, and `missing`, the reason why this machine cannot write the format, or ''."""
     from dsfab.export.formats import FORMATS, MeshFormat
 
     offered = []
@@ -137,7 +136,7 @@ def offered_formats() -> list[dict[str, str]]:
 
 
 def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
-    """Return the preset and the folder for its files: the built folder, or the default folder of `dsfab build`."""
+    """Return the preset, and the folder for its files: the built folder, or outputs/NAME."""
     if folder := built_folder(name):
         return source.read_preset(str(folder / "preset.toml")), folder
     loaded_preset = source.read_preset(name)
@@ -145,7 +144,7 @@ def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
 
 
 def built_design(name: str, preset: "Preset") -> "Design | None":
-    """Return the design of a built folder if it is the preset's design; else None."""
+    """Return the design of a built folder if its preset is equal; else None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)
@@ -166,10 +165,10 @@ def format_suffix(word: str) -> str:
     suffix = CALCULIX_SUFFIX if word == CALCULIX_SUFFIX[1:] else suffixes.get(word)
     if suffix is None:
         if word in ELSEWHERE:
-            raise ExportError(f"{word!r} names no format; {ELSEWHERE[word]}")
+            raise ExportError(f"dsfab export does not write {word!r}; {ELSEWHERE[word]}")
         suggestions = difflib.get_close_matches(word, suffixes, n=1)
         hint = f"did you mean {suggestions[0]}? " if suggestions else ""
-        raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(suffixes)}")
+        raise ExportError(f"{word!r} is not a format; {hint}use one of {', '.join(suffixes)}")
     if suffix in FORMATS:
         FORMATS[suffix].ready()
     return suffix
@@ -181,7 +180,7 @@ def _export_request(
     from dsfab.export.formats import FORMATS, MeshFormat, suffix_of
 
     if to is None and output is None:
-        raise ExportError(f"nothing says what to write; add --to {', '.join(_suffix_by_word())}")
+        raise ExportError(f"the command names no format; add --to with one of {', '.join(_suffix_by_word())}")
     word = (to if to is not None else suffix_of(output) if output else "").lower().removeprefix(".")
     suffix = format_suffix(word)
     path = output if output is not None else folder / f"{name}{suffix}"
@@ -192,9 +191,9 @@ def _export_request(
     meshes = {key: form for key, form in FORMATS.items() if isinstance(form, MeshFormat)}
     if suffix in meshes and not meshes[suffix].sheets:
         holds = ", ".join(key[1:] for key, form in meshes.items() if form.sheets)
-        raise ExportError(f"a {suffix} file holds solids only; leave out --sheet, or write {holds}")
+        raise ExportError(f"a {suffix} file holds only solids; leave out --sheet, or write one of {holds}")
     if suffix not in meshes:
-        raise ExportError(f"what a {suffix} file shows is settled, see `dsfab export --help`; leave out --sheet")
+        raise ExportError(f"a {suffix} file cannot hold another sheet; leave out --sheet")
     return ExportRequest(suffix, path, sheet)
 
 

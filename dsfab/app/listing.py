@@ -79,11 +79,11 @@ def inspect(
     """
     from dsfab.core.toml_files import shipped_presets
 
-    path, is_shipped = Path(file), file in shipped_presets()  # a shipped preset has priority over a folder of its name
+    path, is_shipped = Path(file), file in shipped_presets()  # `dome` is the preset, `./dome` a folder
     if not (is_shipped or path.is_dir() or path.suffix == ".toml"):
         if output is not None or source.set_ or source.mesh is not None:
             flag = f"-o {output}" if output is not None else "--set" if source.set_ else "--mesh"
-            raise PresetError(f"{flag} is for a preset or a folder of results, not for a mesh file; leave it out")
+            raise PresetError(f"{flag} works with a preset or a folder of results, not with a mesh file; leave it out")
         return DONE if _show_mesh(path, source) or report else REFUSED
     built = _built_facts(path) if path.is_dir() and not is_shipped else None
     if built is None or output is not None or source != UNCHANGED:
@@ -100,19 +100,21 @@ def _print_lines(lines: Iterable[str]) -> None:
 
 
 def _built_facts(folder: Path) -> dict[str, Any]:
-    """Return the measures in the design.json of a built folder; raises PresetError for any other folder."""
+    """Return the measures in a folder's design.json; raise PresetError for a folder without them."""
     try:
         facts = json.loads((folder / "design.json").read_text(encoding="utf-8"))
         other_facts = {key: facts[key] for key in ("pattern", "supports", "loads") if key in facts}
         collected: dict[str, Any] = {**facts["fabrication"], **other_facts}
     except (OSError, ValueError, KeyError, TypeError):
-        raise PresetError(f"{folder} has no design.json with a part on fabrication; build it again") from None
+        raise PresetError(f"{folder} has no design.json with measures of fabrication; build the design again") from None
     return collected
 
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
-    """Run a preset and return its measures; draw them if `picture` is a path.
-    Supports and loads come first, so that the user sees them even if dsfab refuses the design."""
+    """Make a design, print its supports and loads, and return its measures; also draw the measures if `picture` is a
+    path.
+    Supports and loads come first, so that the user sees them even if a later stage fails.
+    """
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication

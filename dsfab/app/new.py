@@ -1,4 +1,4 @@
-"""The command `dsfab new`: from the user's mesh to a commented preset."""
+"""The command `dsfab new`: proposes a preset with comments for the user's mesh."""
 
 import os
 import shlex
@@ -44,9 +44,9 @@ def new(
     proposal = propose(mesh, unit, up, material, max_triangles)
     target = output or Path(f"{proposal.given.name}.toml")
     if target.suffix != ".toml":
-        raise PresetError(f"-o {target}: a preset is a .toml file; write for instance -o {target.stem}.toml")
+        raise PresetError(f"-o {target} does not end in .toml; write for instance -o {target.stem}.toml")
     if target.exists() and not force:
-        raise PresetError(f"{target} is there already; choose another name with -o, or write over it with --force")
+        raise PresetError(f"{target} exists already; choose another name with -o, or overwrite the file with --force")
     text = proposal.text(_relative_path(target, mesh))
     with atomic_file(target) as path:
         path.write_text(text, encoding="utf-8")
@@ -59,9 +59,10 @@ def new(
 
 
 def strength_warning(proposal: "Proposal") -> str:
-    """Return a warning if stresses in a sheet with a span over 50 m exceed its strength even before the cut; else ''.
+    """Return a warning if a sheet with a span over 50 m is overstressed before the cut; else ''.
     Such a sheet may fail under its own weight at any thickness. The solution takes seconds. After an error the text is
-    empty, because `dsfab build` reports the error."""
+    empty, because `dsfab build` reports the error.
+    """
     from dsfab.design import Design
     from dsfab.report.design.statics import answer_facts
 
@@ -79,7 +80,7 @@ def strength_warning(proposal: "Proposal") -> str:
         return ""
     weight = abs((parts.weight * areas).sum(axis=0)[2] / (parts.traction * areas).sum(axis=0)[2])
     advice = "make it thicker (statics.thickness)"
-    if weight > 0.6:  # a thicker sheet has hardly less stress under its own weight
+    if weight > 0.6:  # thickness hardly lowers stress from the own weight
         weight_words = f"{weight:.0%} of its load is its own weight, and a thicker one weighs more"
         advice = f"{weight_words}: give it more feet, or more rise"
     topic = f"{'bears':<{max(len(decision.topic) for decision in proposal.decisions)}}"
@@ -92,5 +93,5 @@ def strength_warning(proposal: "Proposal") -> str:
 def _relative_path(preset: Path, mesh: Path) -> Path:
     try:
         return Path(os.path.relpath(mesh.absolute(), preset.absolute().parent))
-    except ValueError:  # the path is on another drive
+    except ValueError:  # the mesh is on another drive
         return mesh.absolute()

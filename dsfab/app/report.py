@@ -1,4 +1,4 @@
-"""The command `dsfab report`: utilisation of each member by the code of its material, for the engineer."""
+"""The command `dsfab report`: utilisation of each member by the Eurocode of its material, for the engineer."""
 
 import shlex
 from pathlib import Path
@@ -56,7 +56,7 @@ def report(
 
 
 def write_members(design: "Design", command: str, folder: Path, progress: "Progress") -> tuple[list[str], list[str]]:
-    """Write the report and its tables, either all files or none; return their names and lines about them."""
+    """Write the report and its tables, all files or none; return the names of the files, and lines about them."""
     from dsfab.export import atomic_folder
     from dsfab.report.members import write_member_report
 

@@ -1,4 +1,4 @@
-"""The command `dsfab reproduce`: the paper's figures on one page that opens offline."""
+"""The command `dsfab reproduce`: makes the paper's figures, on one page that opens offline."""
 
 import json
 import math
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dsfab.reproduction.published import PaperFigure
 
 FOLDER = Path("outputs/paper")  # Default folder of the page.
-COARSEST = 8.0  # Limit of --coarser, because coarser meshes have too few vertices for modes.
+COARSEST = 8.0  # Limit of --coarser: a coarser mesh has too few vertices for the modes.
 
 
 def reproduce(
@@ -61,9 +61,11 @@ def reproduce(
 
     chosen = figures_by_name(names)
     if not 1 <= coarser <= COARSEST:
-        raise DsfabError(f"--coarser {coarser:g} is not between 1 and {COARSEST:g}; write for instance --coarser 2")
+        raise DsfabError(
+            f"--coarser {coarser:g} is not a number from 1 to {COARSEST:g}; write for instance --coarser 2"
+        )
     if workers is not None and workers < 1:
-        raise DsfabError(f"--workers {workers} must be 1 or more")
+        raise DsfabError(f"--workers {workers} is less than 1; give 1 or more")
     require_rendering()
     count = fitting_processes(len(chosen)) if workers is None else min(workers, len(chosen))
     with Reporter(quiet) as reporter:
@@ -77,8 +79,8 @@ def reproduce(
 
 
 def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
-    """Return the figures of these names, in the paper's order; without names, all figures. Raises DsfabError for an
-    unknown name.
+    """Return the figures of these names, or all figures, in the paper's order. Raises DsfabError for an unknown
+    name.
     """
     from dsfab.reproduction.published import FIGURES
 
@@ -152,9 +154,7 @@ def _processor_name() -> str:
 
 
 def _system_load() -> float:
-    """Return the mean number of programs that waited for a core in the last minute; nan if the system does not
-    report it.
-    """
+    """Return how many programs waited for a core in the last minute, on average; nan if the system does not know."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
 
 

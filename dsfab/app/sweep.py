@@ -1,4 +1,6 @@
-"""The command `dsfab sweep`: thousands of designs of one preset in one folder; the user may stop and continue it."""
+"""The command `dsfab sweep`: thousands of designs of one preset in one folder; the user may stop and continue a
+sweep.
+"""
 
 import shlex
 from collections.abc import Collection, Mapping
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PlanOptions:
-    """Options that override keys of a sweep file."""
+    """Options of a sweep, which override the keys of its file."""
 
     sample: Annotated[str | None, Parameter(help="grid, sobol:N, lhs:N or csv:FILE [grid].")] = None
     seed: Annotated[int | None, Parameter(help="Seed of the sampling [0].")] = None
@@ -42,7 +44,9 @@ class PlanOptions:
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options as keys of a sweep file with the keys `file_tables`; None stands for an unset option."""
+        """Return the options as keys of a sweep file; None stands for an unset option. file_tables : keys of the
+        file itself.
+        """
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -67,7 +71,7 @@ class PlanOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Work:
-    """Folder of a sweep, and its workers."""
+    """Folder and workers of a sweep, and runs to repeat."""
 
     output: Annotated[
         Path | None, Parameter(name=["-o", "--output"], help="The sweep's folder [outputs/NAME-sweep].")
@@ -82,14 +86,14 @@ class Work:
 
     @property
     def retried_states(self) -> "tuple[State, ...]":
-        """States of runs to retry."""
+        """States of the runs that a continued sweep repeats."""
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
         """Return the folder of the sweep; None for a new sweep without --output. Raises DsfabError for two folders."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
-                raise DsfabError(f"{what} is a sweep's folder and goes on there; leave -o out")
+                raise DsfabError(f"{what} is a sweep's folder, and the sweep continues in it; leave out -o")
             return Path(what)
         return self.output
 
@@ -97,7 +101,7 @@ class Work:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class RunChoice:
-    """Selection of runs of an existing sweep."""
+    """Runs of an existing sweep to list or to build."""
 
     best: Annotated[int | None, Parameter(help="List the best N runs of a sweep's folder.")] = None
     by: Annotated[str | None, Parameter(help="Metric of --best [compliance].")] = None
@@ -163,7 +167,7 @@ def _plan_tables(what: str, varied: bool) -> tuple[dict[str, Any], str]:
         return read_plan(path), f"sweep {path.name}"
     if not varied:
         raise DsfabError(
-            f"{what} is not a sweep file or a sweep's folder; to sweep a preset, say what to vary: "
+            f"{what} is neither a sweep file nor a sweep's folder; to sweep a preset, add the keys to vary: "
             f"dsfab sweep {what} --vary pattern.major.frequency=6:12:4"
         )
     return {"preset": what}, f"sweep of {what}"
@@ -173,7 +177,7 @@ def _is_sweep(path: Path) -> bool:
     try:
         values = toml_table(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, TomlError):
-        return path.suffix == ".toml"  # the reader of this file reports the error
+        return path.suffix == ".toml"  # the later reader reports the error
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 
 
@@ -185,7 +189,7 @@ def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Wo
     from dsfab.study.sweeps.plan import plan_from
 
     if work.workers is not None and work.workers < 1:
-        raise DsfabError(f"--workers {work.workers} must be 1 or more")
+        raise DsfabError(f"--workers {work.workers} is less than 1; give 1 or more")
     plan = plan_from(values, title)
     draw = _drawer(plan)
     checked = checked_plan(plan)

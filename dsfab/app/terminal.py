@@ -1,4 +1,4 @@
-"""Progress and results as text: a live line per stage on a terminal, plain lines in a pipe or a log."""
+"""Progress and results as text: a live line for each stage on a terminal, plain lines in a pipe or a log."""
 
 import signal
 import sys
@@ -13,7 +13,7 @@ from rich.status import Status
 
 
 class Reporter:
-    """Prints stages and their seconds on standard error; prints nothing if `quiet`. As a context it ends the last
+    """Prints stages and their seconds on standard error, unless `quiet`. Leaving the `with` block ends the last
     stage.
     """
 
@@ -31,11 +31,11 @@ class Reporter:
 
     @property
     def is_watched(self) -> bool:
-        """Whether the output goes to a terminal, where a person may be waiting."""
+        """Whether the output goes to a terminal, where a person may wait for it."""
         return self._console.is_terminal and not self.quiet
 
     def __call__(self, stage: str, doing: str) -> None:
-        """Begin a stage, and end the stage before."""
+        """End the last stage and begin a stage."""
         self.done()
         self._stage = (stage, doing, time.perf_counter())
         if self._console.is_terminal:
@@ -43,7 +43,7 @@ class Reporter:
             self._status.start()
 
     def done(self) -> None:
-        """End the last stage."""
+        """End the last stage and print its seconds."""
         self.stop()
         if self._stage:
             stage, doing, start = self._stage
@@ -51,24 +51,24 @@ class Reporter:
             self._stage = None
 
     def stop(self) -> None:
-        """Remove the live line, also after an error."""
+        """Remove the live line without the seconds."""
         if self._status:
             self._status.stop()
             self._status = None
 
     def print_line(self, text: str) -> None:
-        """Print a line."""
+        """Print a line of text."""
         self._console.print(text, markup=False)
 
 
 def print_result(text: str = "") -> None:
-    """Print a line of results on standard output."""
+    """Print results on standard output."""
     sys.stdout.write(text + "\n")
 
 
 @contextmanager
 def signals_as_interrupts() -> Iterator[None]:
-    """Treat a closed terminal and SIGTERM as Ctrl-C in the body, so that the body can clean up."""
+    """Treat SIGTERM and a closed terminal as Ctrl-C in the body, so that the body can clean up."""
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     if threading.current_thread() is not threading.main_thread():
         numbers = []

@@ -1,4 +1,6 @@
-"""The command `dsfab verify`: benchmark structures for the elements, and the calibration of verdicts."""
+"""The command `dsfab verify`: solves benchmark structures to test the elements, and tests the error bounds of
+verdicts.
+"""
 
 import json
 from collections import Counter
@@ -33,9 +35,8 @@ CALIBRATION_HEAD = (
 
 
 def calibrate(folder: Path, as_json: bool) -> int:
-    """Measure the calibration anew, print it, and write calibration.json and calibration.csv into the folder.
-
-    Return 1 when less than 95 % of the designs lie inside their bound.
+    """Test the error bounds on random designs; print the result, and write calibration.json and calibration.csv.
+    Return 1 if less than 95 % of the designs lie within their bound, else 0.
     """
     from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
@@ -59,7 +60,7 @@ def calibrate(folder: Path, as_json: bool) -> int:
 
 
 def summary_text(rows: "Sequence[TrialRow]") -> str:
-    """Summarise a table in a sentence."""
+    """Return a sentence about all rows of a calibration."""
     from dsfab.study.verdict.calibration import summary
 
     result = summary(rows)
@@ -108,9 +109,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Head of the table. `of limit` is the value over the limit of thin sheets, for tests with a different usual
-reference.
-"""
+"""Head of the table. `of limit` is the value over the exact answer of a thin sheet, if the reference is another."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 
@@ -176,9 +175,7 @@ def _cells(row: "VerificationRow") -> tuple[str, ...]:
 
 
 def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list[str]:
-    """Return lines below the table: known shortfalls, targets, spread between patterns, and comparison with
-    published values.
-    """
+    """Return lines below the table: known shortfalls, targets, spread between mesh patterns, and published values."""
     from dsfab.statics import elements_of
     from dsfab.study.verdict.calibration import shipped_table
     from dsfab.verification import failures, pattern_spread, shortfalls, standings

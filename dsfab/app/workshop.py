@@ -1,4 +1,4 @@
-"""The command `dsfab workshop`: the members of a design as flat parts, nested on the stock."""
+"""The command `dsfab workshop`: the members of a design as flat parts, nested on sheets of stock."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -37,7 +37,7 @@ class WorkshopFlags:
     ] = False
 
 
-PRESET_FLAGS = WorkshopFlags()  # Options of the preset.
+PRESET_FLAGS = WorkshopFlags()  # Without options the preset decides.
 
 
 def workshop(
@@ -95,7 +95,7 @@ def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, b
     return documents | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
 
 
-MEMBERS = "members.ifc"  # File with the members for a building model (BIM).
+MEMBERS = "members.ifc"  # Name of the file of members for a building model (BIM).
 
 
 def _check_ifc(preset: "Preset") -> None:
@@ -103,7 +103,9 @@ def _check_ifc(preset: "Preset") -> None:
 
     FORMATS[f".{MEMBERS}"].ready()
     if preset.workshop.model:
-        raise PresetError("--ifc is for full size, and this is a model in card; leave out --ifc or --model")
+        raise PresetError(
+            "--ifc needs a structure of full size, but --model makes a card model; leave out --ifc or --model"
+        )
 
 
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
@@ -115,14 +117,14 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
 
     if plan.graph is None:
         raise PatternError(
-            "a flat design is cut as one sheet, and its parts are of no member; leave out --ifc, or write the members "
-            "with: dsfab export ... --to members.ifc"
+            "parts of a flat design belong to no member, because dsfab cuts it as one sheet; leave out --ifc, or write "
+            "the members with: dsfab export ... --to members.ifc"
         )
     details = body_details(design)
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
-        whole_members=True,  # members lie in layers
+        whole_members=True,  # members lie in layers, so nodes do not divide them
         drawings=drawing_files(plan),
         measures={**details.measures, "thickness": plan.thickness},
     )
@@ -145,7 +147,7 @@ def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, byt
 
 
 CARD_MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
-"""Values of [workshop] for card: A3, 1 mm, holes for pins, and kerf of the laser; metres."""
+"""Values of [workshop] for card: A3 sheets of 1 mm, holes for pins, and the laser's kerf; metres."""
 PAPER_SIZES = {
     "A4": (0.297, 0.21),
     "A3": (0.42, 0.297),
@@ -157,9 +159,7 @@ PAPER_SIZES = {
 
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
-    """Return the changes of --model, --stock and --thickness. Raises PresetError for an invalid scale, size or
-    length.
-    """
+    """Return a source with the changes of --model, --stock and --thickness. Raises PresetError for an invalid value."""
     texts = []
     if model is not None:
         set_values = source.set_values()
@@ -179,7 +179,7 @@ def _scale(text: str) -> float:
     except (ValueError, ZeroDivisionError):
         value = 0.0
     if not 1 <= value < 1e5:
-        raise PresetError(f"--model {text!r} is no scale of a model; write for instance --model 1:50")
+        raise PresetError(f"--model {text!r} is not a scale; write for instance --model 1:50")
     return value
 
 
@@ -188,7 +188,9 @@ def _stock(text: str) -> tuple[float, float]:
         return PAPER_SIZES[text.upper()]
     length_, cross, width = text.lower().partition("x")
     if not cross:
-        raise PresetError(f"--stock {text!r} is no sheet; write {', '.join(PAPER_SIZES)}, or for instance 2.5x1.25m")
+        raise PresetError(
+            f"--stock {text!r} is not a size of a sheet; write {', '.join(PAPER_SIZES)}, or for instance 2.5x1.25m"
+        )
     unit = width.lstrip("0123456789. ") or "m"
     length_ = length_ if length_.strip()[-1:].isalpha() else length_ + unit
     return _metres(length_, "--stock"), _metres(width, "--stock")
@@ -202,5 +204,5 @@ def _metres(text: str, option: str) -> float:
     except (ValueError, KeyError):
         value = 0.0
     if not 0 < value < 1e3:
-        raise PresetError(f"{option} {text!r} is no length; write for instance 1mm, 12mm or 0.012m")
+        raise PresetError(f"{option} {text!r} is not a length; write for instance 1mm, 12mm or 0.012m")
     return value

@@ -102,7 +102,7 @@ def test_the_page_names_no_file_here(tmp_path):
     with pytest.raises(PresetError, match=r"surface\.file"):
         now.preset_with({"surface": {"file": "/etc/passwd", "support": [], "load": []}})
     text = now.toml({}).replace('shape = "dome"', 'file = "/etc/hostname"')
-    with pytest.raises(PresetError, match="drop that mesh"):
+    with pytest.raises(PresetError, match="drop that file"):
         now.open_toml(text)
     with pytest.raises(PresetError, match="no preset"):
         opened_shipped("../presets/dome")
@@ -472,7 +472,7 @@ def alive(pid):
     [
         ('print(\'{"refused": "no material"}\')', "failed", "no material"),
         ('print(\'{"mistaken": "KeyError: 1"}\')', "failed", "please report"),
-        ("import os; os.abort()", "failed", "ended before its end"),
+        ("import os; os.abort()", "failed", "stopped too early"),
     ],
 )
 def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):

@@ -1,4 +1,4 @@
-"""The command `dsfab edit`: a live structure in a browser, from a server on this machine."""
+"""The command `dsfab edit`: a page in the browser that changes a design, from a server on this machine."""
 
 import sys
 import webbrowser
@@ -11,7 +11,7 @@ from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import print_result, signals_as_interrupts
 from dsfab.core.errors import DsfabError
 
-OUTPUTS = "outputs"  # Folder of builds, in the current folder, as for `dsfab build`.
+OUTPUTS = "outputs"  # Folder of builds in the current folder; `dsfab build` uses the same folder.
 
 
 def edit(
@@ -47,7 +47,7 @@ def edit(
             try:
                 print_result(f"dsfab edit {opened.preset.name}: {server.address}")
                 print_result("Ctrl-C ends it.")
-                sys.stdout.flush()  # flush also for a pipe, because its reader waits for the address
+                sys.stdout.flush()  # a program that reads this pipe waits for the address
                 if open_:
                     webbrowser.open(server.address)
                 server.serve_forever(poll_interval=0.2)

@@ -1,7 +1,7 @@
-"""Process that builds and reads for the editor; the editor may kill this process at any time.
+"""Program of the process that builds and reads meshes for the editor; the editor may kill the process at any time.
 
 standard input : 8 bytes n | n bytes of a pickled request; it stays open while the editor waits
-standard output: a line of JSON for each progress, and a last line: done, refused or mistaken
+standard output: a JSON line for each progress, and a last JSON line with the key done, preset, refused or mistaken
 """
 
 import json
@@ -20,7 +20,7 @@ from dsfab.preset.file import preset_toml
 
 
 def main() -> None:
-    """Build, export or read as the request on standard input says."""
+    """Read a request from standard input; build, export or open a mesh, and write the result to standard output."""
     output = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
     os.dup2(2, 1)  # output of libraries goes to standard error
     source = sys.stdin.buffer
@@ -36,7 +36,7 @@ def main() -> None:
         )
     except DsfabError as error:
         _send_line(output, {"refused": str(error)})
-    except Exception as error:  # a bug: the message invites the user to report this
+    except Exception as error:  # the editor's message asks the user to report this bug
         _send_line(output, {"mistaken": f"{type(error).__name__}: {error}"})
     else:
         _send_line(output, final_message)

@@ -1,4 +1,4 @@
-"""The controls of the page: keys of the preset with their units and ranges."""
+"""Controls of the page: each changes a key of the preset and has a unit and a range."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any, get_args
@@ -18,13 +18,14 @@ class Control:
     """A control for a single key of a preset.
     kind            : number, whole (a whole number), choice, switch, length (metres), words (a list of words), size
                       (three lengths) or material (a choice that sets further keys).
-    low, high, step : range of the slider; the number beside the slider takes all values that the preset takes.
+    low, high, step : range of the slider; the number field beside the slider accepts every valid value of the key.
     log             : whether the slider is logarithmic.
-    live            : whether the picture follows at once; otherwise the server solves the change.
-    word            : word in place of a number ("auto", "off").
-    worth           : number of the word; None for the word itself.
+    live            : whether the page draws a change without the server; otherwise the server solves the change.
+    word            : word that the key accepts in place of a number ("auto", "off").
+    worth           : number that the word stands for; None if the key keeps the word.
     method          : the only pattern.method with this control.
-    instead         : number that 0 stands for, for evenly spaced stripes."""
+    instead         : number that the value 0 stands for, for evenly spaced stripes.
+    """
 
     group: str
     key: str
@@ -45,13 +46,13 @@ class Control:
 
 
 def rounded_to_one_digit(value: float) -> float:
-    """Round a number to one significant digit."""
+    """Round a positive number to one significant digit."""
     digit = 10.0 ** np.floor(np.log10(value))
     return float(digit * max(round(value / digit), 1))
 
 
 def surface_controls(surface: Surface) -> list[Control]:
-    """Return the controls that depend on the surface; lengths scale with its size."""
+    """Return the controls whose ranges scale with the size of the surface."""
     return [*_direction_controls(), *_sheet_controls(surface), *_mesh_controls(surface), *_workshop_controls(surface)]
 
 
@@ -134,7 +135,7 @@ def _limit_control(control: Control) -> Control:
 
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
-    """Return all controls for JSON; lengths scale with the surface's size."""
+    """Return all controls for JSON; the ranges of lengths scale with the size of the surface."""
     reach = rounded_to_one_digit(EXACT_REACH_SHARE * surface.size)
     families = [control for name in ("major", "minor") for control in _family_controls(name, preset, surface, reach)]
     return [

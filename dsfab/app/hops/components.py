@@ -1,4 +1,4 @@
-"""Components for Grasshopper. Each function returns the outputs for a request, in the unit of the model."""
+"""Components for Grasshopper; each function solves a request and returns the outputs in the unit of the model."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
@@ -37,8 +37,7 @@ _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 
 def preset_of_request(request: HopsRequest) -> Preset:
-    """Return the preset that dsfab proposes for the mesh, with the changes from all further inputs.
-    Raises HopsError, PresetError and SurfaceError for impossible inputs."""
+    """Return the preset that dsfab proposes for the mesh, changed by the other inputs. Raises DsfabError."""
     V, F = request.values["mesh"]
     proposed = preset_for((V, F), unit=request.unit, up="z")
     return with_overrides(proposed, dict(_changes(request, proposed)))
@@ -47,7 +46,7 @@ def preset_of_request(request: HopsRequest) -> Preset:
 def _changes(request: HopsRequest, proposed: Preset) -> Iterator[tuple[str, Any]]:
     values, metre = request.values, request.metre
     if values["supports"]:
-        reach = 2 * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3  # twice the length of an edge of the mesh
+        reach = 2 * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3  # metres; two edges of the mesh
         feet = [[metre * x for x in point] for point in values["supports"]]
         pickers = [{"pick": "ball", "center": foot, "radius": reach} for foot in feet]
         yield (
@@ -65,7 +64,7 @@ def _changes(request: HopsRequest, proposed: Preset) -> Iterator[tuple[str, Any]
 
 
 def changes_from_toml(text: str) -> Mapping[str, Any]:
-    """Return dotted keys and their values from lines of TOML; raise HopsError for invalid lines."""
+    """Return values by dotted keys from lines of TOML. Raises HopsError for invalid lines."""
     try:
         table = toml_table(text)
     except TomlError as error:
@@ -82,7 +81,7 @@ def _dotted_items(table: Mapping[str, Any], key: str) -> Iterator[tuple[str, Any
 
 
 def design_of_request(request: HopsRequest) -> Design:
-    """Return the design of a request. dsfab keeps the last four designs for components with equal inputs."""
+    """Return the design of a request. The last four designs are kept, because several components share their inputs."""
     design = _DESIGNS.pop(request.key, None) or Design.from_preset(preset_of_request(request))
     _DESIGNS[request.key] = design
     while len(_DESIGNS) > 4:
@@ -100,7 +99,7 @@ def _curves_and_names(design: Design, kind: str, request: HopsRequest) -> tuple[
 
 
 def solve_structure(request: HopsRequest) -> Sequence[Any]:
-    """Return the solid, its lines, its mass and its stiffness."""
+    """Return the solid, its lines and their names, its compliance, its mass, and notes."""
     design = design_of_request(request).until("thickening")
     lines, names = _curves_and_names(design, "centre", request)
     edges, _ = _curves_and_names(design, "edge", request)
@@ -110,7 +109,7 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_preview(request: HopsRequest) -> Sequence[Any]:
-    """Return the sheet before thickening."""
+    """Return the cut sheet, its centre lines, and notes; without the solid, the answer takes less time."""
     design = design_of_request(request).until("slicing")
     sheet = design.sheet.surface
     return (
@@ -121,7 +120,7 @@ def solve_preview(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_members(request: HopsRequest) -> Sequence[Any]:
-    """Return the axes of members with names, lengths and widths."""
+    """Return the axes of all members, with names, lengths and mean widths."""
     graph = design_of_request(request).until("slicing").members
     with_axis = [member for member in graph.members if member.axis is not None]
     axes = [polyline_json(member.axis.P / request.metre) for member in with_axis if member.axis is not None]
@@ -131,7 +130,7 @@ def solve_members(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_parts(request: HopsRequest) -> Sequence[Any]:
-    """Return the flat parts on their sheets, which lie below each other in the plane."""
+    """Return the curves of the flat parts on their sheets; the sheets lie below each other in the plane."""
     plan = workshop_plan(design_of_request(request).until("slicing"))
     curves: dict[str, list[Floats]] = {"stock": [], "cut": [], "holes": [], "marks": []}
     names, depth = list[str](), 0.0
@@ -144,7 +143,7 @@ def solve_parts(request: HopsRequest) -> Sequence[Any]:
             curves["cut"] += [shift + np.vstack([loop, loop[:1]]) for loop in (placed.outline, *placed.slots)]
             curves["holes"] += [shift + _circle(hole.at, hole.diameter / 2) for hole in placed.holes]
             curves["marks"] += [shift + mark for mark in placed.marks]
-        depth += width + 0.2  # a gap of 0.2 metres between the sheets
+        depth += width + 0.2  # 0.2 metres are between two sheets
     outputs = [[polyline_json(curve / request.metre) for curve in kind] for kind in curves.values()]
     return *outputs, names, list(plan.notes)
 
