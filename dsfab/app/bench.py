@@ -24,16 +24,14 @@ TIMING_COLUMNS = (
     *("stripes", "slicing", "thickening", "export", "total"),
 )
 """Columns of the table, in seconds: those of the paper's Table 2, then further stages of dsfab.
-`stripes` is the time for evenly spaced stripes: their directions, densities and phases.
-"""
+`stripes` is the time for evenly spaced stripes: their directions, densities and phases."""
 
 SCALING = (10_000, 40_000, 100_000)  # Vertices of the surfaces of `--scaling`.
 SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertices of `--scaling` with `--stages statics`.
 
 STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
 """Columns of `--stages statics`, in seconds. `solve` excludes the factorisation.
-`cpu` is the processor time of `total`, for comparisons on a busy machine.
-"""
+`cpu` is the processor time of `total`, for comparisons on a busy machine."""
 
 
 @Parameter(name="*")
@@ -56,8 +54,7 @@ class Workload:
 
     def sizes(self) -> tuple[int, ...]:
         """Return the vertex counts; empty for the preset's own mesh. Raises DsfabError for a text that is not a
-        list.
-        """
+        list."""
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:
@@ -84,8 +81,7 @@ def bench(
 ) -> int:
     """Time presets stage by stage, as the paper's Table 2 does, with peak memory.
 
-    Export writes and reads back the preset's formats, without STEP unless --step is set.
-    """
+    Export writes and reads back the preset's formats, without STEP unless --step is set."""
     if preview:
         return _bench_preview(presets, json_)
     sizes = work.sizes()

@@ -51,8 +51,7 @@ def measure(triangles: int) -> dict[str, Any]:
     plain, shader : the mesh alone; the mesh with stripes, whose settings change before each frame.
     graded, walls : stripes of varying width; stripes with the walls of the sheet.
     over_clock, over_cpu : time of a frame of kind shader over a frame of kind plain, by the clock and by the processor.
-    change_ms, peak_mb   : milliseconds of a change of settings; peak memory, MiB.
-    """
+    change_ms, peak_mb   : milliseconds of a change of settings; peak memory, MiB."""
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
     from dsfab.render.shader import StripeShader

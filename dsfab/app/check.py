@@ -92,8 +92,7 @@ def check(
     Parameters
     ----------
     file
-        STL, 3MF or STEP; with --nonlinear a preset, or a folder that `dsfab build` wrote.
-    """
+        STL, 3MF or STEP; with --nonlinear a preset, or a folder that `dsfab build` wrote."""
     if nonlinear.nonlinear:
         return check_nonlinear(str(file), Source(expected.set_), nonlinear, json_, quiet)
     from dsfab.study.file_check import check_contents

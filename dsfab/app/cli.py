@@ -1,8 +1,7 @@
 """The command line. Only this module prints errors and exits.
 
 Exit codes: 0 done; 1 refused input, with a sentence on standard error; 2 wrong usage; 3 missing runs of a sweep; 70 a
-bug, with a sentence that names a file of details; 130 stopped by Ctrl-C.
-"""
+bug, with a sentence that names a file of details; 130 stopped by Ctrl-C."""
 
 import gc
 import os

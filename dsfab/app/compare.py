@@ -217,8 +217,7 @@ class CompareTask:
 
 def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str, quiet: bool, as_json: bool) -> int:
     """Compare a design, write all files and print the result; return 1 if the design does not carry its loads, else
-    0.
-    """
+    0."""
     reporter, questions = Reporter(quiet or as_json), task.questions
     files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(questions.area_shares) > 1 else ())]
     with reporter:
@@ -316,23 +315,20 @@ FILES = ("summary.html", "summary.csv")
 SummaryRow = dict[str, Any]
 """Row of the summary: `name`, `folder`, `error`, and unless there is an error the design's results, None if unknown.
 The results are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`,
-and for each competitor `NAME_ratio`: the competitor's compliance over the design's.
-"""
+and for each competitor `NAME_ratio`: the competitor's compliance over the design's."""
 
 
 @dataclass(frozen=True)
 class Batch:
     """Comparisons of several presets.
-    output : folder of the summary, with a folder for each preset in it; by default outputs/compare.
-    """
+    output : folder of the summary, with a folder for each preset in it; by default outputs/compare."""
 
     task: CompareTask
     output: Path | None
 
     def run(self, presets: Sequence[str], resume: bool, quiet: bool, as_json: bool) -> int:
         """Compare all presets, also after an invalid preset, and write the summary.
-        Return 1 if a preset is invalid or a design does not carry its loads, else 0.
-        """
+        Return 1 if a preset is invalid or a design does not carry its loads, else 0."""
         reporter = Reporter(quiet or as_json)
         rows: list[SummaryRow] = []
         for count, preset in enumerate(presets, start=1):
@@ -427,8 +423,7 @@ def compare(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     more
-        Further presets.
-    """
+        Further presets."""
     _ = questions.competitor_names, questions.area_shares  # a wrong option raises its error before the preset is read
     task = CompareTask(source, questions, results.report)
     if more or results.resume:

@@ -151,8 +151,7 @@ def explore(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     from dsfab.render.opengl import require_rendering
     from dsfab.report.contact_sheet import check_film
 

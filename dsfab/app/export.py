@@ -85,8 +85,7 @@ def export(
     ----------
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote. Its design
-        is reused, unless --set or an edit of its preset.toml changes the design.
-    """
+        is reused, unless --set or an edit of its preset.toml changes the design."""
     loaded_preset, folder = preset_and_folder(preset, source.with_overrides(*step.overrides()))
     reporter, built = Reporter(quiet), built_design(preset, loaded_preset)
     if step.estimate:
@@ -106,8 +105,7 @@ def export(
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
     """Write the requested file of a built design, or of a new design; return lines about the file. Raises
-    DsfabError.
-    """
+    DsfabError."""
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
     return (

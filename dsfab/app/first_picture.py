@@ -1,7 +1,6 @@
 """A process for pictures: it draws a sketch while this process computes the widths, and then the finished structure.
 
-The process loads the drawing libraries during the computation; this module imports no drawing library.
-"""
+The process loads the drawing libraries during the computation; this module imports no drawing library."""
 
 import subprocess
 import sys
@@ -25,8 +24,7 @@ SKETCH_SECONDS = 60.0  # Longest wait for a sketch, in seconds, after the widths
 
 class FirstPicture:
     """The drawing process; use as `with FirstPicture(on_sketch) as first`, and call its methods in `restore_on_error`.
-    on_sketch : function that another thread calls when the sketch is ready; None for no sketch.
-    """
+    on_sketch : function that another thread calls when the sketch is ready; None for no sketch."""
 
     def __init__(self, on_sketch: Callable[[], None] | None) -> None:
         self._told = on_sketch
@@ -69,8 +67,7 @@ class FirstPicture:
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
         """Start to draw the sketch, but never over a file that cannot be read; the second call does nothing.
         sketch  : see `Design.sketch`.
-        options : options of `dsfab.render.previewer.Previewer`.
-        """
+        options : options of `dsfab.render.previewer.Previewer`."""
         from dsfab.app.carrier import pickled
 
         if self._sketched:

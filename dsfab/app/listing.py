@@ -75,8 +75,7 @@ def inspect(
     ----------
     file
         OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; a preset (a name or a TOML file); or a folder of
-        results.
-    """
+        results."""
     from dsfab.core.toml_files import shipped_presets
 
     path, is_shipped = Path(file), file in shipped_presets()  # `dome` is the preset, `./dome` a folder
@@ -113,8 +112,7 @@ def _built_facts(folder: Path) -> dict[str, Any]:
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
     """Make a design, print its supports and loads, and return its measures; also draw the measures if `picture` is a
     path.
-    Supports and loads come first, so that the user sees them even if a later stage fails.
-    """
+    Supports and loads come first, so that the user sees them even if a later stage fails."""
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication

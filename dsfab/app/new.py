@@ -34,8 +34,7 @@ def new(
     Parameters
     ----------
     mesh
-        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP.
-    """
+        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP."""
     from dsfab.export import atomic_file
     from dsfab.preset.proposal import propose
 
@@ -61,8 +60,7 @@ def new(
 def strength_warning(proposal: "Proposal") -> str:
     """Return a warning if a sheet with a span over 50 m is overstressed before the cut; else ''.
     Such a sheet may fail under its own weight at any thickness. The solution takes seconds. After an error the text is
-    empty, because `dsfab build` reports the error.
-    """
+    empty, because `dsfab build` reports the error."""
     from dsfab.design import Design
     from dsfab.report.design.statics import answer_facts
 

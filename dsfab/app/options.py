@@ -57,8 +57,7 @@ def picture_size(text: str) -> tuple[int, int]:
 
 def built_folder(name: str) -> Path | None:
     """Return the path of a built folder; None for any other name: `dome` is a preset, `./dome` a folder.
-    Raises PresetError for a folder that dsfab did not build.
-    """
+    Raises PresetError for a folder that dsfab did not build."""
     from dsfab.core.toml_files import shipped_presets
 
     folder = Path(name)
@@ -87,8 +86,7 @@ class Source:
         """Return the preset of a name or file with the changes; for a mesh file the proposed preset.
 
         proposal : proposal for the mesh, if the caller has it.
-        Raises PresetError for an unknown or invalid preset, and for a preset without its mesh.
-        """
+        Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 
         proposal = proposal or self.proposal(name)

@@ -1,6 +1,5 @@
 """The command `dsfab preview`: a picture of a design without its files; with --watch also after each save of the
-preset.
-"""
+preset."""
 
 import os
 import sys
@@ -93,8 +92,7 @@ class PictureOptions:
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
         """Return the page of a preset, in `folder` unless --output names a file. Raises DsfabError for invalid
-        options.
-        """
+        options."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -123,8 +121,7 @@ def preview(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     reporter = Reporter(quiet)
     with _first_picture(picture, reporter) as first_picture:
         folder = built_folder(preset)
@@ -252,8 +249,7 @@ def _draw_structure(
     first_picture: FirstPicture | None,
 ) -> bool:
     """Draw the built sheet of evenly spaced stripes; return False if that is impossible.
-    A drawing of the uncut pattern would show loose ends, holes at singular points of the stress, and sharp corners.
-    """
+    A drawing of the uncut pattern would show loose ends, holes at singular points of the stress, and sharp corners."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png

@@ -34,8 +34,7 @@ def report(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     from dsfab.design import Design
     from dsfab.export import require_writable
 

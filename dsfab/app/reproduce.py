@@ -54,8 +54,7 @@ def reproduce(
     Parameters
     ----------
     names
-        Figures by their presets, such as bob or camel_nose; all 17 when left out (several minutes).
-    """
+        Figures by their presets, such as bob or camel_nose; all 17 when left out (several minutes)."""
     from dsfab.render.opengl import require_rendering
     from dsfab.study import fitting_processes
 
@@ -80,8 +79,7 @@ def reproduce(
 
 def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
     """Return the figures of these names, or all figures, in the paper's order. Raises DsfabError for an unknown
-    name.
-    """
+    name."""
     from dsfab.reproduction.published import FIGURES
 
     presets = [figure.preset for figure in FIGURES]

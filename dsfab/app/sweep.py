@@ -1,6 +1,5 @@
 """The command `dsfab sweep`: thousands of designs of one preset in one folder; the user may stop and continue a
-sweep.
-"""
+sweep."""
 
 import shlex
 from collections.abc import Collection, Mapping
@@ -45,8 +44,7 @@ class PlanOptions:
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
         """Return the options as keys of a sweep file; None stands for an unset option. file_tables : keys of the
-        file itself.
-        """
+        file itself."""
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -130,8 +128,7 @@ def sweep(
     Parameters
     ----------
     what
-        A sweep file, a preset (with --vary), or the folder of a sweep to go on with.
-    """
+        A sweep file, a preset (with --vary), or the folder of a sweep to go on with."""
     from dsfab.app.sweep_options import listed_words, with_options
 
     if choice.best is not None or choice.build is not None:

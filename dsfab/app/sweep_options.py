@@ -16,8 +16,7 @@ def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
 
     KEY=LOW:HIGH:COUNT    COUNT evenly spaced values     KEY=LOW:HIGH:COUNT:log   values with equal ratios
     KEY=LOW:HIGH          a range for --sample; with :log at the end, a logarithmic range
-    KEY=ONE,TWO,...       these values                   KEY,KEY=ONE,TWO,...;ONE,TWO,...   linked keys
-    """
+    KEY=ONE,TWO,...       these values                   KEY,KEY=ONE,TWO,...;ONE,TWO,...   linked keys"""
     vary: Tables = {}
     linked: list[Tables] = []
     for text in texts:
@@ -72,8 +71,7 @@ def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
     """Return the tables of a sweep file, changed by the command line. plan_table : options as keys of the file, or
-    None.
-    """
+    None."""
     result = dict(values)
     vary_table, linked = vary_tables(vary)
     if vary_table:

@@ -14,8 +14,7 @@ from rich.status import Status
 
 class Reporter:
     """Prints stages and their seconds on standard error, unless `quiet`. Leaving the `with` block ends the last
-    stage.
-    """
+    stage."""
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet

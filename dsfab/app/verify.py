@@ -1,6 +1,5 @@
 """The command `dsfab verify`: solves benchmark structures to test the elements, and tests the error bounds of
-verdicts.
-"""
+verdicts."""
 
 import json
 from collections import Counter
@@ -36,8 +35,7 @@ CALIBRATION_HEAD = (
 
 def calibrate(folder: Path, as_json: bool) -> int:
     """Test the error bounds on random designs; print the result, and write calibration.json and calibration.csv.
-    Return 1 if less than 95 % of the designs lie within their bound, else 0.
-    """
+    Return 1 if less than 95 % of the designs lie within their bound, else 0."""
     from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
 
@@ -134,8 +132,7 @@ def verify(
     Parameters
     ----------
     tests
-        Names, or beginnings of names, such as plate or scordelis_lo; all tests when left out.
-    """
+        Names, or beginnings of names, such as plate or scordelis_lo; all tests when left out."""
     from dsfab import verification
     from dsfab.statics import Elements
 

@@ -59,8 +59,7 @@ def workshop(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     from dsfab.design import Design
     from dsfab.export import require_writable
     from dsfab.render import up_axis

@@ -221,8 +221,7 @@ def check_film(values: Values, fps: float) -> None:
 
 def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, palette: Palette) -> None:
     """Write the pictures and their parameters as an endless film, forwards and backwards; skip variants without a
-    picture.
-    """
+    picture."""
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}

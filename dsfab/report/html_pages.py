@@ -115,8 +115,7 @@ class Banner:
 class Table:
     """Rows under a head; the first `left` columns are flush left, numbers flush right; `pass` and `fail` are coloured.
     widths : shares of the page's width; empty for even shares.    note : text below the table.   strong : emphasised
-             rows.
-    """
+             rows."""
 
     caption: str
     head: Sequence[str]
@@ -349,5 +348,4 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   caption { max-width: calc(100vw - 2.4rem); } }
 """
 """Rules of a document: an A4 sheet on screen and on paper.
-RUNNING and FOOTER stand at the edges of printed pages. QUIET replaces a variable, which page margins cannot read.
-"""
+RUNNING and FOOTER stand at the edges of printed pages. QUIET replaces a variable, which page margins cannot read."""

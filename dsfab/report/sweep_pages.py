@@ -55,8 +55,7 @@ def require_view(name: str) -> None:
 class SheetDrawer:
     """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. A drawer can be pickled.
     The uncut surface fills the page, so that designs of one surface can be overlaid.
-    Raises DsfabError if this machine cannot draw, and for unknown views.
-    """
+    Raises DsfabError if this machine cannot draw, and for unknown views."""
 
     size: tuple[int, int]
     view: str
@@ -233,8 +232,7 @@ def missing_runs_line(folder: SweepFolder) -> str:
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
     """Return index.html, which opens offline; `y_metric` and `x_metric` are the metrics that its chart shows first.
     Pictures are files beside it, named relative to it; everything else is inside. It shows failed runs and missing
-    values as such. See sweep_page.html for its script.
-    """
+    values as such. See sweep_page.html for its script."""
     facts = json.dumps(
         _page_facts(folder, rows, y_metric, x_metric), ensure_ascii=False, separators=(",", ":"), allow_nan=False
     )

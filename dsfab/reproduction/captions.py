@@ -18,8 +18,7 @@ RINGS, SPOKES = 2, 4  # Least number of rings of a web, and of spokes that cross
 class Web:
     """Rings of a family around a load, the innermost first, each with the number of crossing lines of the second
     family.
-    family : family of the rings; '' without rings.
-    """
+    family : family of the rings; '' without rings."""
 
     family: str = ""
     crossed: tuple[int, ...] = ()
@@ -51,8 +50,7 @@ class Web:
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
     """Return the better of two webs: rings of the major family, or rings of the minor family.
     phases : (n, 2) of the major and minor family, whole numbers in the middle of members.
-    load, supported : (n,) vertices under the load, and at supports.
-    """
+    load, supported : (n,) vertices under the load, and at supports."""
     webs = []
     for k, name in enumerate(("major", "minor")):
         levels = _levels(phases[:, k])

@@ -34,8 +34,7 @@ class PaperPicture:
     """A picture in its file, or the reason for its absence.
 
     file  : its name in the page's folder; '' without a picture.
-    title : its subject.     words: its caption, or the reason.     bar: legend of its colours.
-    """
+    title : its subject.     words: its caption, or the reason.     bar: legend of its colours."""
 
     file: str
     title: str

@@ -52,15 +52,13 @@ def integrated_design(design: Design) -> Design:
 
 def strongest_directions(D: Floats) -> Floats:
     """Return unit directions (m, 3) of the largest diffusion of tensors D (m, 3, 3); stripes follow these
-    directions.
-    """
+    directions."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 2])
 
 
 def weakest_directions(D: Floats) -> Floats:
     """Return unit directions (m, 3) of the least diffusion in the faces' planes, for tensors D (m, 3, 3). They belong
-    to the middle of the eigenvalues 0, 1 and r; stripes lie across them.
-    """
+    to the middle of the eigenvalues 0, 1 and r; stripes lie across them."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
 
 
@@ -69,8 +67,7 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
     faces.
 
     direction : (m, 3) unit vectors up to sign.    clear : (m,) faces with a direction; on other faces the field is as
-    flat as possible.
-    """
+    flat as possible."""
     target = consistent_directions(surface, direction) * clear[:, None]
     pull = np.einsum("mik,mk->mi", hat_gradients(surface), target) * surface.areas[:, None]
     K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
@@ -110,8 +107,7 @@ End = Literal["boundary", "inside", "round"]
 class StressLine:
     """Line along stress. points : (k, 3) metres, in order; a closed line repeats the first point at its end.
     faces  : (k - 1,) face of each segment.
-    loose  : number of ends inside the surface.
-    """
+    loose  : number of ends inside the surface."""
 
     points: Floats
     faces: tuple[int, ...]
@@ -137,8 +133,7 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
     """Return lines along unit directions (m, 3) without sign, in clear faces (m,). Lines are about `apart` metres
-    apart, and at least that long.
-    """
+    apart, and at least that long."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
     distance = np.where(clear, np.inf, 0.0)

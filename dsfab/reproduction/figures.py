@@ -29,8 +29,7 @@ RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset",
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
     """A rendition of a figure, its picture, and the result for the paper's claim, or ''.
-    edge : edge length of its mesh, metres; 0 without a design.
-    """
+    edge : edge length of its mesh, metres; 0 without a design."""
 
     rendition: Rendition
     picture: PaperPicture
@@ -42,8 +41,7 @@ class RenditionPicture:
 class FigurePictures:
     """A reproduced figure; `error` is the reason for a failure, and all remaining fields are empty in that case.
     seconds : see `processor_seconds`.      carried: sentence on how the loads reach the supports.
-    coarser : factor on the preset's edges.
-    """
+    coarser : factor on the preset's edges."""
 
     figure: PaperFigure
     vertices: int = 0
@@ -65,8 +63,7 @@ class FigurePictures:
 
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
     """Make a figure and write its pictures into `folder`; failed parts contain their errors.
-    coarser : factor on the preset's edges; it falls until the mesh has all details. Larger factors are quicker.
-    """
+    coarser : factor on the preset's edges; it falls until the mesh has all details. Larger factors are quicker."""
     try:
         design, coarser = coarsened_draft(load_preset(figure.preset), coarser)
         results = renditions(design)
@@ -88,8 +85,7 @@ def _without_design(picture: RenditionPicture) -> RenditionPicture:
 
 def processor_seconds(design: Design) -> dict[str, float]:
     """Return processor seconds by row of the paper's Table 2, all cores together: the median of `RUNS` runs. A run
-    leads from the surface to the modes. Programs that run at the same time hardly change these seconds.
-    """
+    leads from the surface to the modes. Programs that run at the same time hardly change these seconds."""
     runs = []
     for _ in range(RUNS):
         log = Log(None, clock=time.process_time)
@@ -100,8 +96,7 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
     """Return a preset up to its pattern, with edges `coarser` times as long, and the factor. The factor falls by fifths
-    until shape and loads have their vertices. Raises DsfabError if the preset's own mesh fails too.
-    """
+    until shape and loads have their vertices. Raises DsfabError if the preset's own mesh fails too."""
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:

@@ -1,8 +1,7 @@
 """Results of the paper: the preset of each figure, and its rows in the paper's tables.
 
 A. Madan, A. Jacobson, D. I. W. Levin, Diffusion Structures for Architectural Stripe Pattern Generation. Table 1 holds
-the parameters, Table 2 the sizes and seconds (a dual-core i5 laptop of 2015). Captions are in our own words.
-"""
+the parameters, Table 2 the sizes and seconds (a dual-core i5 laptop of 2015). Captions are in our own words."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -44,8 +43,7 @@ class PaperFigure:
     row      : its parameters; None for the unloaded camel, which Table 1 leaves out.
     timings  : sizes and seconds; figures with one mesh share them.
     stand_in : reason why the surface is not the paper's, or '' for a surface from a formula.
-    claim    : the paper's claim, as a check: web, beam, beams (between loads), grid; or ''.
-    """
+    claim    : the paper's claim, as a check: web, beam, beams (between loads), grid; or ''."""
 
     label: str
     preset: str

@@ -1,6 +1,5 @@
 """Three renditions of a figure of the paper, with their measures: the paper to the letter, the preset, dsfab's stripes.
-All three have the same surface, supports and loads.
-"""
+All three have the same surface, supports and loads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,8 +23,7 @@ LETTER: Mapping[str, Any] = {
     "pattern.width": {"rule": "plain"},
 }
 """The paper's settings for keys in which presets may differ from it; modes, frequencies and phases are those of
-Table 1.
-"""
+Table 1."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -58,8 +56,7 @@ class Rendition:
     deviation    : degrees off the principal directions, of the worse family.
     evenness     : P95 over P5 of the spacing, of the worse family.
     crossing     : degrees, the smallest angle between crossing members.
-    uncarried    : reason why the loads are not carried, if `over_uncut` is infinite.
-    """
+    uncarried    : reason why the loads are not carried, if `over_uncut` is infinite."""
 
     name: str
     settings: Mapping[str, Any]
@@ -87,8 +84,7 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
     """Return the paper to the letter, the preset unchanged, and evenly spaced stripes. Stripes have as much material as
     the preset, within `SHARES`.
 
-    design : a design of a preset of the paper, made up to its pattern.
-    """
+    design : a design of a preset of the paper, made up to its pattern."""
     uncut: dict[str, float] = {}
     letter = measured_rendition("letter", design, LETTER, uncut)
     shipped = measured_rendition("preset", design, {}, uncut)
@@ -121,8 +117,7 @@ def measured_rendition(
     """Return a measured rendition; it shares the stages of `base_design` before the first changed section.
 
     uncut_compliance : compliance of the uncut sheet by law, which this function fills for renditions of the same
-                       surface.
-    """
+                       surface."""
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)
@@ -170,8 +165,7 @@ def _carried_share(design: Design) -> float:
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
     """Return the cut sheet's compliance over the uncut sheet's and over a thinner sheet's, and the reason of a failure.
-    nan without loads; infinite if the loads are not carried.
-    """
+    nan without loads; infinite if the loads are not carried."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

@@ -32,8 +32,7 @@ class UpsampledCut(NamedTuple):
     """A cut after `rounds` of division; 0 is the cut of the unchanged mesh.
     triangles : number in the cut sheet, material and void.
     crowded   : triangles of the divided mesh with more than one line.
-    wrong     : share of the surface that is material in only one of this cut and the exact cut.
-    """
+    wrong     : share of the surface that is material in only one of this cut and the exact cut."""
 
     rounds: int
     triangles: int
@@ -60,8 +59,7 @@ def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
 
 def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
     """Return both cuts of any stripes on any surface. Division ends before `rounds` if no triangle is crowded,
-    or if the mesh has over 200 000 triangles. Where families cross, triangles stay crowded.
-    """
+    or if the mesh has over 200 000 triangles. Where families cross, triangles stay crowded."""
     exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
     cuts: list[UpsampledCut] = []
     for number in range(rounds + 1):
@@ -114,8 +112,7 @@ def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequ
 
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
     """Compare cuts of the same stripes in plain widths: the paper's cut after more and more rounds, and the exact
-    cut.
-    """
+    cut."""
     title = "Adaptive upsampling beside the exact cut"
     try:
         comparison = compare_design_cuts(design)

@@ -50,8 +50,7 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
     """Write the data and the chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`. All
     structures are judged on finer and finer meshes; one solve of each isotropic pair selects the best pair.
 
-    coarser : factor on `EDGE`.
-    """
+    coarser : factor on `EDGE`."""
     from dsfab.study import compare_at, full_at_many_shares
 
     graded = sphere_draft(ON_MODES, coarser)

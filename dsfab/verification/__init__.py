@@ -1,7 +1,6 @@
 """Verification of the elements: structures with known answers, several element pairs, three refinements each.
 
-Each family of tests has a file; a test is a mesh, a load, and a value with its reference (`Test`).
-"""
+Each family of tests has a file; a test is a mesh, a load, and a value with its reference (`Test`)."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -44,8 +43,7 @@ PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)  # Default
 
 def choose(names: Sequence[str]) -> list[Test]:
     """Return tests by name or by the beginning of names; an empty list returns all. Raises StaticsError for an
-    unknown name.
-    """
+    unknown name."""
     if not names:
         return list(TESTS.values())
     chosen: dict[str, Test] = {}

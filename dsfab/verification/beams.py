@@ -27,8 +27,7 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 def lean(station: Floats, shape: Shape) -> Floats:
     """Return the offset of a cross line's top at stations (k,) from 0 to 6; the end lines are upright. Trapezoids:
-    inner lines lean alternately to both sides.  Parallelograms: all lines lean to the same side.
-    """
+    inner lines lean alternately to both sides.  Parallelograms: all lines lean to the same side."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -59,8 +58,7 @@ BENT_WIDTH = 0.2
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
     """Return a strip 0.2 wide, bent into a quarter circle of radius 1; its free end is pushed back.
     slenderness : radius over thickness, R / h. The strip bends without stretching, which membranes that lock cannot do.
-    Without Poisson effect, beam theory is exact.
-    """
+    Without Poisson effect, beam theory is exact."""
     uv, F = square(8 * cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     V = np.stack([np.sin(turn), BENT_WIDTH * uv[:, 1], np.cos(turn)], axis=1)
@@ -74,8 +72,7 @@ def bent_strip_tip(slenderness: float) -> float:
 
 def raasch_hook(cells: int, mesh: Mesh) -> Problem:
     """Return a strip 20 x 2 with two bends, of 60 degrees at radius 14 and back by 150 degrees at radius 46. A load
-    pushes its end along its width.
-    """
+    pushes its end along its width."""
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
     first_arc = np.minimum(turn, np.pi / 3)
@@ -87,13 +84,11 @@ def raasch_hook(cells: int, mesh: Mesh) -> Problem:
 
 HOOK = 5.022
 """Movement of the hook's end by solids: 5.02 by refined 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997],
-5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl.
-"""
+5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl."""
 
 EDGES_OF_STRIP = 0.63 * 2 / 20
 """Loss of a strip's torsional stiffness b t^3 / 3 at its edges, (1 - .63 t / b) by de Saint Venant, for width b and
-thickness t. The loss comes from shear across the thickness, which theories of thin sheets do not have.
-"""
+thickness t. The loss comes from shear across the thickness, which theories of thin sheets do not have."""
 
 IN_TORSION = 0.9899  # Share of torsion in the work of the hook as a curved beam; bending and shear do the rest.
 
@@ -105,8 +100,7 @@ STRIP = (
 
 def _curved_strip() -> float:
     """Return the movement of a quarter ring loaded across its plane: P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J))
-    [Timoshenko 1955].
-    """
+    [Timoshenko 1955]."""
     young, poisson, radius, width, thickness = 1e7, 0.25, 4.22, 0.2, 0.1
     bending = young * width * thickness**3 / 12
     torsion = young / (2 * (1 + poisson)) * width * thickness**3 / 3
@@ -115,8 +109,7 @@ def _curved_strip() -> float:
 
 def _curved_plane() -> float:
     """Return the movement of a quarter ring's free end along a unit shear force, in plane stress, in closed form:
-    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]
-    """
+    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]"""
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
     squares = a**2 + b**2
     return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))

@@ -18,8 +18,7 @@ COARSE = 12  # Cells around the vault before the cut; finer meshes halve the edg
 
 def vault(cells: int) -> Surface:
     """Return a barrel vault of six by four openings, cut by stripes around it and along it; each covers half of the
-    area.
-    """
+    area."""
     uv, F = square(COARSE, COARSE - 2, "union_jack")
     turn = OPENING * (uv[:, 0] - 0.5)
     uncut = Surface(np.stack([RADIUS * np.sin(turn), LENGTH * uv[:, 1], RADIUS * np.cos(turn)], axis=1), F)

@@ -27,8 +27,7 @@ from dsfab.verification.problems import (
 
 def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> Floats:
     """Return the membrane stress (m, 3 corners, 3, 3) in plane stress, Pa, tangent to each face. The stress is linear
-    on each face, as in `quadratic` and `hybrid` membranes; with constant strain all corners are equal.
-    """
+    on each face, as in `quadratic` and `hybrid` membranes; with constant strain all corners are equal."""
     strain = membrane_strains(surface, answer)
     xx, yy, xy = np.moveaxis(membrane_stresses(surface, material, "plane_stress", answer.elements, strain), -1, 0)
     planar = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
@@ -68,8 +67,7 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
 
 def cook(cells: int, mesh: Mesh) -> Problem:
     """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force. The value is the movement of the
-    end's middle vertex. `diagonal` halves the cells along their short diagonals, like published triangles.
-    """
+    end's middle vertex. `diagonal` halves the cells along their short diagonals, like published triangles."""
     uv, F = square(cells, cells, mesh)
     if mesh == "diagonal":
         uv, F = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1), F[:, ::-1]
@@ -83,8 +81,7 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 def kirsch(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x. Kirsch's own
     tractions act on its outer edge. The value is the stress along the hole's edge at the place where it is three times
-    the tension.
-    """
+    the tension."""
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells are as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
@@ -103,8 +100,7 @@ def kirsch_stress(x: Floats, y: Floats) -> Floats:
 
 def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:
     """Return NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled outwards by 10 MPa. The pull
-    acts on the outer edge. The value is the stress along the inner edge at the end of its long axis, Pa.
-    """
+    acts on the outer edge. The value is the stress along the inner edge at the end of its long axis, Pa."""
     uv, F = square(cells, cells, mesh)
     turn, out = np.pi / 2 * uv[:, 0], uv[:, 1]
     V = np.stack([(2 + 1.25 * out) * np.cos(turn), (1 + 1.75 * out) * np.sin(turn), 0 * out], axis=1)
@@ -123,8 +119,7 @@ def quarter(
     """Return a quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
 
     stress : (x, y) -> (..., 2, 2) Pa, whose tractions act on the outer edge v = 1.
-    target : (end, component): the value is this component of the stress at the edge of the hole, at u = end.
-    """
+    target : (end, component): the value is this component of the stress at the edge of the hole, at u = end."""
     end, component = target
     surface = Surface(V, F)
     outer = edges_on(surface, is_at(uv[:, 1], 1.0))
@@ -148,8 +143,7 @@ def quarter(
 
 def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
     """Return the mean of stress . n (e, 3) on marked edges by four Gauss points, 0 on other edges; n points
-    outwards.
-    """
+    outwards."""
     ends = surface.V[surface.edges.ends[marked], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

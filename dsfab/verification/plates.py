@@ -49,8 +49,7 @@ SKEWED = Material(young=1085.0, poisson=0.31)
 
 def skew_plate(cells: int, mesh: Mesh) -> Problem:
     """Return a rhombus of side 100 and 60 degrees, .1 thick, on simple supports at two opposite sides. The remaining
-    sides are free. The value is the deflection of its centre times 100 D / (q a^4).
-    """
+    sides are free. The value is the deflection of its centre times 100 D / (q a^4)."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
@@ -96,8 +95,7 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
 
 def pressed_plate(cells: int, mesh: Mesh) -> Problem:
     """Return a unit square on simple supports, pressed along x by a line load N. The value is the lowest buckling load
-    N a^2 / D.
-    """
+    N a^2 / D."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     ends = [is_at(uv[:, 0], end) for end in (0.0, 1.0)]

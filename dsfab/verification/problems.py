@@ -24,8 +24,7 @@ from dsfab.surface import LoadCase, Surface
 Mesh = Literal["diagonal", "union_jack", "jittered"]
 MESHES: tuple[Mesh, ...] = ("diagonal", "union_jack", "jittered")
 """Mesh patterns: squares halved by parallel diagonals, squares halved by alternating diagonals, and the second pattern
-with randomly moved inner vertices.
-"""
+with randomly moved inner vertices."""
 
 NEAR = 1e-9  # Parameters of the unit square closer than this are equal.
 
@@ -115,8 +114,7 @@ class Problem:
     fixed   : (n, 3) held directions.                   clamped : (e,) edges that may not turn (built in, or symmetry).
     force   : (n, 3) concentrated loads, newtons.       spread  : loads per area and per length.
     value   : function from an answer to the compared value.
-    modes   : function from elements to the value, for eigenvalue problems.
-    """
+    modes   : function from elements to the value, for eigenvalue problems."""
 
     surface: Surface
     material: Material
@@ -155,8 +153,7 @@ class Problem:
     def nodal_unknowns(self) -> int:
         """Return the number of free unknowns of usual elements: three displacements and two rotations at each vertex.
         Vertices of clamped edges lose one rotation, built-in vertices both rotations; sheets in a plane have no
-        rotations.
-        """
+        rotations."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -197,8 +194,7 @@ class Test:
     quantity  : kind of value, which defines the tolerance.
     beyond    : effect, in words, that the reference includes and thin sheets lack; in this case the value must meet
                 `limit`.
-    outside   : (cells, mesh) -> unknowns and value by another program; None if that program is not installed.
-    """
+    outside   : (cells, mesh) -> unknowns and value by another program; None if that program is not installed."""
 
     __test__ = False  # pytest collects classes of this name
 
@@ -253,8 +249,7 @@ def tip_loaded(
     uv: Floats, F: Ints, V: Floats, material: Material, thickness: float, force: tuple[float, float, float]
 ) -> Problem:
     """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force along its end u = 1. The value is the
-    movement of that end.
-    """
+    movement of that end."""
     surface = Surface(V, F)
     root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)

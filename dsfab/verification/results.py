@@ -29,8 +29,7 @@ class VerificationRow:
     target   : largest relative error of the pair for displacements on this mesh, if set.
     met      : True if the error is below the target.
     limit    : reference of the target, if it is not `reference`, see `Test.limit`.
-    of_limit : value over limit.
-    """
+    of_limit : value over limit."""
 
     test: str
     mesh: str
@@ -182,8 +181,7 @@ class Published:
     unknowns : number in the source's mesh if the test has no equal mesh; in this case `cells` is the next coarser mesh,
                and `note` has that of the source. None: counted on the test's mesh.
     constant : True if its membrane is a triangle of constant strain.
-    middles  : True if the element also has nodes in the middle of its sides.
-    """
+    middles  : True if the element also has nodes in the middle of its sides."""
 
     test: str
     element: str
@@ -319,8 +317,7 @@ class Standing:
                is at least that of any finer mesh, so that luck does not count. None: no mesh compares.
     basis    : `unknowns`: ours is interpolated (on logarithms) to as many unknowns, or taken from our finest mesh if
                that has fewer; `cells`: ours is on the same cells, because all our meshes have more unknowns.
-    outcome  : result of the comparison of our error with the published error.
-    """
+    outcome  : result of the comparison of our error with the published error."""
 
     published: Published
     unknowns: int | None

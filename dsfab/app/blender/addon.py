@@ -1,8 +1,7 @@
 """dsfab in Blender: an add-on that builds a structure from the active object's mesh and shows its solid and members.
 
 `dsfab blender` writes this file. Install it in Preferences > Add-ons > Install from Disk; its panel is in the sidebar
-(N) of the 3D view. dsfab runs as a separate program, with the Python that the add-on's preferences name.
-"""
+(N) of the 3D view. dsfab runs as a separate program, with the Python that the add-on's preferences name."""
 
 import os
 import re
@@ -62,8 +61,7 @@ class Wishes(bpy.types.PropertyGroup):
 
 def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
     """Write an object with its modifiers as OBJ, in metres, at its place. Raises BuildError for an object without
-    faces.
-    """
+    faces."""
     if source.get(MADE_OF):
         raise BuildError(f"{source.name} is a result of dsfab; select its surface, {source[MADE_OF]}")
     if source.type not in WITH_FACES:

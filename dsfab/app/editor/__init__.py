@@ -27,8 +27,7 @@ def edit(
     Parameters
     ----------
     target
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file."""
     from dsfab.app.editor.server import EditorServer
     from dsfab.app.editor.session import Session
     from dsfab.app.editor.workspace import Outputs, open_preset

@@ -43,8 +43,7 @@ class BuildRequest:
     picture : whether to draw a picture too.
     mesh    : mesh file of the page; dsfab copies it to the built files, and the written preset names the copy.
     only    : a single format as in `dsfab export --to`; '' for all files of a build.
-    before  : folder of an earlier build, whose design is used again if its preset is equal.
-    """
+    before  : folder of an earlier build, whose design is used again if its preset is equal."""
 
     preset: Preset
     old: Design | None = None
@@ -78,8 +77,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
     """Write a single file like `dsfab export`, from the design in the folder `before` or from a new design. Raises
-    DsfabError.
-    """
+    DsfabError."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
@@ -135,8 +133,7 @@ class BuilderError(RuntimeError):
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
     """Run `build_files`, or `export_file` for a single format, in another process. Raises the errors of these
     functions.
-    After a cancellation it raises Cancelled within a fraction of a second. After any error it removes the folder.
-    """
+    After a cancellation it raises Cancelled within a fraction of a second. After any error it removes the folder."""
     message = pickled((request, str(folder)))
     try:
         with (
@@ -258,8 +255,7 @@ class Builds:
 
     def replacement_question(self, name: str) -> dict[str, Any]:
         """Return a question for the user if a build would replace files in the folder of this name; else an empty
-        dict.
-        """
+        dict."""
         count = self.outputs.foreign_files(name)
         if not count:
             return {}

@@ -24,8 +24,7 @@ class Control:
     word            : word that the key accepts in place of a number ("auto", "off").
     worth           : number that the word stands for; None if the key keeps the word.
     method          : the only pattern.method with this control.
-    instead         : number that the value 0 stands for, for evenly spaced stripes.
-    """
+    instead         : number that the value 0 stands for, for evenly spaced stripes."""
 
     group: str
     key: str

@@ -47,8 +47,7 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
     """Return facts and arrays of a draft: the surface, the fields of the stripes, statics, and marks of loads and
     supports.
     V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (see `StripedMesh`). If this mesh is
-    not the surface, loops, loads and supports refer to the vertices `uncut` (k, 3) of the surface.
-    """
+    not the surface, loops, loads and supports refer to the vertices `uncut` (k, 3) of the surface."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -95,8 +94,7 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return numbers of the pattern, half-widths (n, 2) in periods, and slopes (n, 2) of both families at frequency 1.
     Slopes of evenly spaced stripes are lines per metre. `shares` (n, 2) are the factors of the width rules on the
-    half-widths (see `StripedMesh`).
-    """
+    half-widths (see `StripedMesh`)."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {
@@ -206,8 +204,7 @@ def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
 
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) edges of the outlines.
     tint : (k,) 0 major family, 1 minor family, 2 further material.    normals : (k, 3) unit, of the uncut surface.
-    corners, shares : (k, 3) each; vertices of the face in the mesh of the stripes, and barycentric weights in it.
-    """
+    corners, shares : (k, 3) each; vertices of the face in the mesh of the stripes, and barycentric weights in it."""
     surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
     tint = np.repeat(tints[sheet.family], 3)
@@ -240,8 +237,7 @@ def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[S
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
     """Return measures of a cut sheet for JSON: square metres, kilograms, pieces, and widths in metres.
     under      : whether the narrowest member is narrower than the least width.
-    bars_under : for each bar of the histogram of widths, whether it is below the least width.
-    """
+    bars_under : for each bar of the histogram of widths, whether it is below the least width."""
     preset, sheet = draft.preset, cut.sheet.surface
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
     least = preset.fabrication.min_member or least_widths(draft.resolved_preset, draft.surface).member

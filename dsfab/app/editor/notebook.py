@@ -25,8 +25,7 @@ def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640)
              of
              a design are not solved again.
     height : height of the widget, pixels.
-    Raises DsfabError for another target, and without the package anywidget.
-    """
+    Raises DsfabError for another target, and without the package anywidget."""
     try:
         from dsfab.app.editor.widget import Editor
     except ImportError:

@@ -38,8 +38,7 @@ def static_files() -> dict[str, bytes]:
 
 def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
     """Return index.html with the token of this run, and a security policy (CSP) that allows only files of this server.
-    The page requests all modules at once; otherwise each import would wait for another import.
-    """
+    The page requests all modules at once; otherwise each import would wait for another import."""
     nonce = secrets.token_urlsafe(12)
     policy = (
         f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; connect-src 'self'; "
@@ -55,8 +54,7 @@ def widget_module() -> str:
     """Return the whole page as one module for anywidget: widget.js with all other files packed into it.
 
     Relative imports do not work in a packed module: './x.js' becomes 'dsfab/x.js', a name of the page's import map
-    [HTML Standard]. The notebook's transport module takes the name of the server's transport module.
-    """
+    [HTML Standard]. The notebook's transport module takes the name of the server's transport module."""
     texts = {name: content.decode() for name, content in static_files().items()}
     modules = {name: text for name, text in texts.items() if name.endswith(".js") and name != WIDGET}
     modules[HTTP] = modules.pop(NOTEBOOK)
@@ -168,5 +166,4 @@ HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_required_field(given, "job", int))},
 }
 """Functions that answer a request by its name, with data for JSON. Each raises DsfabError with a sentence for the
-user.
-"""
+user."""

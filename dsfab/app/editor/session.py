@@ -38,8 +38,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 @dataclass(frozen=True, eq=False)
 class SessionView:
     """A draft that the page shows. `version` stays equal while only the stripes change, so that the page keeps its
-    data.
-    """
+    data."""
 
     draft: Design
     number: int
@@ -50,8 +49,7 @@ class SessionView:
 class Session:
     """The open preset, its last draft, and the files of builds; use as `with Session(opened)`.
     drafted : a draft of the first preset, which the page shows at once.
-    outputs : folder of builds and its name; with None, builds go into a temporary folder of the session.
-    """
+    outputs : folder of builds and its name; with None, builds go into a temporary folder of the session."""
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
         self.jobs = Jobs()
@@ -120,8 +118,7 @@ class Session:
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
         """Start a job that opens a mesh file from the page; `data` is its content in base64. Raises DsfabError.
-        Another process reads the mesh, so that the user may cancel.
-        """
+        Another process reads the mesh, so that the user may cancel."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
             raise DsfabError(
@@ -157,8 +154,7 @@ class Session:
 
     def command(self, changes: Changes) -> dict[str, Any]:
         """Return the command of the build, and the place of its preset file if the session has saved this file.
-        `save` is True if the page must offer the preset file to the user.
-        """
+        `save` is True if the page must offer the preset file to the user."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
         if not (save and outputs.label):
@@ -169,8 +165,7 @@ class Session:
 
     def ask_solve(self, changes: Changes) -> int:
         """Start a job that solves the changed preset and measures the design; return the running job of equal
-        changes.
-        """
+        changes."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -183,8 +178,7 @@ class Session:
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
         """Start a job that makes the solid and its files, or return a question if files would be replaced without
         permission.
-        only : a single format as in `dsfab export --to`. Raises ExportError for a format that is not available.
-        """
+        only : a single format as in `dsfab export --to`. Raises ExportError for a format that is not available."""
         opened = self.current_preset
         preset = opened.preset_with(changes)
         if only:
@@ -196,8 +190,7 @@ class Session:
 
     def ask_members(self, judged: bool) -> int:
         """Start a job that names and measures the members; judged : also their utilisation. Raises DsfabError
-        without a draft.
-        """
+        without a draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -228,8 +221,7 @@ class Session:
 
     def cut_sheet(self, draft: int) -> bytes:
         """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty for the number of an older
-        draft.
-        """
+        draft."""
         from dsfab.app.editor.drafts import cut_sheet_arrays
 
         with self._lock:

@@ -22,8 +22,7 @@ class Editor(anywidget.AnyWidget):
 
     changes : differences from the open preset, by dotted keys; assign a new dict. Raises PresetError.
     view    : sides, colours and layers of the page, in the page's own format.
-    height  : height of the widget, pixels.
-    """
+    height  : height of the widget, pixels."""
 
     changes = traitlets.Dict().tag(sync=True)
     view = traitlets.Dict().tag(sync=True)
@@ -49,8 +48,7 @@ class Editor(anywidget.AnyWidget):
     @property
     def files(self) -> list[Path]:
         """Files of the last build, those in the preset's formats first. They exist until the widget or Python
-        closes.
-        """
+        closes."""
         return self._session.builds.latest
 
     def close(self) -> None:

@@ -23,8 +23,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 class Outputs:
     """Folders in `home`, one for each name. The page sends names only, so that it cannot write elsewhere.
-    label : name of `home` for the user and on a command line; '' for the session's temporary folder.
-    """
+    label : name of `home` for the user and on a command line; '' for the session's temporary folder."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
         self.home, self.label = home, shown
@@ -52,8 +51,7 @@ class Outputs:
 
     def publish(self, files: Path, name: str) -> Path:
         """Move all files of a folder to the folder of the name, and return that folder. Raises DsfabError if this
-        fails.
-        """
+        fails."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -63,8 +61,7 @@ class Outputs:
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
         """Write NAME.toml beside the folders, or NAME-2.toml if another NAME.toml exists; return the path. Raises
-        DsfabError.
-        """
+        DsfabError."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -94,8 +91,7 @@ class OpenedPreset:
     """A preset and its origin.
     words   : words of the command line after `dsfab build`; empty for a preset that only the page has.
     mesh    : the user's name for a mesh file from the page; the file on this machine is a copy.
-    decided : decisions of `dsfab new` for a mesh.
-    """
+    decided : decisions of `dsfab new` for a mesh."""
 
     preset: Preset
     words: tuple[str, ...] = ()
@@ -139,8 +135,7 @@ class OpenedPreset:
 
     def open_toml(self, text: str) -> "OpenedPreset":
         """Open a preset file from the page. Raises PresetError as `load_preset` does, and for a mesh that is not
-        open.
-        """
+        open."""
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -171,8 +166,7 @@ def with_file(preset: Preset, file: Path) -> Preset:
 
 def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outputs) -> Path:
     """Save the changed preset among the outputs, with its mesh from the page beside it; return the path. Raises
-    DsfabError.
-    """
+    DsfabError."""
     preset = opened.preset_with(changes)
     if mesh := opened.page_mesh:
         preset = with_file(preset, Path(outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes()).name))
@@ -182,8 +176,7 @@ def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outp
 def open_preset(target: str, source: Source = UNCHANGED) -> OpenedPreset:
     """Open a shipped preset by its name, or a preset file or mesh file by its path, as `dsfab build` does.
     source : changes of the command line.
-    Raises DsfabError for another target, and for a preset without its mesh.
-    """
+    Raises DsfabError for another target, and for a preset without its mesh."""
     proposal = source.proposal(target)
     preset = source.read_preset(target, proposal)
     return OpenedPreset(preset, tuple(source.command_words(target)), "", proposal.decisions if proposal else ())
@@ -285,8 +278,7 @@ class VariantTray:
 
     def keep(self, variant: KeptVariant) -> None:
         """Add a variant; without a name, it is called by its number. Raises DsfabError for an invalid or surplus
-        variant.
-        """
+        variant."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
             raise DsfabError(f"the tray holds {MAX_VARIANTS} variants already; remove one first")

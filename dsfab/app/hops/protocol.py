@@ -1,8 +1,7 @@
 """Protocol of Hops, Grasshopper's client for components [McNeel's server `ghhops-server`, MIT].
 
 A component has inputs and outputs. A request has lists of values for each input; each value has a .NET type and its
-JSON text. The answer has the same form.
-"""
+JSON text. The answer has the same form."""
 
 import json
 import math
@@ -38,8 +37,7 @@ class HopsError(DsfabError):
 class HopsParameter:
     """An input or output of a component.
     is_list     : whether the parameter takes, or gives, a list.
-    is_required : whether the user must connect the input.
-    """
+    is_required : whether the user must connect the input."""
 
     name: str
     nickname: str
@@ -93,8 +91,7 @@ class HopsComponent:
 @dataclass(frozen=True)
 class HopsRequest:
     """Values by parameter name; None stands for a missing value. A mesh is (V, F), a point is three numbers.
-    unit : unit of all lengths, such as 'mm'.    key : text that is equal for equal requests.
-    """
+    unit : unit of all lengths, such as 'mm'.    key : text that is equal for equal requests."""
 
     values: Mapping[str, Any]
     unit: str

@@ -22,8 +22,7 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
     """Return the scales by which the page colours members: name, unit, and a value or None for each of `names`.
     judged_design : design whose member forces give more scales, which takes seconds. In this case, raises StaticsError
-    without a strength, or if nothing carries the loads.
-    """
+    without a strength, or if nothing carries the loads."""
     assert plan.graph is not None
     members = plan.graph.by_id
     longest: dict[str, float] = {}
@@ -80,8 +79,7 @@ def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
     """Return the page as one HTML file that loads nothing from the network; the same plan gives the same page.
     judged : whether to colour members by force and utilisation too, for clients; such a page has no workshop drawings.
-    The plan must have members.
-    """
+    The plan must have members."""
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None

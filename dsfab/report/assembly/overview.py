@@ -122,8 +122,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
     """Return a strip as quads (q, 4, 3) about `piece` metres long; a slotted strip has a quad border at every
-    corner.
-    """
+    corner."""
     length = float(np.linalg.norm(np.diff(strip.edges.mean(axis=1), axis=0), axis=1).sum())
     count = max(int(np.ceil(length / piece)), 1)
     if slotted:

@@ -88,8 +88,7 @@ class Paper:
         bold: bool = False,
     ) -> None:
         """Write a line of text; by `side` its place is its beginning, middle or end on the base line; size in
-        points.
-        """
+        points."""
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]

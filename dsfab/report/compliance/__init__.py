@@ -1,8 +1,7 @@
 """The report of `dsfab compare`, from an architect to an engineer: one HTML file and one PDF.
 
 Findings (findings.py) ─► sections.py ─► Document ─► html_pages.py ─► report.html
-       with tables.py and figures.py             └─► pdf_pages.py ──► report.pdf
-"""
+       with tables.py and figures.py             └─► pdf_pages.py ──► report.pdf"""
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime

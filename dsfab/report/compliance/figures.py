@@ -314,8 +314,7 @@ def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0)
 
 def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
     """Return a picture without empty rows at top and bottom, and with few empty rows between the structure and its
-    caption.
-    """
+    caption."""
     marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(marked_rows):
         return pixels

@@ -125,8 +125,7 @@ class Findings:
     (`carries` is False) has no `judged` and no `fields`.
 
     command : the command line of the comparison.
-    share   : share of the surface, if the widths of the design are scaled.
-    """
+    share   : share of the surface, if the widths of the design are scaled."""
 
     compared: Comparison
     volumes: Sequence[tuple[float, Comparison]]
@@ -209,8 +208,7 @@ class Findings:
 
     def decisive_case(self, answer: str) -> tuple[str, CaseResponse]:
         """Return the decisive case or combination, and its answer: the largest displacement or stress, or the least
-        buckling factor. Only cases of the limit state that judges this answer count: SLS for displacement, else ULS.
-        """
+        buckling factor. Only cases of the limit state that judges this answer count: SLS for displacement, else ULS."""
         state: LimitState = "SLS" if answer == "displacement" else "ULS"
         return max(
             ((name, self.judgement.cases[name]) for name in self.task.preset.judged_in(state, self.judgement.cases)),
@@ -219,8 +217,7 @@ class Findings:
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
         """Select the cases and combinations that get a figure; of combinations by a standard, only the decisive
-        ones.
-        """
+        ones."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = (
             {self.cases[0], self.decisive_case("displacement")[0], self.decisive_case("stress")[0]}

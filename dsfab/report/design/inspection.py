@@ -19,8 +19,7 @@ def load_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
     Each load has its sum on the uncut surface (`force_N`) and, after slicing, on the cut sheet (`cut_force_N`).
 
     solved : whether to add reactions, which need the statics.
-    Raises DsfabError for supports and loads that select nothing, and if the statics fail.
-    """
+    Raises DsfabError for supports and loads that select nothing, and if the statics fail."""
     from dsfab.design import acting_on
     from dsfab.statics import load_entries, support_entries
 

@@ -54,8 +54,7 @@ def save(
     picture : also write preview.png.
     marked  : also write fabrication.png, which marks the smallest member, gap and wall.
     Raises ExportError for a folder that cannot be written; `SavedDesign.refused` reports a STEP file that is too large.
-    Raises PatternError for a design that nobody should build, unless its preset accepts it: see `require_fit`.
-    """
+    Raises PatternError for a design that nobody should build, unless its preset accepts it: see `require_fit`."""
     with atomic_folder(Path(folder)) as build_folder:
         with _picture_meanwhile(design, build_folder / "preview.png", progress) if picture else nullcontext():
             require_fit(design, measure=False)  # `numbers` measures while OCCT checks

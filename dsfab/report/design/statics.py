@@ -195,8 +195,7 @@ def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[s
 
 def case_lines(design: "Design") -> list[str]:
     """Return lines on the stiffness of the uncut sheet and its reactions: two lines for one case, else a line for
-    each.
-    """
+    each."""
     cases = design.statics.cases
     if len(cases) == 1:
         (case,) = cases.values()

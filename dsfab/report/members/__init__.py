@@ -65,8 +65,7 @@ RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
     """Draw two rows for each member in its case or combination: N, Vy, Vz, and below them Mt, My, Mz.
-    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes.
-    """
+    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -148,8 +147,7 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
 
 def bay_values(design: Design) -> Floats:
     """Return the utilisation (m,) of the bay nearest to each cell of the members' sheet; NaN without a bay.
-    At a crossing the larger value counts.
-    """
+    At a crossing the larger value counts."""
     graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
