@@ -42,7 +42,7 @@ class FirstPicture:
 
     @property
     def draws_sketches(self) -> bool:
-        """Whether the process draws a sketch."""
+        """True if the process draws a sketch."""
         return self._told is not None
 
     def __enter__(self) -> Self:

@@ -30,7 +30,7 @@ class Reporter:
 
     @property
     def is_watched(self) -> bool:
-        """Whether the output goes to a terminal, where a person may wait for it."""
+        """True if the output goes to a terminal, where a person may wait for it."""
         return self._console.is_terminal and not self.quiet
 
     def __call__(self, stage: str, doing: str) -> None:

@@ -379,7 +379,7 @@ def test_what_cannot_be_is_refused_in_a_sentence():
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
             session.ask_solve({"pattern.major.threshold": 7})
-        with pytest.raises(DsfabError, match="not arrive whole"):
+        with pytest.raises(DsfabError, match="not arrive completely"):
             session.ask_mesh("a.obj", "m", "%%%")
         with pytest.raises(DsfabError, match="no mesh"):
             session.ask_mesh("a.exe", "m", "")

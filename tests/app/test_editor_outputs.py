@@ -146,7 +146,7 @@ def test_one_file_is_exported_and_told(outputs, dropped):
         job = wait(session.jobs, session.ask_build({}, only="calculix")["job"])
         assert job.state == "done", job.text
         assert job.result["told"][-1] == "compare: cd outputs/my_roof && ccx my_roof, then read my_roof.dat"
-        with pytest.raises(ExportError, match="names no format"):
+        with pytest.raises(ExportError, match="is not a format"):
             session.ask_build({}, only="docx")
 
 

@@ -337,8 +337,8 @@ def test_a_film_runs_forth_and_back_over_one_key(capsys: pytest.CaptureFixture[s
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        (["--vary", "pattern.major.frequency=4,8", "--vary", "diffusion.r=1,10"], "along one key with several values"),
-        (["--vary", "pattern.major.frequency=4"], "here there are 0"),
+        (["--vary", "pattern.major.frequency=4,8", "--vary", "diffusion.r=1,10"], "needs one key with several values"),
+        (["--vary", "pattern.major.frequency=4"], "but 0 keys have several"),
         (["--vary", "pattern.major.frequency=4,8", "--fps", "0"], "--fps 0 is not between"),
     ],
 )

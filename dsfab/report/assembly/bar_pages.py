@@ -1,4 +1,4 @@
-"""Pages of bars: the table of bars, their order, and the joint at each node."""
+"""Pages of bars: a table of all bars, their order of assembly, and drawings of joints."""
 
 from collections.abc import Callable, Container, Sequence
 
@@ -20,7 +20,7 @@ BAR_RULE = (
     "its bars on the ground, the arm with a bar's name to that bar. What nothing holds yet needs props until the bars "
     "beside it are there."
 )
-"""Order of `bar_steps` in words, for the builders."""
+"""Order of assembly of `bar_steps`, for the builders."""
 BARS_UNCHECKED = (
     "the statics of bolts, plates and folds: the design was judged as one sheet, and bars on one plate each bend there",
     "the statics while it is being put up; props and scaffolding",
@@ -28,11 +28,11 @@ BARS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""Risks that nobody checked, for the last page."""
+"""Risks of structures of bars that dsfab does not check, for the last page."""
 
 
 def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
-    """Return the key figures of a structure of bars, for the cover."""
+    """Return names and values of the key figures of a structure of bars."""
     assert plan.bars is not None
     assert plan.graph is not None
     statics, bars_found, stock = design.preset.statics, plan.bars.bar_lattice.bars, plan.bars.stock
@@ -55,7 +55,7 @@ def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 
 
 def bar_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages with the nodes, lengths and angles of all bars."""
+    """Return pages with a table of all bars: nodes, length and angles."""
     rows = bar_table(plan).rows
     per_page = ROWS * COLUMNS
     return [
@@ -104,7 +104,7 @@ def _bar_row(paper: Paper, corner: tuple[float, float], row: Sequence[str | int 
 
 
 def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return steps of assembly with equal numbers of bars, sorted by the height of the bars' middle; see `BAR_RULE`."""
+    """Return steps of assembly with equal numbers of bars, in the order of `BAR_RULE`. up : (3,) unit vector."""
     assert plan.bars is not None
     net = plan.bars.bar_lattice
     heights = np.array([float(bar.points.mean(axis=0) @ up) for bar in net.bars])
@@ -116,11 +116,11 @@ def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
     )
 
 
-SHOWN = 1.7  # Drawn length of the bars on the page of a joint, over the length of an arm beyond the bar's beginning.
+SHOWN = 1.7  # On the page of a joint: drawn length of a bar over the length of its overlap with the arm of the plate.
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return a page with the joint of the most bars, from above and from the side, and a page with a joint on a leg."""
+    """Return a page that draws the joint of the most bars, and a page that draws a joint on the ground."""
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.bar_lattice.joints if joint.node.joined]
     pages = list[PartsPage]()
@@ -176,7 +176,8 @@ def _fold_angle(arm: PlateArm) -> float:
 
 
 def bar_on_plate(part: FlatPart, arm: PlateArm, from_end: bool) -> Floats:
-    """Return the outline (k, 2) of a bar's first or last end on the unfolded plate; metres from the node."""
+    """Return the outline (k, 2) of the end of a bar that lies on a plate's arm, before folding; metres from the
+    node."""
     hole = next(hole_here for hole_here in (reversed(part.holes) if from_end else part.holes))
     direction = part.axis[1] - part.axis[0]
     direction = direction / np.linalg.norm(direction) * (-1 if from_end else 1)

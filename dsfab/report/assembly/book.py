@@ -1,4 +1,4 @@
-"""The book `assembly.pdf` for cutting and building, on A3, drawn in lines."""
+"""The book `assembly.pdf` for cutting and assembly: line drawings on A3 pages."""
 
 import io
 from collections.abc import Callable
@@ -39,11 +39,11 @@ LAYERS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""Risks of bent layers that nobody checked, for the last page."""
+"""Risks of bent layers that dsfab does not check, for the last page."""
 
 
 def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
-    """Return the whole book as a PDF. The same plan gives the same bytes."""
+    """Return the whole book as a PDF; the same plan gives the same bytes."""
     from reportlab.pdfgen.canvas import Canvas
 
     name, file = design.preset.name, io.BytesIO()
@@ -62,7 +62,8 @@ def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
 
 
 def book_pages(plan: WorkshopPlan, design: Design) -> list[BookPage]:
-    """Return all pages in order. A flat design has no steps of assembly, because its pieces are butted."""
+    """Return titles and drawings of all pages. The book of a flat design has no steps, because its parts lie in one
+    plane."""
     flat_pages = [*cut_list_pages(plan), *nest_pages(plan)]
     last_page = ("What was not checked", partial(_unchecked_page, plan=plan))
     if plan.graph is None:
@@ -198,7 +199,7 @@ PLANKS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""Risks of upright planks that nobody checked."""
+"""Risks of upright planks that dsfab does not check, for the last page."""
 
 
 def _unchecked_points(plan: WorkshopPlan) -> tuple[str, ...]:

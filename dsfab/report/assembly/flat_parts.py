@@ -1,4 +1,4 @@
-"""Pages of parts: cut list, nested sheets, nodes, and the members of each family."""
+"""Pages of flat parts: cut list, nested sheets, nodes, and the members of each family."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,19 +13,20 @@ from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_tabl
 ACROSS, DOWN = 4, 13  # Columns and rows of parts on a page.
 ROWS, COLUMNS = 62, 3  # Rows and columns of nodes on a page.
 LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
-"""Least scale at which names of parts are legible, for a structure and for a model: millimetres of paper per metre."""
+"""Least scales at which a reader can read the names of parts, for a structure and for a model; mm of paper per
+metre."""
 PartsPage = tuple[str, Callable[[Paper], None]]
 
 
 def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
-    """Return number, size and use of the sheets, and their price, if known."""
+    """Return number, size and use of the sheets, and their price if the plan knows it."""
     cost = stock_cost(plan.sheets)
     priced = [("Price of the sheets", money(cost))] if cost else []
     return [(name, f"{stock_words(plan.sheets)}, {plan.used_share:.0%} used"), *priced]
 
 
 def cut_list_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages of the distinct parts: outline, size, number of copies, and sheets."""
+    """Return pages with all different parts: outline, size, number of copies, and sheets."""
     pages = []
     per_page = ACROSS * DOWN
     for k in range(0, len(plan.equal_parts), per_page):
@@ -76,7 +77,7 @@ def _outline(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 
 
 def nest_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages of all sheets at one usual scale, each part with its name."""
+    """Return pages with all sheets at one usual scale; each part has its name."""
     wide = max(sheet.size[0] for sheet in plan.sheets)
     high = max(sheet.size[1] for sheet in plan.sheets)
     legible = LEGIBLE_MODEL if plan.model else LEGIBLE
@@ -143,7 +144,7 @@ def _part_name(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 
 
 def node_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages of all nodes with a bolt: members, their angle, and place."""
+    """Return pages with a table of all nodes with bolts: members, angle between them, and place."""
     rows = node_table(plan).rows
     pages = []
     per_page = ROWS * COLUMNS
@@ -181,9 +182,9 @@ def _node_page(rows: Sequence[Sequence[str | int | float]], meets: str) -> Calla
     return draw
 
 
-ROW = 24.0  # Height of a member's row, millimetres of paper.
-NAMES = 44.0  # Room for a member's name, to the left of its line, millimetres of paper.
-APART = 2.1  # Least millimetres between the names of two nodes; a nearer node has a tick without a name.
+ROW = 24.0  # Height of the row of a member on a page of a family, millimetres of paper.
+NAMES = 44.0  # Width for the name of a member to the left of its line, millimetres of paper.
+APART = 2.1  # Least distance between the names of two nodes, millimetres; a nearer node has no name.
 SPLICED_NOTE = (
     "Above each line the member that crosses there, below it millimetres along the middle surface from the beginning; "
     "red: splices. Bays of a layer are those of its drawing."
@@ -205,7 +206,7 @@ PER_PAGE = int(PAGE.high // ROW)
 
 
 def family_pages(plan: WorkshopPlan) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return pages with the members of one family in order, at one scale: title and drawing."""
+    """Return titles and drawings of pages with the members of each family in order, at one scale for the family."""
     assert plan.graph is not None
     pages = []
     built = {part.member for part in plan.parts}

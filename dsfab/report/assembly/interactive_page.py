@@ -20,9 +20,9 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 
 
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
-    """Return the scales by which the page colours members: name, unit, and a value or None for each of `names`.
-    judged_design : design whose member forces give more scales, which takes seconds. In this case, raises StaticsError
-    without a strength, or if nothing carries the loads."""
+    """Return the scales by which the page can colour members: name, unit, and a value or None for each of `names`.
+    judged_design : design whose member forces give further scales, which takes seconds; raises StaticsError without a
+    strength, or if nothing carries the loads."""
     assert plan.graph is not None
     members = plan.graph.by_id
     longest: dict[str, float] = {}
@@ -59,10 +59,10 @@ def _colour_scale(name: str, unit: str, values: dict[str, float], names: list[st
 
 
 def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[str, str]]:
-    """Return the key figures: names and values."""
+    """Return names and values of the key figures of a structure."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
-    mass = sheet.area * statics.thickness * statics.density  # making the solid would take longer than the page
+    mass = sheet.area * statics.thickness * statics.density  # the solid would take longer
     figures = [
         ("size", " x ".join(length(float(side)) for side in box)),
         ("mass", f"{mass:,.0f} kg" if mass >= 100 else f"{mass:.3g} kg"),
@@ -78,7 +78,7 @@ def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[
 
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
     """Return the page as one HTML file that loads nothing from the network; the same plan gives the same page.
-    judged : whether to colour members by force and utilisation too, for clients; such a page has no workshop drawings.
+    judged : for clients: colour members also by force and utilisation, and leave out workshop drawings.
     The plan must have members."""
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
@@ -195,7 +195,6 @@ def _loop_coordinates(part: FlatPart, loop: Floats) -> list[float]:
 
 
 def _sheet_facts(plan: WorkshopPlan) -> list[dict[str, Any]]:
-    """Sheets with their parts: number, turn in degrees, and place of the middle of the box, millimetres."""
     number = {part.id: k for k, part in enumerate(plan.parts)}
     facts = []
     for sheet in plan.sheets:

@@ -1,4 +1,4 @@
-"""The first pages of the book: cover, named views, and parts bent back into space."""
+"""The first pages of the book: cover, views with names, and flat parts bent back into space."""
 
 from collections.abc import Callable
 
@@ -12,13 +12,13 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTran
 from dsfab.surface import simplified_line
 from dsfab.workshop import RefoldedStrip, WorkshopPlan, refolded_plan
 
-GRID_PER_MM = 8.0  # Cells per millimetre of the grid on which names find their places.
+GRID_PER_MM = 8.0  # Grid cells per millimetre of paper; `place_names` moves names on this grid.
 
 
 def draw_cover(
     paper: Paper, faces: list[MemberFaces], up: Floats, figures: list[tuple[str, str]], notes: list[str]
 ) -> None:
-    """Draw the structure, its key figures beside it, and the notes below them."""
+    """Draw the structure; beside the drawing write its key figures, and the notes below them. up : (3,) unit vector."""
     wide = 128.0
     drawing = PaperBox(PAGE.x, PAGE.y, PAGE.wide - wide - 10, PAGE.high)
     draw_structure(paper, faces, Axonometry.from_angles(up), drawing, {})
@@ -47,8 +47,8 @@ def draw_structure(
     colours: dict[str, tuple[float, float, float]],
     extent: Floats | None = None,
 ) -> DrawingTransform:
-    """Draw members into a box of the page; `colours` replaces the colours of the members that it names.
-    extent : (k, 2) region to fit into the box, metres; None fits the members."""
+    """Draw members into a box of the page; `colours` by member replaces the colours of these members.
+    extent : (k, 2) points that the box must show, metres; None shows all members."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
     fitted = DrawingTransform.fit_to_box(extent.min(axis=0), extent.max(axis=0), box)
@@ -57,7 +57,7 @@ def draw_structure(
 
 
 def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) -> None:
-    """Draw all members of a structure with their names, on one page."""
+    """Draw all members with their names on one page."""
     box = PaperBox(PAGE.x + 6, PAGE.y + 8, PAGE.wide - 12, PAGE.high - 14)
     fitted = draw_structure(paper, faces, view, box, {})
     letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))  # millimetres, less for over 120 members
@@ -91,7 +91,8 @@ def _nameplate(face: MemberFaces, places: Floats) -> Nameplate:
 def refolded_pages(
     plan: WorkshopPlan, faces: list[MemberFaces], up: Floats
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return the page of the parts bent back into space; none without strips, or for a model."""
+    """Return a page of the flat parts bent back into space; nothing for a plan without strips. up : (3,) unit
+    vector."""
     parts_in_space = refolded_plan(plan)
     if not parts_in_space.strips:
         return []
@@ -113,7 +114,7 @@ def refolded_pages(
 
 
 def piece_length(faces: list[MemberFaces]) -> float:
-    """Return the length of the pieces in which parts are drawn, metres."""
+    """Return the length of the straight pieces in the drawing of a curved part, metres."""
     return (
         float(np.linalg.norm(np.ptp(np.concatenate([face.quads.reshape(-1, 3) for face in faces]), axis=0)))
         / DRAWN_PIECES
@@ -121,8 +122,8 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3) about `piece` metres long; a slotted strip has a quad border at every
-    corner."""
+    """Return a strip as quads (q, 4, 3) about `piece` metres long; a strip with slots has quads between all its
+    corners."""
     length = float(np.linalg.norm(np.diff(strip.edges.mean(axis=1), axis=0), axis=1).sum())
     count = max(int(np.ceil(length / piece)), 1)
     if slotted:

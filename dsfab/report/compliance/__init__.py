@@ -22,7 +22,7 @@ __all__ = ["FILES", "Findings", "compliance_document", "write_report"]
 
 
 def compliance_document(findings: Findings, rows: Sequence[Mapping[str, Any]], pictures: FindingsPictures) -> Document:
-    """Return the report as a document. rows : rows of `results.json`, at several volumes."""
+    """Return the report as a document. rows : rows of `results.json` at several shares of the surface."""
     from dsfab.preset.file import preset_toml
 
     preset, library_versions = findings.task.preset, versions()
@@ -72,7 +72,7 @@ def _sections(
 
 
 def write_report(findings: Findings, rows: Sequence[Mapping[str, Any]], folder: Path) -> tuple[list[str], list[str]]:
-    """Write both files; return their names, and a sentence for each step that failed."""
+    """Write report.html and report.pdf; return their names, and a sentence for each step that failed."""
     pictures = FindingsPictures(findings)
     document, messages = (
         compliance_document(findings, rows, pictures),

@@ -1,4 +1,4 @@
-"""Figures of a compliance report: charts of compliance over mass, pictures of load cases and stress."""
+"""Figures of a compliance report: charts of compliance over mass, and pictures of loads, stress and displacement."""
 
 import io
 import math
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 ResultRow = Mapping[str, Any]
-"""A row of `results.json`: see `dsfab.study.alternatives.Competitor.row`, and its `volume`."""
+"""Row of `results.json`: `volume`, and the keys of `dsfab.study.alternatives.Competitor.row`."""
 
 STYLES: Mapping[str, tuple[str, str, str]] = {
     "design": ("#b4441c", "-", "o"),
@@ -44,7 +44,7 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
     "grid": ("#2c9a62", "-", "D"),
     "simp": ("#222222", "-.", "x"),
 }
-"""Colour, line and mark of each competitor, distinguishable in black and white too."""
+"""Colour, line and mark of each competitor in charts, which also differ in black and white."""
 
 NAMES = {
     "design": "this design",
@@ -62,8 +62,9 @@ NAMES = {
 
 
 def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
-    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png. rows : at several volumes; a
-    competitor without equilibrium leaves a gap in its line. names : label of each competitor."""
+    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png.
+    rows  : results at several shares of the surface; a competitor without equilibrium leaves a gap in its line.
+    names : label of each competitor."""
     import matplotlib as mpl
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
@@ -75,7 +76,7 @@ def chart_figure(rows: Sequence[ResultRow], title: str, names: Mapping[str, str]
     """Return the chart as a figure of matplotlib; see `write_chart`."""
     from matplotlib.figure import Figure
 
-    many = len({row["name"] for row in rows}) > 6  # a longer legend would hide lines, so it goes below them
+    many = len({row["name"] for row in rows}) > 6  # a long legend would hide lines of the chart
     figure = Figure(figsize=(7.6, 5.6 if many else 4.6), layout="constrained")
     axes = figure.add_subplot()
     _plot_lines(axes, rows, title, names)
@@ -136,13 +137,13 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-ChartImage = tuple[bytes, tuple[int, int]]  # PNG file, and its width and height in pixels.
+ChartImage = tuple[bytes, tuple[int, int]]  # Bytes of a PNG file, and its width and height in pixels.
 ChartImages = Mapping[str, ChartImage]
 FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans", "DejaVu Sans"], "font.size": 9}
 
 
 def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
-    """Return the chart `bars`, compliances at one mass, and the chart `volumes` if rows at several masses exist."""
+    """Return the chart `bars`, compliances at one mass; and the chart `volumes` if the findings have several masses."""
     images: dict[str, ChartImage] = {}
     with lettering():
         if findings.compared.rivals:
@@ -154,12 +155,13 @@ def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[
 
 @contextmanager
 def lettering(**settings_of_chart: Any) -> Iterator[None]:
-    """Draw charts inside this context with the letters of a report; more : settings of matplotlib."""
+    """Draw charts inside this context with the fonts of a report. settings_of_chart : further settings of
+    matplotlib."""
     import logging
 
     import matplotlib as mpl
 
-    # a missing font is no fault, because the next one of the list serves
+    # matplotlib warns of a missing font, but the next font of the list replaces it
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     settings: dict[Any, Any] = {**FONT, **settings_of_chart}
     with mpl.rc_context(settings):
@@ -201,11 +203,11 @@ def png_with_size(figure: "Figure", dpi: int = 200) -> ChartImage:
     return file.getvalue(), (wide, high)
 
 
-SIZE, SMALL = (1500, 1000), (1050, 760)  # Pixels of a large picture and of the picture of a load case.
+SIZE, SMALL = (1500, 1000), (1050, 760)  # Size of large pictures and of pictures of load cases, pixels.
 BANDS = 10  # Largest number of bands of a colour scale.
 WHITE = replace(PAPER, paper=(255, 255, 255))
 RED: Colour = (200, 60, 40)  # Colour of material that reaches no support.
-TEXT = 174 / 25.4 * 72  # Points on paper of a picture as wide as the text block.
+TEXT = 174 / 25.4 * 72  # Width of the text of a report, points.
 
 
 class FindingsPictures:
@@ -216,7 +218,7 @@ class FindingsPictures:
 
     @cached_property
     def no_picture_reason(self) -> str:
-        """The reason why this machine cannot draw, or ''."""
+        """Reason why this machine cannot draw, or ''."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures()
@@ -224,7 +226,7 @@ class FindingsPictures:
 
     @cached_property
     def up(self) -> Floats:
-        """(3,) the direction that is up, the same in all pictures."""
+        """Direction (3,) that is up in all pictures."""
         task = self.findings.task
         return up_axis(task.surface.V, task.surface, task.statics.load)
 
@@ -234,7 +236,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
     def all_material(self, caption: str, width: float) -> ReportFigure:
-        """Draw all material of the pattern with its loads and supports; parts that reach no support are red."""
+        """Draw all material of the pattern with its loads and supports, and parts that reach no support in red."""
         structure, task = self.findings.structure, self.findings.task
         sheet = structure.material
         face_family = np.where(kept_cells(sheet, structure.sheet), -1, 0)
@@ -244,7 +246,8 @@ class FindingsPictures:
         )
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with a case's loads and supports; beside: two pictures share the text's width."""
+        """Draw the uncut surface with the loads and supports of a case; side_by_side : whether a second picture
+        stands beside it."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -252,13 +255,13 @@ class FindingsPictures:
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
-        """Draw the largest von Mises stress of top, middle and bottom on the cut sheet."""
+        """Draw the von Mises stress on the cut sheet: at each place the largest of top, middle and bottom."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
-        limit = quantile(value, sheet.areas, 0.98) or 1.0  # peaks at corners would hide the rest
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # else peaks at corners dominate
         return self._band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
-        """Draw the deformed sheet, coloured by displacement; `caption` names the magnification as {factor}."""
+        """Draw the deformed sheet, coloured by displacement; `{factor}` in the caption becomes the magnification."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
         # the magnified largest displacement is 7 % of the surface's size, or a little less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
@@ -306,15 +309,14 @@ class FindingsPictures:
 
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
-    """Return the factor that enlarges the letters of a preview to a height of `points` on paper.
-    size : pixels.    width : share of the text's width that the picture takes."""
+    """Return the factor by which letters of a preview grow to a height of `points` on paper.
+    size : pixels.    width : width of the picture over the width of the text."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
 
 
 def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
-    """Return a picture without empty rows at top and bottom, and with few empty rows between the structure and its
-    caption."""
+    """Return a picture without empty rows at its top and bottom, and with a small gap above the caption."""
     marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(marked_rows):
         return pixels
@@ -326,7 +328,7 @@ def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
 
 
 def jpeg(pixels: Bytes, quality: int = 90) -> bytes:
-    """Return (height, width, 3) bytes as a JPEG file."""
+    """Return a picture (height, width, 3) of bytes as a JPEG file."""
     from PIL import Image
 
     file = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Sections of a compliance report, for designs with and without equilibrium."""
+"""Sections of a compliance report, also for designs without equilibrium."""
 
 from collections.abc import Mapping, Sequence
 
@@ -41,7 +41,7 @@ PLANE = "The sheet is loaded in its own plane: there is no bending, and the two 
 
 
 def summary_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
-    """The first page: verdict, picture and key results."""
+    """Return the first page: verdict, picture and key results."""
     picture = pictures.design(
         number.figure(f"The structure, {findings.size_words}. Arrows are loads, cones are supports."), 0.86
     )
@@ -58,7 +58,7 @@ def summary_section(findings: Findings, pictures: FindingsPictures, number: Capt
 
 
 def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Checks, each with its verdict."""
+    """Return tables of all checks with their verdicts."""
     blocks: list[Block] = [tables.checks_table(findings.checks, number, "The structure itself.")]
     if findings.claims:
         blocks.append(tables.checks_table(findings.claims, number, "Stiffness beside others of the same mass."))
@@ -73,7 +73,7 @@ def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
 
 
 def structure_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Structure, material and pattern."""
+    """Return tables of structure, material and pattern."""
     blocks: list[Block] = [tables.structure_table(findings, number)]
     if findings.compared.pattern is not None:
         blocks.append(tables.pattern_table(findings.compared.pattern, number))
@@ -81,7 +81,7 @@ def structure_section(findings: Findings, number: CaptionNumbers) -> ReportSecti
 
 
 def loads_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
-    """Loads and supports, drawn for each case."""
+    """Return tables of loads and supports, and a picture for each case."""
     names = findings.cases_shown(tables.ordered_cases(findings))
     several = len(names) > 1
     figures = []
@@ -101,7 +101,7 @@ def loads_section(findings: Findings, pictures: FindingsPictures, number: Captio
 
 
 def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """The compliance on finer and finer meshes, or by one solve."""
+    """Return the compliances on finer and finer meshes, or of the single solve."""
     levels = tables.levels_table(findings, number)
     if levels is None:
         words = "The compliance was found by one solve on the mesh as it is cut; "
@@ -127,7 +127,7 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
 def comparison_section(
     findings: Findings, number: CaptionNumbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]
 ) -> ReportSection:
-    """Structures of the same mass."""
+    """Return the comparison with structures of equal mass."""
     blocks: list[Block] = [Paragraph(text) for text in comparison_sentences(findings)]
     blocks.append(tables.rivals_table(findings, number))
     blocks += [
@@ -173,7 +173,7 @@ def _chart_figure(caption: str, chart: tuple[bytes, tuple[int, int]]) -> ReportF
 def displacement_and_stress_section(
     findings: Findings, pictures: FindingsPictures, number: CaptionNumbers
 ) -> ReportSection:
-    """Displacements and stress, each of the case or combination that decides it."""
+    """Return displacements and stress in their decisive cases."""
     (moving_case, moving), (stressed_case, stressed_answer) = (
         findings.decisive_case("displacement"),
         findings.decisive_case("stress"),
@@ -207,7 +207,7 @@ def displacement_and_stress_section(
 
 
 def reactions_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Reactions of each support, in each case."""
+    """Return the reactions of each support in each case."""
     return ReportSection(
         "Reactions and balance",
         [tables.reactions_table(findings, name, number) for name in findings.cases_shown(findings.cases)],
@@ -215,7 +215,7 @@ def reactions_section(findings: Findings, number: CaptionNumbers) -> ReportSecti
 
 
 def scope_sections(findings: Findings) -> list[ReportSection]:
-    """Assumptions, and questions that nobody checked."""
+    """Return the assumptions, and the questions that dsfab does not check."""
     preset = findings.task.preset
     statics = preset.statics
     assumed = [
@@ -258,7 +258,7 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
 
 
 def calibration_section(number: CaptionNumbers) -> ReportSection:
-    """Tests of the rule that sets the error bound."""
+    """Return the tests of the rule that sets the error bound."""
     rows = calibration.shipped_table()
     calibration_result = calibration.summary(rows)
     kinds = len({row.kind for row in rows})
@@ -287,7 +287,7 @@ def calibration_section(number: CaptionNumbers) -> ReportSection:
 def reproduction_section(
     findings: Findings, versions: Mapping[str, str], preset: str, number: CaptionNumbers
 ) -> ReportSection:
-    """Command, versions and preset of the report."""
+    """Return command, versions and preset of the report."""
     blocks: Sequence[Block] = [
         Paragraph("Made by this command, with the preset below and these versions:"),
         Code(findings.command),
@@ -306,7 +306,7 @@ def failed_sections(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """Return the sections for a design without equilibrium: it has no displacements, stresses and reactions."""
+    """Return all sections for a design without equilibrium; they hold no displacements, stresses and reactions."""
     return [
         _failed_summary(findings, pictures, number),
         checks_section(findings, number),

@@ -27,18 +27,18 @@ from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-AWAY_FROM_CORNERS = "further than a rib's width from corners"  # Region in which the largest stress converges.
-DUST = 5e-5  # Share of the largest force below which a force is shown as 0.
+AWAY_FROM_CORNERS = "further than a rib's width from corners"  # The largest stress converges only in this region.
+DUST = 5e-5  # A force below this share of the largest force is shown as 0.
 
 
 def checks_table(checks: list[CheckLine], number: CaptionNumbers, caption: str) -> Table:
-    """Checks with their result, limit and verdict."""
+    """Return a table of checks: name, result, limit and verdict."""
     rows = [(line.name, line.result, line.limit, line.status) for line in checks]
     return Table(number.table(caption), ("Check", "Found", "Wanted", "Verdict"), rows, 4, "", (3.2, 5.2, 2.4, 1.2))
 
 
 def key_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """The numbers of the first page."""
+    """Return the key results of the first page."""
     (moving_case, moving), (stressed_case, stressed) = (
         findings.decisive_case("displacement"),
         findings.decisive_case("stress"),
@@ -74,7 +74,7 @@ def _full_sheet_ratio(findings: Findings) -> str:
 
 
 def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Sizes, mass and material of the structure."""
+    """Return sizes, mass and material of the structure."""
     preset, design, task = findings.task.preset, findings.design, findings.task
     statics, sheet = preset.statics, findings.structure.sheet.surface if findings.has_structure else None
     size = [length_or_na(float(x)) for x in np.ptp(task.surface.V, axis=0)]
@@ -99,7 +99,7 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
-    """Spacing, dead ends and direction of both families of members."""
+    """Return spacing, dead ends and directions of both families of members."""
     families = [(name, family) for name, family in quality.families if family.drawn]
     rows = [
         ("Distance of members, median", *(length_or_na(family.spacing[1]) for _, family in families)),
@@ -136,7 +136,7 @@ def _kept_words(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Sums of forces of each case and combination, and their checks; on the cut sheet if it carries all of them."""
+    """Return the sums of forces of each case and combination, on the cut sheet if it carries all of them."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
@@ -176,12 +176,12 @@ def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
 
 
 def ordered_cases(findings: Findings) -> list[str]:
-    """Return the names of all cases, those with a judgement first."""
+    """Return the names of all cases, first the cases with a judgement."""
     return [*findings.cases, *(name for name in findings.task.statics.cases if name not in findings.cases)]
 
 
 def acting_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Loads and supports of the preset."""
+    """Return the loads and supports of the preset."""
     surface = findings.task.preset.surface
     rows = [(x.name or "Load", x.case, x.kind.replace("_", " "), _settings_words(x)) for x in surface.load]
     rows += [
@@ -241,7 +241,7 @@ def _value_words(value: Any) -> str:
 
 
 def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
-    """Meshes of the full check, for the governing case; None after a quick check."""
+    """Return the meshes of the full check for the governing case; None after a quick check."""
     check, name = findings.judgement.check, findings.cases[0]
     if check is None:
         return None
@@ -289,7 +289,7 @@ def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
 
 
 def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Cases with a judgement, the governing one first."""
+    """Return the cases with a judgement, the governing case first."""
     check, rows = findings.judgement.check, []
     for name in findings.cases:
         case = findings.judgement.cases[name]
@@ -315,7 +315,7 @@ def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Largest stresses with their places, of the case that decides the stress."""
+    """Return the largest stresses and their places, in the case that decides the stress."""
     name, case = findings.decisive_case("stress")
     rows = [
         (
@@ -343,7 +343,7 @@ def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Table:
-    """Reactions of each support in one case, and their balance with the load."""
+    """Return the reactions of each support in one case, and their balance with the loads."""
     case = findings.judgement.cases[name]
     loads = findings.fields[name].load.force.sum(axis=0)
     reaction_sum = np.sum(case.reactions, axis=0)
@@ -366,7 +366,7 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
 
 
 def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Competitors with mass, compliance, displacement, stress and level of judgement."""
+    """Return all competitors with mass, compliance, displacement, stress and level of judgement."""
     rows = [_rival_row(findings, competitor) for competitor in findings.compared.competitors]
     _, unit = prefixed_unit(findings.reference_compliance, "J")
     head = (
@@ -406,7 +406,7 @@ def _rival_row(findings: Findings, competitor: Competitor) -> tuple[str, ...]:
 
 
 def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Compliance over that of the whole sheet, at each share of the surface."""
+    """Return compliances over that of the whole sheet, at each share of the surface."""
     names = [competitor.name for competitor in findings.volumes[0][1].competitors if competitor.name != "full"]
     rows = []
     for share, compared in findings.volumes:
@@ -432,7 +432,7 @@ def _ratio(competitor: Competitor, full: float) -> str:
 
 
 def versions_table(versions: Mapping[str, str], number: CaptionNumbers) -> Table:
-    """Versions of dsfab and of the libraries that a result depends on."""
+    """Return the versions of dsfab and of the libraries that a result depends on."""
     return Table(number.table("Versions."), ("Part", "Version"), list(versions.items()), 2, "", (1, 3))
 
 

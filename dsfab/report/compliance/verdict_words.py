@@ -1,4 +1,4 @@
-"""The verdict of a report in sentences: on the structure itself, and in comparison with structures of equal mass."""
+"""Sentences of a report: the verdict on the structure itself, and comparisons with structures of equal mass."""
 
 from dsfab.core.messages import length, mass, sentence
 from dsfab.report.compliance.findings import (
@@ -22,7 +22,7 @@ TITLES = {
 
 
 def verdict_banner(findings: Findings) -> Banner:
-    """Return the verdict on the structure itself."""
+    """Return the banner with the verdict on the structure itself."""
     missed = [check for check in findings.checks if check.status == findings.status != "pass"]
     if not findings.carries:
         return Banner(
@@ -44,7 +44,7 @@ def verdict_banner(findings: Findings) -> Banner:
 
 
 def alternative_banners(findings: Findings) -> list[Banner]:
-    """Return a warning if a thinner sheet or isotropic stripes of the same mass are stiffer; else nothing."""
+    """Return a warning if a thinner sheet or isotropic stripes of equal mass are stiffer; else nothing."""
     stiffer = [alternative for alternative in findings.compared.alternatives if alternative.is_stiffer]
     if not stiffer:
         return []
@@ -60,7 +60,7 @@ def alternative_banners(findings: Findings) -> list[Banner]:
 
 
 def comparison_sentences(findings: Findings) -> list[str]:
-    """Return a sentence on the design beside each competitor."""
+    """Return a sentence for each competitor: how much stiffer or softer the design is."""
     lines = [_rival_sentence(findings, rival) for rival in findings.compared.rivals]
     if not lines:
         lines = ["It was compared with no other structure."]
@@ -94,7 +94,7 @@ def _capitalised_markup(error: str) -> str:
 
 
 def first_reason(error: str) -> str:
-    """Return the reason of a failure without the example that follows it."""
+    """Return the first reason in the text of an error."""
     return error.split("; the first: ")[0]
 
 
@@ -117,7 +117,8 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return a sentence with the masses at which a thinner whole sheet is stiffer; '' without such masses."""
+    """Return sentences on the shares of material at which a thinner whole sheet is stiffer; '' without such a
+    comparison."""
     pairs = [
         (f"{share:.0%}", compared.design, compared["thinner"])
         for share, compared in findings.volumes
@@ -152,7 +153,7 @@ def _highest_compliance(competitor: Competitor) -> float:
 def verdict_line(findings: Findings) -> str:
     """Return the verdict as a line for the terminal: 'pass: compliance 59.9 J ± 1.8 % ...'."""
     if not findings.carries:
-        return "fail: the design does not carry its loads"  # the table above has the reason
+        return "fail: the design does not carry its loads"  # the printed table has the reason
     words = within(findings.judgement.compliance, findings.judgement.bound, "J")
     missed_check = next((check for check in findings.checks if check.status == findings.status != "pass"), None)
     is_known = missed_check is None or missed_check.name == "Compliance is known"

@@ -1,4 +1,4 @@
-"""Writing a design as a folder of files: `dsfab build`, the editor's Build and `design.save`."""
+"""Writing a design as a folder of files, for `dsfab build`, the editor and `design.save`."""
 
 import json
 import shutil
@@ -23,14 +23,14 @@ from dsfab.study import design_alternatives, is_searched, require_fit
 from dsfab.study.fabrication import FabricationMeasures, fabrication
 from dsfab.thickening import SplitBodies, parts
 
-MARKED_PICTURE = (1600, 1200)  # Pixels of fabrication.png.
+MARKED_PICTURE = (1600, 1200)  # Width and height of fabrication.png, pixels.
 
 MAY_BE_REFUSED = ("step", "stpz", "brep")
-"""Formats with limits of size. If a design exceeds a limit, the remaining formats are written, with a note."""
+"""Formats with a limit of size; if a file would exceed the limit, dsfab reports it and writes the other formats."""
 
 
 class SavedDesign(NamedTuple):
-    """Content of `design.json`, messages about the files, and the reason why a format was refused, or ''."""
+    """Content of `design.json`, messages about the files, and the reason why dsfab refused a format, or ''."""
 
     facts: Mapping[str, Any]
     messages: tuple[str, ...]
@@ -38,7 +38,7 @@ class SavedDesign(NamedTuple):
 
 
 class _WrittenFiles(NamedTuple):
-    """Names of files, lines about them, notes for `design.json`, and reasons of refused formats."""
+    """Names of files, lines about them, notes for `design.json`, and reasons for refused formats."""
 
     names: list[str]
     reports: list[str]
@@ -53,8 +53,9 @@ def save(
 
     picture : also write preview.png.
     marked  : also write fabrication.png, which marks the smallest member, gap and wall.
-    Raises ExportError for a folder that cannot be written; `SavedDesign.refused` reports a STEP file that is too large.
-    Raises PatternError for a design that nobody should build, unless its preset accepts it: see `require_fit`."""
+    Raises ExportError for a folder that cannot be written. `SavedDesign.refused` reports a STEP file that is too large.
+    Raises PatternError for a design that nobody should build, unless its preset accepts the faults: see `require_fit`.
+    """
     with atomic_folder(Path(folder)) as build_folder:
         with _picture_meanwhile(design, build_folder / "preview.png", progress) if picture else nullcontext():
             require_fit(design, measure=False)  # `numbers` measures while OCCT checks
@@ -90,7 +91,7 @@ def _measured_facts(design: Design, progress: Progress, marks: Path | None) -> d
 
 
 def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
-    """Load the drawing libraries in another process while the design is made, if the caller wants a picture."""
+    """Load the drawing libraries in another process during the computation, if the caller wants a picture."""
     from dsfab.render.design_picture import start_picture_program
 
     return start_picture_program() if picture else nullcontext()
@@ -121,7 +122,7 @@ def _copy_mesh(preset: Preset, folder: Path, build_folder: Path) -> None:
 
 
 def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _WrittenFiles:
-    """Write all formats of the preset and call `numbers` meanwhile; slow formats start first."""
+    """Write all formats of the preset, slow formats first, and call `numbers` meanwhile."""
     suffixes = design.preset.export.formats
     files_by_suffix, slow_names = dict[str, _WrittenFiles](), list[str]()
 
@@ -149,7 +150,7 @@ def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Ca
 
 
 def merged_notes(notes: Mapping[str, Sequence[str]]) -> list[str]:
-    """Merge notes by format: a note of several files appears once, with their suffixes in front."""
+    """Merge the notes of all formats: a note on several formats appears once, after their suffixes."""
     by_note: dict[str, list[str]] = {}
     for suffix, lines in notes.items():
         for line in lines:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[str, Any]:
-    """Return stress, energy and further answers for the uncut sheet under one load; SI units.
+    """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
     `answered_by` names the elements; compliance and displacement appear again if they differ from those of the statics.
     Frequencies and buckling factors appear only on request; a list without results is empty."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
@@ -47,8 +47,9 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
 
 
 def uncut_modes(design: "Design") -> "ModeIntervals":
-    """Return the lowest buckling factor of each case and the lowest frequency of the uncut sheet, with intervals.
-    Finer meshes give the intervals. The design keeps the result."""
+    """Return the lowest buckling factors and the lowest frequency of the uncut sheet, with error intervals by finer
+    meshes.
+    The design keeps the result."""
     from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
 
     questions = design.preset.statics.analyses
@@ -60,7 +61,8 @@ def uncut_modes(design: "Design") -> "ModeIntervals":
 
 
 def mode_facts(design: "Design") -> dict[str, Any]:
-    """Return `mode_intervals` of `design.json`: values with half widths relative to them; empty without a request."""
+    """Return the key `mode_intervals` of `design.json`; a bound is half of an interval over its value. Empty
+    without a request."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
@@ -78,7 +80,7 @@ def mode_facts(design: "Design") -> dict[str, Any]:
 
 
 def mode_lines(design: "Design") -> list[str]:
-    """Return the lowest buckling factor and frequency as a line, for the case that buckles first."""
+    """Return a line on the lowest buckling factor and the lowest frequency, for the case that buckles first."""
     if not design.preset.statics.analyses.modes:
         return []
     intervals, words = uncut_modes(design), []
@@ -95,7 +97,8 @@ def mode_lines(design: "Design") -> list[str]:
 
 
 def answer_lines(design: "Design") -> list[str]:
-    """Return stress (not of `hinge` elements), buckling and vibration as lines, for the worst case or combination."""
+    """Return lines on the largest stress (unless elements are `hinge`), on buckling, and on vibration, in the worst
+    cases."""
     cases = design.statics.cases
     answers = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
     under = {name: f", {name}" if len(cases) > 1 else "" for name in answers}
@@ -155,7 +158,7 @@ def case_facts(design: "Design") -> dict[str, Any]:
 
 
 def cut_load_facts(design: "Design") -> dict[str, Any]:
-    """Return `load_N`, newtons on the cut sheet by case and combination; empty if a load meets no material."""
+    """Return `load_N`: the load in newtons on the cut sheet, by case; empty if a load meets no material."""
     from dsfab.core.errors import DsfabError
     from dsfab.design import loads_on
 
@@ -168,7 +171,7 @@ def cut_load_facts(design: "Design") -> dict[str, Any]:
 
 
 def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
-    """Return sums of loads and reactions and their moments about the origin, in total and for each support."""
+    """Return the sums of loads and reactions, and their moments about the origin, in total and for each support."""
     from dsfab.design import acting_on
     from dsfab.statics import resultant, support_reactions
 
@@ -194,8 +197,8 @@ def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[s
 
 
 def case_lines(design: "Design") -> list[str]:
-    """Return lines on the stiffness of the uncut sheet and its reactions: two lines for one case, else a line for
-    each."""
+    """Return lines on stiffness and reactions of the uncut sheet: two lines for a single case, else a line for each
+    case."""
     cases = design.statics.cases
     if len(cases) == 1:
         (case,) = cases.values()
@@ -243,6 +246,6 @@ def _balance_words(design: "Design", load: "LoadCase", answer: "Equilibrium") ->
 
     parts = ", ".join(size_words(part["reaction_N"]) for part in sums["supports"])
     sum_of_sizes = sum(vector_size(part["reaction_N"]) for part in sums["supports"])
-    # reactions of an arch also push sideways, so their sizes add up to more than the loads
+    # an arch also pushes its supports sideways, so the sizes of reactions sum to more than the loads
     thrust = ", their thrust included" if sum_of_sizes > 1.02 * vector_size(sums["load_N"]) else ""
     return f"loads sum to {size_words(sums['load_N'])}; supports carry {parts}{thrust}"

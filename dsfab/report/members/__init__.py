@@ -1,4 +1,4 @@
-"""The report on members: section forces and utilisation against the Eurocode of their material."""
+"""The report on members: section forces, and utilisation by the Eurocode of the material."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
 
 
-UNITS = (*["N"] * 3, *["N m"] * 3)  # Units of the components: forces, then moments.
+UNITS = (*["N"] * 3, *["N m"] * 3)  # Units of the components: three forces, three moments.
 DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))  # Number, name and unit of each component.
 
 DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68
@@ -64,8 +64,8 @@ RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
-    """Draw two rows for each member in its case or combination: N, Vy, Vz, and below them Mt, My, Mz.
-    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes."""
+    """Draw two rows of diagrams for each member in its case: N, Vy, Vz, and below them Mt, My, Mz.
+    Grey lines show the least and the greatest value of all cases; strokes at the bottom mark nodes."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -116,11 +116,11 @@ def _draw_component(axes: "Axes", forces: "MemberForces", case: str, component: 
     axes.tick_params(length=2, pad=2)
 
 
-WORST_COUNT = 10  # Members with a row, a diagram and a name in the report.
+WORST_COUNT = 10  # So many members get a row, a diagram and a name.
 
 
 def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
-    """Draw the structure in the colours of its utilisation; without graphics the figure has the reason."""
+    """Draw the structure in colours of its utilisation; without graphics the figure holds the reason."""
     from dsfab.render import band_colours, rated_members_picture
 
     utilisation = design.member_utilisation
@@ -149,7 +149,7 @@ def bay_values(design: Design) -> Floats:
     """Return the utilisation (m,) of the bay nearest to each cell of the members' sheet; NaN without a bay.
     At a crossing the larger value counts."""
     graph, utilisation = design.members, design.member_utilisation
-    value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # points along a bay
+    value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # eight points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
         member, bays = (
             graph.by_id[name],
@@ -164,14 +164,14 @@ def bay_values(design: Design) -> Floats:
 
 
 def worst_member_words(utilisation: Utilisation) -> str:
-    """Return the most used members in words, for example 'B10, 63 %'."""
+    """Return the most used member with its utilisation, for example 'B10, 63 %'."""
     return (
         f"{utilisation.bays.member[utilisation.order[0]]}, {percent(float(utilisation.largest[utilisation.order[0]]))}"
     )
 
 
 def summary_section(utilisation: Utilisation, picture: ReportFigure, number: CaptionNumbers) -> ReportSection:
-    """The first page: a verdict on the members alone, and the structure."""
+    """Return the first page: a verdict on the members alone, and a picture."""
     overloaded = sum(value > 1 for value in utilisation.by_member.values())
     if utilisation.standard.startswith("no standard"):
         status, title = "unknown", "No standard: stress over strength"
@@ -197,7 +197,7 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure, number: Cap
 
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """The most used members, with the decisive clause and forces."""
+    """Return the most used members, each with its decisive clause and forces."""
     bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
     for bay in bays:
@@ -227,21 +227,21 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
 
 
 def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
-    """Return divisor, unit and decimals for all forces or all moments, so that columns can be compared."""
+    """Return divisor, unit and decimals for all forces, or for all moments, so that a reader can compare columns."""
     largest = max(float(np.abs(values).max()), 1e-9)
     factor, name = prefixed_unit(largest, unit)
     return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
 
 
 def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
-    """Diagrams of the same members."""
+    """Return force diagrams of the most used members."""
     utilisation = design.member_utilisation
     rows = [(utilisation.bays.member[b], utilisation.governing(b)[1]) for b in utilisation.worst_bays(WORST_COUNT)]
     several = len(utilisation.bays.forces) > 1
     case_note = (
         "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""
     )
-    figures, count = [], 3  # members in a figure, so that two figures fill a page
+    figures, count = [], 3  # a figure of three members fills half a page
     for start in range(0, len(rows), count):
         part = rows[start : start + count]
         image, size = force_diagrams(design, part)
@@ -252,7 +252,7 @@ def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
 
 
 def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """The largest value of each check."""
+    """Return the largest value of each check."""
     rows = []
     for column, check in enumerate(utilisation.checks):
         values = utilisation.worst[:, column]
@@ -265,7 +265,7 @@ def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSe
 
 
 def scope_section(utilisation: Utilisation) -> ReportSection:
-    """Assumptions, and questions that nobody checked."""
+    """Return the assumptions, and the questions that dsfab does not check."""
     assumed = [escaped_text(line) for line in utilisation.assumed]
     missing = [escaped_text(line[0].upper() + line[1:]) + "." for line in utilisation.unchecked]
     blocks: list[Block] = [
@@ -279,7 +279,7 @@ def scope_section(utilisation: Utilisation) -> ReportSection:
 
 
 def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """List of all members in three columns, the most used first."""
+    """Return a list of all members in three columns, the most used member first."""
     ranked, limit = sorted(utilisation.by_member.items(), key=lambda item: -item[1]), 400
     shown = [(name, percent(value)) for name, value in ranked[:limit]]
     third = -(-len(shown) // 3)
@@ -298,7 +298,7 @@ def _table_row(columns: Sequence[Sequence[tuple[str, str]]], row_number: int) ->
 def reproduction_section(
     design: Design, command: str, library_versions: Mapping[str, str], number: CaptionNumbers
 ) -> ReportSection:
-    """Command, versions and preset of the report."""
+    """Return command, versions and preset of the report."""
     blocks: list[Block] = [
         Paragraph("Made by this command, with the preset below and these versions:"),
         Code(command),
@@ -310,12 +310,12 @@ def reproduction_section(
 
 
 FILES = ("report.html", "report.pdf")
-STRUCTURE_FILE = "structure.html"  # Interactive page of the structure, for clients.
+STRUCTURE_FILE = "structure.html"  # Name of the interactive page for clients.
 
 
 def member_report(design: Design, command: str) -> Document:
-    """Return the report on the utilisation of members. command : the command line that makes it again.
-    Raises StaticsError without a code or strength of the material, or if nothing carries the loads."""
+    """Return the report on the utilisation of members. command : command line that repeats the report.
+    Raises StaticsError for a material without code and strength, and if nothing carries the loads."""
     utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),
@@ -339,7 +339,8 @@ def member_report(design: Design, command: str) -> Document:
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
-    """Write the report and the page of the structure; return their names, and a sentence for each step that failed."""
+    """Write the report and the page of the structure; return the names of the files, and a sentence for each failed
+    step."""
     document, files, messages = member_report(design, command), [FILES[0]], list[str]()
     (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
     try:
