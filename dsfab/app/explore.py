@@ -38,7 +38,7 @@ UNCONFIRMED_VARIANTS = 200  # Largest number of variants without --yes.
 
 
 class Variants:
-    """Variants of a preset with all combinations of `values`; `base` is the command line that builds the unchanged preset."""
+    """Variants of a preset with all combinations of `values`. base : command line that builds the preset itself."""
 
     def __init__(
         self, preset: Preset, values: Values, base: list[str], view: str, show: str, pixels: tuple[int, int]

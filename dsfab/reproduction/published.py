@@ -1,7 +1,7 @@
-"""Results of the paper: the preset of each figure, and its rows in the paper's tables.
+"""Published results of the paper: the preset of each figure, and its rows in the paper's tables.
 
 A. Madan, A. Jacobson, D. I. W. Levin, Diffusion Structures for Architectural Stripe Pattern Generation. Table 1 holds
-the parameters, Table 2 the sizes and seconds (a dual-core i5 laptop of 2015). Captions are in our own words."""
+the parameters, Table 2 sizes and seconds on a laptop of 2015 (dual-core i5). The captions are our own words."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -21,7 +21,7 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Timings:
-    """A row of Table 2: vertices, triangles, and seconds; bending is None if the paper omits it."""
+    """A row of Table 2: vertices, triangles, and seconds of each step; bending is None if the paper omits it."""
 
     vertices: int
     triangles: int
@@ -35,15 +35,15 @@ class Timings:
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """A picture of the paper.
+    """A figure of the paper.
 
     label    : number and letter in the paper.
-    preset   : the preset of the figure.
+    preset   : preset of the figure.
     caption  : content of the figure.
-    row      : its parameters; None for the unloaded camel, which Table 1 leaves out.
-    timings  : sizes and seconds; figures with one mesh share them.
-    stand_in : reason why the surface is not the paper's, or '' for a surface from a formula.
-    claim    : the paper's claim, as a check: web, beam, beams (between loads), grid; or ''."""
+    row      : its row of Table 1; None for the camel without load, which Table 1 omits.
+    timings  : its row of Table 2; figures with the same mesh share a row.
+    stand_in : reason why dsfab's surface is not the paper's; '' for a surface by a formula.
+    claim    : claim of the paper that a check covers: web, beam, beams (between loads) or grid; or ''."""
 
     label: str
     preset: str
@@ -204,4 +204,4 @@ FIGURES: tuple[PaperFigure, ...] = (
         "the paper's mesh is on Thingiverse (3957882)",
     ),
 )
-"""Every result of the paper, in its order."""
+"""All figures of the paper, in order."""
